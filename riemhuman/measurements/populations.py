@@ -21,11 +21,13 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.bodies_from_measurements import SEXES
 from riemhuman.measurements.measurement_set import load_json, open_measurements
-from riemhuman.measurements.measuring import as_mapping
+from riemhuman.measurements.measuring import Measurements, as_mapping
 
 _STATURE = "stature"
 # Standard deviations of the logarithm of stature beyond which hardly an adult is found.
 _FARTHEST = 4.0
+# Steps after which the average adult has the stature to within a tenth of a millimetre.
+_STATURE_STEPS = 3
 
 
 def percentiles(
@@ -79,8 +81,8 @@ def average_adult(
 ) -> ndarray:
     """Return the average body of a sex and stature.
 
-    Its shape coefficients are the regression of simulated adults' on their stature, see
-    `percentiles`.
+    Its shape coefficients are predicted by linear regression of simulated adults' on the logarithm
+    of their stature (see `percentiles`), and it has that stature to within 0.1 mm.
 
     Parameters
     ----------
@@ -111,15 +113,25 @@ def average_adult(
     shares = _shares_of_sexes(real_number(stature, "stature", minimum=0.0, strict=True), sex)
     if not shares:
         raise ArgumentError(f"stature must be that of an adult, in metres; found {stature:g}")
-    betas = np.zeros(len(_adults()["woman"]["betas"][0]))
-    for each, share in shares.items():
-        entry = _adults()[each]
-        intercept, slope = np.array(entry["betas"])
-        betas += share * (intercept + slope * (np.log(stature) - entry["log_stature"][0]))
     definitions = open_measurements(resolution)
     assert definitions is not None, "the open model has measurements"
-    standing = definitions.standard_pose_vector if pose is None else pose
-    return np.asarray(load_open_model(resolution)(betas, standing))
+    model, standing = load_open_model(resolution), definitions.standard_pose_vector
+    measurements = Measurements(model, [_STATURE])
+    predictor = stature
+    for _ in range(_STATURE_STEPS):  # the regression is off by millimetres for tall people
+        body = model(_average_betas(predictor, shares), standing)
+        predictor *= stature / float(measurements.measure(body, axes="space")[_STATURE])
+    return np.asarray(model(_average_betas(predictor, shares), standing if pose is None else pose))
+
+
+def _average_betas(stature: float, shares: Mapping[str, float]) -> ndarray:
+    """Return the shape coefficients that regression on the stature predicts."""
+    betas = np.zeros(len(_adults()["woman"]["betas"][0]))
+    for sex, share in shares.items():
+        entry = _adults()[sex]
+        intercept, slope = np.array(entry["betas"])
+        betas += share * (intercept + slope * (np.log(stature) - entry["log_stature"][0]))
+    return betas
 
 
 @cache

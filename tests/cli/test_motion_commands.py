@@ -151,7 +151,7 @@ def test_recordings_of_amass(run, tmp_path):
     np.savez(tmp_path / "a.npz", **fields, mocap_framerate=60.0)
     facts = json.loads(run("info", tmp_path / "a.npz", "--json").out)
     assert (facts["kind"], facts["frames"]) == ("motion of AMASS", 8)
-    assert facts["left_out"] == "dmpls, markers_latent_vids"
+    assert facts["left_out"] == "dmpls (soft tissue), markers_latent_vids"
     table = run("motions", "matrix", tmp_path, "-o", tmp_path / "D.csv", "--json")
     assert json.loads(table.out)["names"] == ["a"]
     still = run("motions", "dist", tmp_path / "a.npz", tmp_path / "a.npz")

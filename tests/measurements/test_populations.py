@@ -46,7 +46,7 @@ def test_the_average_body_is_average(own):
     for sex, stature in (("woman", 1.60), ("man", 1.85), ("adult", 1.70)):
         body = average_adult(stature, sex, "coarse")
         measured = own.measure(body, axes="space")
-        assert measured["stature"] == pytest.approx(stature, abs=0.01)
+        assert measured["stature"] == pytest.approx(stature, abs=1e-4)
         found = np.array([*percentiles(measured.to_dict(), sex, stature=stature).values()])
         assert 35.0 < np.median(found[1:]) < 65.0
 

@@ -62,6 +62,7 @@ def test_bodies_stand_on_a_ground_with_their_shadow(turning):
     assert np.abs(frames[0] - frames[5])[370:385].max() > 10
 
 
+@pytest.mark.slow
 def test_recordings_keep_their_pace_and_the_shorter_one_waits(tmp_path):
     bodies = [ViewedBody("long", KNEES[:61]), ViewedBody("short", KNEES[:31])]
     Viewer(KNEES.faces, {"": bodies}, frames_per_second=60).save(tmp_path / "two.gif")
@@ -73,6 +74,7 @@ def test_recordings_keep_their_pace_and_the_shorter_one_waits(tmp_path):
     assert max(change[:, half + 5 :].max() for change in moved) == 0
 
 
+@pytest.mark.slow
 def test_a_path_is_interpolated_between_its_surfaces(tmp_path):
     view_path(BODIES[[0, 3]], FACES, seconds=1.0).save(tmp_path / "path.gif")
     frames, _ = gif_frames(tmp_path / "path.gif")
@@ -80,6 +82,7 @@ def test_a_path_is_interpolated_between_its_surfaces(tmp_path):
     assert all(np.abs(a - b).max() > 10 for a, b in itertools.pairwise(frames))
 
 
+@pytest.mark.slow
 def test_mp4_holds_the_same_film(tmp_path):
     av = pytest.importorskip("av")
     view_path(BODIES[[0, 3]], FACES, seconds=0.5).save(tmp_path / "path.mp4")
