@@ -116,6 +116,12 @@ class ClusterError(RiemhumanError, RuntimeError):
 def warn(message: str, category: type[Warning]) -> None:
     """Issue a warning that points at the line of the user's code that caused it."""
     frame, level = sys._getframe(), 1
-    while frame.f_back and frame.f_globals.get("__name__", "").startswith("riemhuman."):
+    while frame.f_back and _is_between(frame.f_globals.get("__name__", "")):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)
+
+
+def _is_between(module: str) -> bool:
+    """Return whether a module stands between the user's line and a warning."""
+    # Functions that context managers decorate are called by contextlib.
+    return module.startswith("riemhuman.") or module == "contextlib"

@@ -157,7 +157,7 @@ def test_recordings_of_amass(run, tmp_path):
     still = run("motions", "dist", tmp_path / "a.npz", tmp_path / "a.npz")
     assert (still.code, float(still.out)) == (0, 0.0)
     assert run("view", tmp_path / "a.npz", "-o", tmp_path / "a.html").code == 0
-    assert '"n_frames":4' in (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert '"n_frames":8' in (tmp_path / "a.html").read_text(encoding="utf-8")
 
 
 def test_a_mean_that_did_not_converge_is_not_trusted(run, folder, tmp_path, monkeypatch):
