@@ -15,21 +15,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.compilation import compiled
-from riemhuman.measurements._sections import MISSES, Lines, side, weighted_vertices
+from riemhuman.measurements._sections import MISSES, Cutter, Lines, side, weighted_vertices
 
-SurfacePoint = tuple[int, ndarray]
+SurfacePoint = tuple[int, Array]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""
 
 # The strip changes if the path gets shorter by more than this share of its length.
@@ -40,8 +39,20 @@ _ON_EDGE = 1e-12
 _PER_EDGE = 2
 
 
-Strip = tuple[ndarray, tuple[tuple[ndarray, ndarray], ...]]
-"""Triangles in order; for each end of a path, the triangles about it and its coordinates there."""
+AroundPoint = tuple[Integers, Array]
+"""The triangles about a point, and its barycentric coordinates in them, shape (k, 3)."""
+
+Strip = tuple[Integers, tuple[AroundPoint, AroundPoint]]
+"""Triangles in order, and what is about the two ends of a path."""
+
+Adjacency = tuple[Triangles, Triangles]
+"""Triangles and their neighbours."""
+
+Path = tuple[ndarray, ndarray, ndarray, ndarray, ndarray]
+"""Strip, edges, bends, places of edges in the plane, and crossings of a path, or of two."""
+
+Funnel = tuple[ndarray, ndarray]
+"""Limits of the view from a bend, and three complex numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +62,12 @@ class Mesh:
     vertices: ndarray
     faces: ndarray
     neighbours: ndarray
-    cutters: dict[Any, Any] = field(default_factory=dict)
+    cutters: dict[tuple[tuple[str, ...], tuple[str, ...]], Cutter] = field(default_factory=dict)
     places: dict[str | tuple[tuple[str, float], ...], SurfacePoint] = field(default_factory=dict)
     _strips: dict[tuple[tuple[float, ...], ...], Strip] = field(default_factory=dict)
 
     @cached_property
-    def _points(self) -> tuple[ndarray, ndarray, Any, Any]:
+    def _points(self) -> tuple[Array, Integers, sparse.csr_array, tuple[Array, Integers, Integers]]:
         """Points on edges, the two triangles of each, those in a triangle, and their distances."""
         face, corner = np.nonzero(self.neighbours >= 0)
         sides = np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
@@ -80,7 +91,7 @@ class Mesh:
             self._strips[key] = self._triangles_between(start, end, ends), ends
         return self._strips[key]
 
-    def _about(self, point: SurfacePoint) -> tuple[ndarray, ndarray]:
+    def _about(self, point: SurfacePoint) -> AroundPoint:
         """Return the triangles that contain a point: several if it lies on an edge or a vertex."""
         face, weights = point
         weights = np.where(weights > _ON_EDGE, weights, 0.0)
@@ -89,15 +100,17 @@ class Mesh:
         around = np.flatnonzero(n_shared == np.count_nonzero(weights))
         return around, (self.faces[around][:, :, np.newaxis] == corners) @ weights
 
-    def _triangles_between(self, start: SurfacePoint, end: SurfacePoint, ends: Any) -> ndarray:
-        of_ends = [around for around, _ in ends]
+    def _triangles_between(
+        self, start: SurfacePoint, end: SurfacePoint, ends: tuple[AroundPoint, AroundPoint]
+    ) -> ndarray:
+        of_ends = ends[0][0], ends[1][0]
         common = np.intersect1d(*of_ends)
         if len(common):
             return common[:1]
         points, faces, inside, ways = self._points
         places = [weights @ self.vertices[self.faces[face]] for face, weights in (start, end)]
         to_ends = [np.linalg.norm(points - place, axis=1) for place in places]
-        parts: list[Any] = [ways]
+        parts = [ways]
         for k in range(2):
             near = np.unique(inside[of_ends[k]].indices)
             parts.append((to_ends[k][near], near, np.full(len(near), len(points) + k)))
@@ -143,7 +156,14 @@ def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mes
 
 
 @compiled
-def _straighten(f: Any, mesh: Any, ends: Any, size: int, paths: Any, few: Any) -> Any:
+def _straighten(
+    f: Array,
+    mesh: Adjacency,
+    ends: tuple[AroundPoint, AroundPoint],
+    size: int,
+    paths: Path,
+    few: Funnel,
+) -> tuple[int, int]:
     """Shorten the path in a strip until no rerouting helps; return its number and its crossings."""
     strips, edges, bends, sides, places = paths
     trial = strips[0], edges[0], bends[0], sides[0], places[0]
@@ -186,7 +206,7 @@ def _product(f: Array, origin: int, a: int, b: int) -> float:
 
 
 @compiled
-def _trim(strip: ndarray, size: int, ends: ndarray) -> int:
+def _trim(strip: ndarray, size: int, ends: tuple[AroundPoint, AroundPoint]) -> int:
     """Remove triangles that a strip leaves, or enters, where the path ends; return the size."""
     # From within the edge by which the path leaves a triangle, the funnel would have no direction.
     (about_start, _), (about_end, _) = ends
@@ -201,7 +221,14 @@ def _trim(strip: ndarray, size: int, ends: ndarray) -> int:
 
 
 @compiled
-def _unfold(f: Any, mesh: Any, ends: Any, path: Any, size: int, corners: Any) -> bool:
+def _unfold(
+    f: Array,
+    mesh: Adjacency,
+    ends: tuple[AroundPoint, AroundPoint],
+    path: Path,
+    size: int,
+    corners: ndarray,
+) -> bool:
     """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1."""
     # Columns of `sides` are their places in the complex plane, between both ends of the path.
     (faces, neighbours), (strip, edges, _, sides, _) = mesh, path
@@ -251,7 +278,7 @@ def _unfold(f: Any, mesh: Any, ends: Any, path: Any, size: int, corners: Any) ->
 
 
 @compiled
-def _funnel(path: Any, size: int, few: Any) -> int:
+def _funnel(path: Path, size: int, few: Funnel) -> int:
     """Find the bends of the shortest path, with its end, and their sides; return how many."""
     (_, _, bends, sides, _), (limits, views) = path, few
     count, apex, place, k = 0, 0, sides[0, 0], 1
@@ -276,7 +303,7 @@ def _funnel(path: Any, size: int, few: Any) -> int:
 
 
 @compiled
-def _cross_edges(path: Any, size: int, n_bends: int) -> float:
+def _cross_edges(path: Path, size: int, n_bends: int) -> float:
     """Find where the path crosses edges, from 0 (right) to 1 (left); return its length."""
     _, _, bends, sides, places = path
     length, k, here = 0.0, 1, sides[0, 0]
@@ -294,7 +321,7 @@ def _cross_edges(path: Any, size: int, n_bends: int) -> float:
 
 
 @compiled
-def _reroute(mesh: Any, path: Any, size: int, edge: int, vertex: int, new: Any) -> int:
+def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new: ndarray) -> int:
     """Write a strip rerouted around the other side of a vertex; 0 if that has a boundary."""
     (faces, neighbours), (strip, edges, _, _, _), first, last = mesh, path, edge, edge
     while first > 0 and _index_of(edges[first - 1], vertex) >= 0:

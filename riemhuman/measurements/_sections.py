@@ -12,16 +12,16 @@ measured on them. With e = b − a and h = d_a − d_b,
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
 from autograd.extend import defvjp, defvjp_argnums, primitive
 from numpy import ndarray
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import values_of
 from riemhuman.kernels.compilation import compiled
 
@@ -31,6 +31,9 @@ FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
 MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
 """Why there is no section: the plane misses the part, or the line leaves it or meets a boundary."""
 
+
+Places = Integers | tuple[Integers, Integers]
+"""Indices of an axis, or of two."""
 
 Cutter = tuple[ndarray, ndarray, ndarray, ndarray]
 """Triangles, their neighbours, their roles, and the numbers of those where a section may start."""
@@ -44,7 +47,7 @@ class Lines:
     bodies: ndarray  # (k,)
     statuses: ndarray  # (n,) 0, or why there is none
 
-    def select(self, choose: Any) -> Lines:
+    def select(self, choose: Callable[[Array, onp.integer], Integers]) -> Lines:
         """Return other lines through the points that a function of each line's points chooses."""
         values, chosen = values_of(self.points), []
         ends = onp.searchsorted(self.bodies, onp.arange(len(self.statuses) + 1))
@@ -61,7 +64,7 @@ class Lines:
     def hulls(self, normals: ndarray) -> Lines:
         """Return the convex hulls of lines in planes with these normals, shape (n, 3), closed."""
 
-        def around(points: ndarray, body: int) -> ndarray:
+        def around(points: Array, body: onp.integer) -> Integers:
             x, y = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
             numbers = onp.empty(len(points), onp.int64)
             return _circular(numbers[: _hull(points[:, x] + 1j * points[:, y], numbers)])
@@ -73,11 +76,11 @@ class Lines:
         """Lengths of the lines, shape (n,); NaN where there is none."""
         return _total_lengths(self.points, self.bodies, self.statuses)
 
-    def extents(self, directions: Any) -> Lines:
+    def extents(self, directions: Array) -> Lines:
         """Return the extents of the lines along unit vectors, shape (n, 3), as straight lines."""
         axes = values_of(directions)
 
-        def ends(points: ndarray, body: int) -> ndarray:
+        def ends(points: Array, body: onp.integer) -> Integers:
             along = points @ axes[body]
             return onp.array([along.argmin(), along.argmax()])
 
@@ -94,7 +97,7 @@ def _steps(points: ndarray, bodies: ndarray) -> tuple[ndarray, ndarray]:
 
 
 @primitive
-def _total_lengths(points: Any, bodies: ndarray, statuses: ndarray) -> Any:
+def _total_lengths(points: Array, bodies: ndarray, statuses: ndarray) -> Array:
     totals = onp.bincount(bodies[1:], _steps(points, bodies)[1], len(statuses))
     return onp.where(statuses == 0, totals, onp.nan)
 
@@ -117,7 +120,7 @@ def weighted_vertices(
     return (weights[..., None, :] @ surfaces[bodies, vertices])[..., 0, :]
 
 
-def _add_at(like: ndarray, places: Any, slopes: ndarray) -> ndarray:
+def _add_at(like: ndarray, places: Places, slopes: ndarray) -> ndarray:
     """Return slopes added up at places of an array of zeros."""
     total = onp.zeros_like(like)
     onp.add.at(total, places, slopes)
@@ -150,7 +153,12 @@ def _crossings(
     return start + t * (surfaces[bodies, b] - start)
 
 
-def _slopes_of_crossings(argnums: Any, points: ndarray, arguments: Any, _: Any) -> Any:
+def _slopes_of_crossings(
+    argnums: Sequence[int],
+    points: Array,
+    arguments: tuple[Array, Array, Array, Array, Integers, Integers],
+    _: object,
+) -> Callable[[Array], tuple[Array, ...]]:
     surfaces, origins, normals, heights, bodies, edges = arguments
     above, below = heights[bodies, edges]
     shares = onp.stack([-below, above]) / (above - below)
@@ -176,7 +184,7 @@ def _circular(numbers: ndarray) -> ndarray:
     return onp.append(numbers, numbers[:1])
 
 
-def straight_lines(a: Any, b: Any, axes: Any = None) -> Lines:
+def straight_lines(a: Array, b: Array, axes: Array | None = None) -> Lines:
     """Return lines between points, shape (n, 3), or from the first ones along unit vectors."""
     if axes is not None:
         b = a + np.sum((b - a) * axes, axis=-1, keepdims=True) * axes
@@ -218,7 +226,9 @@ def neighbours_of(faces: ndarray) -> ndarray:
 
 
 @compiled
-def _trace(f: Any, heights: Any, o: Any, mesh: Any, edges: Any, wanted: Any) -> int:
+def _trace(
+    f: Array, heights: Array, o: Array, mesh: Cutter, edges: ndarray, wanted: ndarray
+) -> int:
     """Find the edges that the section nearest to o crosses; return how many, or why none."""
     faces, neighbours, roles, candidates = mesh
     least, first, start, count = onp.inf, -1, 0, 0
@@ -270,7 +280,7 @@ def side(a: complex, b: complex, c: complex) -> float:
 
 
 @compiled
-def _hull(points: Any, hull: Any) -> int:
+def _hull(points: ndarray, hull: ndarray) -> int:
     """Write the numbers of points on their convex hull, by wrapping a line; return how many."""
     here, size = 0, 0
     for k in range(len(points)):

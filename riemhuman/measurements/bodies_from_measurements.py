@@ -28,7 +28,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -522,8 +521,15 @@ def _nearest_betas(
     start = (
         np.zeros(len(mean)) if start is None else solve_triangular(root, start - mean, lower=True)
     )
-    limits: Any = {"ftol": _FIRST_GAIN, "xtol": _LEAST_STEP, "gtol": None, "max_nfev": max_iter}
-    smooth_fit = least_squares(residuals, start, lambda z: linearisation(z)[1], **limits)
+    smooth_fit = least_squares(
+        residuals,
+        start,
+        lambda z: linearisation(z)[1],
+        ftol=_FIRST_GAIN,
+        xtol=_LEAST_STEP,
+        gtol=None,
+        max_nfev=max_iter,
+    )
     left = max_iter - int(smooth_fit.nfev)
     z, cost, converged = least_squares_with_kinks(linearisation, smooth_fit.x, left)
     return _Search(mean + root @ z, body(z), float(np.linalg.norm(z)), cost, converged)
@@ -674,8 +680,9 @@ def _newton_steps(
     return [lowering, by_rows @ np.linalg.solve(gram, missing)], multipliers
 
 
-def _measured(measurements: Measurements, f: ndarray) -> tuple[ndarray, Any]:
+def _measured(measurements: Measurements, f: Array) -> tuple[Array, Array]:
     measured = measurements.measure(f, gradient=True)
+    assert measured.gradient is not None
     return measured.values, measured.gradient
 
 

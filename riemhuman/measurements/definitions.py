@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import autograd.numpy as np
 
@@ -35,7 +35,7 @@ DENSITY = 1000.0
 
 Parts = tuple[str, ...]
 Places = tuple[Place, ...]
-Axis = str | Places | None
+Axis = str | Places
 
 _PATHS = ("straight", "surface", "joints")
 
@@ -131,7 +131,7 @@ class Measurement:
         first, *others = (path.lengths for path in self._paths(bodies))
         return sum(others, first)
 
-    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+    def lines(self, bodies: LandmarkedBodies) -> list[Array]:
         """Return the measurement lines on the first body, each of shape (k, 3).
 
         Parameters
@@ -163,21 +163,19 @@ class Measurement:
         return record
 
 
-def _checked_parts(parts: Any, name: str) -> Parts:
+def _checked_parts(parts: Sequence[str], name: str) -> Parts:
     if isinstance(parts, str) or not all(isinstance(part, str) for part in parts):
         raise ArgumentTypeError(f"{name} must be a list of names; found {parts!r}")
     return tuple(parts)
 
 
-def _checked_places(places: Any, name: str) -> Places:
+def _checked_places(places: Sequence[Place], name: str) -> Places:
     if isinstance(places, (str, Mapping)) or len(places) < 2:
         raise ArgumentError(f"{name} must hold two or more places; found {places!r}")
     return tuple(places)
 
 
-def _checked_axis(axis: Any, name: str) -> Axis:
-    if axis is None:
-        return None
+def _checked_axis(axis: str | Sequence[Place], name: str) -> Axis:
     if isinstance(axis, str):
         return str(one_of(axis, name, AXES))
     if not isinstance(axis, Sequence) or len(axis) not in (2, 3):
@@ -185,7 +183,7 @@ def _checked_axis(axis: Any, name: str) -> Axis:
     return tuple(axis)
 
 
-def _places_of(axis: Axis) -> Places:
+def _places_of(axis: Axis | None) -> Places:
     """Return the places that an axis refers to, none if it is an axis of the body."""
     return axis if isinstance(axis, tuple) else ()
 
@@ -369,12 +367,13 @@ class Length(Measurement):
 
     along: Places
     path: str = "straight"
-    axis: Axis = None
+    axis: Axis | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "along", _checked_places(self.along, "along"))
-        object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
+        if self.axis is not None:
+            object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
         one_of(self.path, "path", _PATHS)
         if self.path == "joints" and [type(place) for place in self.along] != [str, str]:
             raise ArgumentError(f"along must hold two names of joints; found {self.along!r}")

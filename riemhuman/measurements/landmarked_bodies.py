@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -52,7 +51,7 @@ class LandmarkedBodies:
         self._positions: dict[str, Array] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]
 
-    def place(self, place: Place) -> Any:
+    def place(self, place: Place) -> Array:
         """Return the position of a place on each body, shape (n, 3).
 
         Parameters
@@ -62,14 +61,15 @@ class LandmarkedBodies:
         """
         if isinstance(place, Mapping):
             total = sum(place.values())
-            return sum(weight / total * self.place(name) for name, weight in place.items())
+            first, *others = (weight / total * self.place(n) for n, weight in place.items())
+            return sum(others, first)
         if place not in self._positions:
             vertices, weights = self.set.landmarks[place]
             combination = self._numbers, vertices[None], weights[None]
             self._positions[place] = weighted_vertices(self.surfaces, *combination)
         return self._positions[place]
 
-    def axis(self, axis: Any) -> Any:
+    def axis(self, axis: str | Sequence[Place]) -> Array:
         """Return the unit vectors of an axis of each body, shape (n, 3).
 
         Parameters
@@ -147,7 +147,7 @@ class LandmarkedBodies:
         return known[key]
 
     @cached_property
-    def floor(self) -> Any:
+    def floor(self) -> Array:
         """Coordinate of the lowest vertex of each body along the axis "up", shape (n,)."""
         up = self.axis("up")
         heights = onp.matmul(values_of(self.surfaces), values_of(up)[:, :, None])

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -99,7 +98,7 @@ class MeasurementSet:
         object.__setattr__(self, "measurements", tuple(self.measurements))
         self._check_names()
 
-    def _checked_landmark(self, name: str, mark: Any) -> tuple[ndarray, ndarray]:
+    def _checked_landmark(self, name: str, mark: Sequence[ArrayLike]) -> tuple[ndarray, ndarray]:
         vertices = np.asarray(mark[0], dtype=np.int64)
         weights = np.asarray(mark[1], dtype=np.float64)
         if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > _WEIGHT_TOLERANCE:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from autograd import make_vjp
@@ -20,7 +20,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
-from riemhuman.measurements.definitions import nearest_name
+from riemhuman.measurements.definitions import Measurement, nearest_name
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.memory import check_memory, enough_memory
@@ -139,11 +139,16 @@ class Measurements:
     """
 
     def __init__(
-        self, model: BodyModel | Template | Bodies | MeasurementSet, definitions: Any = None
+        self,
+        model: BodyModel | Template | Bodies | MeasurementSet,
+        definitions: Iterable[Measurement | str] | str | Path | None = None,
     ) -> None:
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model
         if isinstance(model, MeasurementSet):
+            if isinstance(definitions, (str, Path)):
+                expected = "measurements or names where model is a MeasurementSet"
+                refuse_type(definitions, "definitions", expected)
             measurement_set = model
         elif not isinstance(model, (BodyModel, Template)):
             refuse_type(model, "model", "a BodyModel, a Template, Bodies or a MeasurementSet")
@@ -326,9 +331,17 @@ class Measurements:
         return reasons
 
 
+@overload
 def values_of_bodies(
-    description: MeasurementSet, surfaces: ndarray, axes: str, gradient: bool
-) -> tuple[ndarray, Any]:
+    description: MeasurementSet, surfaces: Array, axes: str, gradient: Literal[True]
+) -> tuple[Array, Array]: ...
+@overload
+def values_of_bodies(
+    description: MeasurementSet, surfaces: Array, axes: str, gradient: bool
+) -> tuple[Array, Array | None]: ...
+def values_of_bodies(
+    description: MeasurementSet, surfaces: Array, axes: str, gradient: bool
+) -> tuple[Array, Array | None]:
     """Return values, shape (n, M), NaN if not defined, and their derivatives; nothing is checked.
 
     Parameters
@@ -422,7 +435,7 @@ def _standard_pose_of(definitions: MeasurementSet, fitted: ndarray) -> ndarray:
     return pose
 
 
-def _checked_trust(trusted_vertices: Any, shape: tuple[int, ...]) -> ndarray:
+def _checked_trust(trusted_vertices: ArrayLike, shape: tuple[int, ...]) -> ndarray:
     trusted = np.asarray(trusted_vertices)
     if trusted.dtype != bool or trusted.shape not in (shape, shape[-1:]):
         raise ArgumentError(
@@ -432,7 +445,7 @@ def _checked_trust(trusted_vertices: Any, shape: tuple[int, ...]) -> ndarray:
     return np.broadcast_to(trusted, shape)
 
 
-def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
+def as_mapping(values: object, names: Sequence[str]) -> dict[str, float]:
     """Return values of measurements by name; raise an error if there are none or unknown ones."""
     if hasattr(values, "to_dict"):  # a series of pandas, or measured bodies
         values = values.to_dict()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
@@ -91,7 +91,11 @@ class VisitComparison:
 
 
 def compare_visits(
-    measurements: Measurements, before: Any, after: Any, *, trusted_vertices: Any = None
+    measurements: Measurements,
+    before: ArrayLike,
+    after: ArrayLike,
+    *,
+    trusted_vertices: ArrayLike | None = None,
 ) -> VisitComparison:
     """Compare two visits of one person, in any poses.
 
@@ -119,8 +123,9 @@ def compare_visits(
     before = real_array(before, "before", shape, batched=False)
     after = real_array(after, "after", shape, batched=False)
     straight = in_standard_pose(definitions, np.stack([before, after]))
-    options: Any = {"axes": "space", "missing": "nan", "trusted_vertices": trusted_vertices}
-    measured = measurements.measure(straight, **options)
+    measured = measurements.measure(
+        straight, axes="space", missing="nan", trusted_vertices=trusted_vertices
+    )
     known_in_both = np.ones(definitions.n_vertices, dtype=bool)
     if trusted_vertices is not None:
         known_in_both = np.all(np.broadcast_to(trusted_vertices, straight.shape[:2]), axis=0)
