@@ -9,11 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from riemhuman.arrays import JSONRecord
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
+
+if TYPE_CHECKING:
+    from riemhuman.arrays import JSONRecord
 
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 

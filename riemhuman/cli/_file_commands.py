@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.arrays import JSONRecord
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli._readable_units import SHORT_UNITS
@@ -16,6 +15,8 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
     from numpy import ndarray
+
+    from riemhuman.arrays import JSONRecord
 
 _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.arrays import JSONRecord
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
@@ -18,6 +17,7 @@ from riemhuman.errors import ArgumentError
 if TYPE_CHECKING:
     from numpy import ndarray
 
+    from riemhuman.arrays import JSONRecord
     from riemhuman.measurements import BodySizes, Measurements, VisitComparison
 
 _MOST_COLUMNS = 5

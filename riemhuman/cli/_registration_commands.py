@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import riemhuman as rh
-from riemhuman.bodies.body_model import BodyModel
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError, FileError, RiemhumanError
+
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
 
 _MODEL = cli.several(
     cli.MODEL,

@@ -15,11 +15,11 @@ from dataclasses import is_dataclass
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from riemhuman.arrays import JSONRecord
 from riemhuman.cli._commands import Answer
 from riemhuman.errors import ConvergenceWarning
 
 if TYPE_CHECKING:
+    from riemhuman.arrays import JSONRecord
     from riemhuman.solvers import Result
 
 

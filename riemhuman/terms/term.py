@@ -33,7 +33,14 @@ LENGTH = 12
 
 
 class FieldSpace(Protocol):
-    """A manifold of fields, equipped with a metric: a `riemhuman.Manifold`."""
+    """A manifold of fields, equipped with a metric: a `riemhuman.Manifold`.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.NormalFields(bodies.template).is_equipped
+    True
+    """
 
     dim: int
     shape: tuple[int, ...]
@@ -44,7 +51,14 @@ class FieldSpace(Protocol):
 
 
 class FieldSpaces(Protocol):
-    """The spaces of fields that the library has, given to `Term.target_space` to choose from."""
+    """The spaces of fields that the library has, given to `Term.target_space` to choose from.
+
+    Examples
+    --------
+    >>> class Scaled(rh.terms.NormalTerm):
+    ...     def target_space(self, spaces):
+    ...         return spaces.normal_fields()
+    """
 
     @property
     def template(self) -> Template:

@@ -226,6 +226,7 @@ def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
     shutil.rmtree(page.parent)
 
 
+@pytest.mark.slow
 def test_view_writes_films_and_refuses_other_endings(run, refused, scans, tmp_path):
     run("view", scans / "body_0.ply", "-o", tmp_path / "turn.gif")
     assert (tmp_path / "turn.gif").read_bytes().startswith(b"GIF89a")

@@ -93,7 +93,7 @@ def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
 
 
 def test_pages_are_not_written_under_the_ending_of_something_else(refused, scans, tmp_path):
-    for name in ("a.mp4", "a.gif"):
+    for name in ("a.avi", "a.glb"):
         message = refused("view", scans / "body_0.ply", "-o", tmp_path / name)
         assert ".html" in message
         assert name in message
