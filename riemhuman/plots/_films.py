@@ -126,7 +126,7 @@ def _middle(body: ViewedBody) -> ndarray:
 
 def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]:
     """Return a window of the same size for each body, which holds it at all times."""
-    found = []
+    corners = []
     for body, ground in zip(film.bodies, grounds, strict=True):
         views = [View(azimuth=azimuth) for azimuth in range(0, 360, 15)] if turns else [View()]
         frames = _some_frames(body, turns)
@@ -138,8 +138,8 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
         middle = float(View().rotate(ground.middle)[0])
         low[0] = min(low[0], middle - _GROUND * ground.radius)
         high[0] = max(high[0], middle + _GROUND * ground.radius)
-        found.append((low, high))
-    width, height = np.max([high - low for low, high in found], axis=0)
+        corners.append((low, high))
+    width, height = np.max([high - low for low, high in corners], axis=0)
     # All stand on one floor, above the line of the names.
     below, height = 0.08 * height, 1.08 * height
     return [
@@ -148,7 +148,7 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
             float(width),
             float(height),
         )
-        for low, high in found
+        for low, high in corners
     ]
 
 

@@ -43,7 +43,7 @@ def _kind(measurement: Measurement) -> int:
     named = [kind for word, kind in _WORDS.items() if word in measurement.name]
     if named:
         return named[0]
-    classes = [each.__name__ for each in type(measurement).__mro__]
+    classes = [base.__name__ for base in type(measurement).__mro__]
     return next((_CLASSES[name] for name in classes if name in _CLASSES), 3)
 
 

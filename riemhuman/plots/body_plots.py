@@ -141,10 +141,10 @@ def plot_path(
     common = window_around(surfaces[chosen], view)
     # Each surface has its own window, so that a walking body stays in its place on the strip.
     windows = [
-        replace(own, centre=(own.centre[0], common.centre[1]), height=common.height)
-        for own in (window_around(f, view) for f in surfaces[chosen])
+        replace(frame, centre=(frame.centre[0], common.centre[1]), height=common.height)
+        for frame in (window_around(f, view) for f in surfaces[chosen])
     ]
-    widths = np.array([own.width for own in windows])
+    widths = np.array([frame.width for frame in windows])
     middles = np.cumsum(widths) - widths / 2
     if spacing is not None:
         step = real_number(spacing, "spacing", minimum=0, strict=True)
@@ -162,11 +162,11 @@ def plot_path(
         given = [SKIN] * len(surfaces) if colors is None else colors
         tints = real_array(given, "colors", (len(surfaces), 3), batched=False)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / common.height), 2.4)
-    for order, (index, own) in enumerate(zip(chosen, windows, strict=True)):
+    for order, (index, frame) in enumerate(zip(chosen, windows, strict=True)):
         picture = render(
-            surfaces[index], faces, height=height, view=view, window=own, color=tints[index]
+            surfaces[index], faces, height=height, view=view, window=frame, color=tints[index]
         )
-        sides = (middles[order] - own.width / 2, middles[order] + own.width / 2)
+        sides = (middles[order] - frame.width / 2, middles[order] + frame.width / 2)
         ax.imshow(
             picture,
             extent=(*sides, 0.0, common.height),

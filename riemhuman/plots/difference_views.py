@@ -85,11 +85,11 @@ def view_difference(
     >>> viewer = rh.plots.view_difference(bodies[0], bodies[10], faces, names=("Anna", "Ben"))
     >>> viewer.save("difference.html")
     """
-    found = _difference(point_a, point_b, faces, measurements, names)
-    first, second = found.surfaces
+    difference = _difference(point_a, point_b, faces, measurements, names)
+    first, second = difference.surfaces
     values: Mapping[str, tuple[ndarray, str]] = {
-        _MILLIMETRES: (1000.0 * found.displacements, "mm"),
-        _DENSITY: (_density(found, metric), "per m²"),
+        _MILLIMETRES: (1000.0 * difference.displacements, "mm"),
+        _DENSITY: (_density(difference, metric), "per m²"),
     }
     choices = {
         name: [
@@ -99,12 +99,12 @@ def view_difference(
         for name, (shown, unit) in values.items()
     }
     return Viewer(
-        found.faces,
+        difference.faces,
         choices,
         legend="Colours",
         title=title or f"Differences of {names[0]} and {names[1]}",
-        description=_description(found, names),
-        panel=found.panel,
+        description=_description(difference, names),
+        panel=difference.panel,
     )
 
 
@@ -133,40 +133,47 @@ def plot_difference(
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
     """
-    found = _difference(point_a, point_b, faces, measurements, names, with_list=False)
+    difference = _difference(point_a, point_b, faces, measurements, names, with_list=False)
     figure = new_figure(7.2, 4.8)
     left, right = figure.subplots(1, 2)
-    first, second = found.surfaces
-    plot_body(first, found.faces, view=view, ax=left, height=height)
+    first, second = difference.surfaces
+    plot_body(first, difference.faces, view=view, ax=left, height=height)
     plot_body(
-        second, found.faces, 1000.0 * found.displacements, view=view, ax=right, height=height,
+        second,
+        difference.faces,
+        1000.0 * difference.displacements,
+        view=view,
+        ax=right,
+        height=height,
         label=f"outside of {names[0]}, mm",
-    )  # fmt: skip
+    )
     for ax, name in zip((left, right), names, strict=True):
         ax.set_title(name, fontsize=10)
     return figure
 
 
-def _description(found: _Difference, names: tuple[str, str]) -> str:
-    known = 1000.0 * found.displacements[np.isfinite(found.displacements)]
+def _description(difference: _Difference, names: tuple[str, str]) -> str:
+    known = 1000.0 * difference.displacements[np.isfinite(difference.displacements)]
     if not len(known):
         return "No place was seen of both."
-    pose = "In the standard pose" if found.is_standard else "As they stand"
+    pose = "In the standard pose" if difference.is_standard else "As they stand"
     said = (
         f"{pose}, half of the surface of {names[1]} is within {np.median(np.abs(known)):.3g} mm of "
         f"that of {names[0]}; it is up to {max(-known.min(), 0.0):.3g} mm inside and "
         f"{max(known.max(), 0.0):.3g} mm outside."
     )
-    unknown = 1.0 - len(known) / len(found.displacements)
+    unknown = 1.0 - len(known) / len(difference.displacements)
     return f"{said} {100 * unknown:.0f} % was not seen of both and is grey." if unknown else said
 
 
-def _density(found: _Difference, metric: ElasticMetric | None) -> ndarray:
+def _density(difference: _Difference, metric: ElasticMetric | None) -> ndarray:
     """Return what each triangle adds to the squared distance, per area of the template."""
     if metric is None:
-        space = AlignedSurfaces(Template(found.surfaces[0], found.faces), equip=False, scale=None)
+        space = AlignedSurfaces(
+            Template(difference.surfaces[0], difference.faces), equip=False, scale=None
+        )
         metric = ElasticMetric(space)
-    added = contributions(metric, *found.surfaces).total
+    added = contributions(metric, *difference.surfaces).total
     template = metric.space.template
     return per_area(added, template.vertices, template.faces)
 
@@ -193,14 +200,14 @@ def _difference(
     if not np.array_equal(triangles, others):
         raise ArgumentError("point_a and point_b must have the same triangles")
     surface = np.asarray(real_array(first, "point_a", ("V", 3), batched=False))
-    other = np.asarray(real_array(second, "point_b", surface.shape, batched=False))
+    second_surface = np.asarray(real_array(second, "point_b", surface.shape, batched=False))
     if measurements is None:
         definitions = open_measurements(Template(surface, triangles))
         measurements = None if definitions is None else Measurements(definitions)
     if measurements is not None and measurements.definitions.model is not None:
-        compared = compare_visits(measurements, surface, other)
+        compared = compare_visits(measurements, surface, second_surface)
         return _of_comparison(compared, measurements, names, with_list)
-    moved = procrustes(other, to=surface, scale=None)
+    moved = procrustes(second_surface, to=surface, scale=None)
     triangles = np.asarray(triangles)
     outward = np.sum((moved - surface) * vertex_normals(surface, triangles), axis=1)
     return _Difference((surface, moved), triangles, outward, is_standard=False)

@@ -85,15 +85,15 @@ class MapPanel:
         if not 1 < len(classes) <= _MOST_NAMED:
             return []
         members = [np.flatnonzero(self.labels == label) for label in classes]
-        centres = np.stack([np.median(places[own], axis=0) for own in members])
+        centres = np.stack([np.median(places[numbers], axis=0) for numbers in members])
         titles = [self.names[label] for label in classes]
         sizes = np.array([[_LETTER * len(title), _LINE] for title in titles])
         inside = places.max(axis=0) + _MARGIN
-        scaled = (each / _UNITS_PER_INCH for each in (centres, sizes, places, inside))
+        scaled = (values / _UNITS_PER_INCH for values in (centres, sizes, places, inside))
         middles = _UNITS_PER_INCH * free_places(*scaled)
         return [
-            (round(float(x), 2), round(float(y) + _LINE / 4, 2), title, colors[own[0]])
-            for (x, y), title, own in zip(middles, titles, members, strict=True)
+            (round(float(x), 2), round(float(y) + _LINE / 4, 2), title, colors[numbers[0]])
+            for (x, y), title, numbers in zip(middles, titles, members, strict=True)
         ]
 
 

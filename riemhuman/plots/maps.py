@@ -350,8 +350,8 @@ def free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray
     farthest_first = np.argsort(-np.linalg.norm(centres - points.mean(axis=0), axis=1))
     rng = np.random.default_rng(0)
     orders = [farthest_first, *(rng.permutation(len(centres)) for _ in range(_N_ORDERS))]
-    found = [_places_in_order(order, centres, halves, free) for order in orders]
-    complete = [places for places in found if places is not None]
+    arrangements = [_places_in_order(order, centres, halves, free) for order in orders]
+    complete = [places for places in arrangements if places is not None]
     if not complete:
         return _columns(centres, size)
     return min(complete, key=lambda places: float(np.linalg.norm(places - centres, axis=1).sum()))
@@ -364,9 +364,11 @@ def _places_in_order(
     places = np.zeros_like(centres)
     for number, k in enumerate(order):
         open_places = free[k]
-        for other in order[:number]:
-            reach = halves[k] + halves[other]
-            open_places = open_places[np.any(np.abs(open_places - places[other]) >= reach, axis=1)]
+        for earlier in order[:number]:
+            reach = halves[k] + halves[earlier]
+            open_places = open_places[
+                np.any(np.abs(open_places - places[earlier]) >= reach, axis=1)
+            ]
         if not len(open_places):
             return None
         places[k] = open_places[np.linalg.norm(open_places - centres[k], axis=1).argmin()]

@@ -90,7 +90,10 @@ def plot_match(
     tints = np.split(colors, [len(upright_a)])
     figure = new_figure(11.0, 5.6)
     axes = figure.subplots(1, 4)
-    bodies = [apply_transform(each.transform, each.points) for each in (result_a, result_b)]
+    bodies = [
+        apply_transform(registered.transform, registered.points)
+        for registered in (result_a, result_b)
+    ]
     for row, (side, view) in enumerate(_VIEWS):
         windows = [window_around(body, view) for body in bodies]
         width, height = max(w.width for w in windows), max(w.height for w in windows)

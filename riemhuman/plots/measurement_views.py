@@ -118,7 +118,8 @@ def measurement_panel(
     lines = [measurements.lines(surface, axes="space") for surface in surfaces]
     every = measurements.definitions.measurements
     rows = [
-        _row(k, measured, any(len(own[each.name]) for own in lines)) for k, each in enumerate(every)
+        _row(k, measured, any(len(body_lines[measurement.name]) for body_lines in lines))
+        for k, measurement in enumerate(every)
     ]
     groups = {
         group.title: _with_units([rows[k] for k in group.members]) for group in grouped(every)
@@ -285,7 +286,7 @@ def _draw_group(
     collections = import_matplotlib("collections")
     normals = vertex_normals(surface, faces)
     nearest = [[_nearest(part, surface) for part in parts] for parts in lines]
-    view = max(_VIEWS, key=lambda each: _length_seen(each, lines, nearest, normals))
+    view = max(_VIEWS, key=lambda candidate: _length_seen(candidate, lines, nearest, normals))
     window = window_around(surface, view)
     picture = render(surface, faces, height=height, view=view, window=window)
     (x, y), width, tall = window.centre, window.width / 2, window.height / 2
@@ -360,8 +361,8 @@ def _apart(heights: ndarray) -> ndarray:
     for value in heights + steps:
         mean, count = float(value), 1
         while blocks and blocks[-1][0] < mean:
-            other, size = blocks.pop()
-            mean, count = (mean * count + other * size) / (count + size), count + size
+            next_mean, size = blocks.pop()
+            mean, count = (mean * count + next_mean * size) / (count + size), count + size
         blocks.append((mean, count))
     return np.concatenate([np.full(count, mean) for mean, count in blocks]) - steps
 

@@ -100,7 +100,7 @@ def as_surfaces(points: Any, faces: Any = None) -> tuple[Any, Any]:
     if not isinstance(points, (list, tuple)):
         return as_arrays(points)
     vertices, triangles = zip(*map(as_arrays, points), strict=True)
-    if not all(np.array_equal(own, triangles[0]) for own in triangles):
+    if not all(np.array_equal(mesh_triangles, triangles[0]) for mesh_triangles in triangles):
         raise ArgumentError("all meshes must have the same triangles")
     return np.stack(vertices), triangles[0]
 
@@ -209,9 +209,9 @@ def _light() -> tuple[ndarray, ndarray, float]:
     text = (files("riemhuman.plots") / "web" / "light.json").read_text(encoding="utf-8")
     light = json.loads(text)
     rows = []
-    for each in light["lights"]:
-        towards = np.array(each["towards"])
-        shone = each["strength"] * np.array(each["color"])
+    for lamp in light["lights"]:
+        towards = np.array(lamp["towards"])
+        shone = lamp["strength"] * np.array(lamp["color"])
         rows.append([*(towards / np.linalg.norm(towards)), *shone])
     hemisphere = light["hemisphere"]
     halves = hemisphere["strength"] * np.array([hemisphere["sky"], hemisphere["ground"]])
@@ -249,12 +249,12 @@ def _paint(
                     _shade(normal, lights, hemisphere, roughness, diffuse, mirrored)
                     sums[3] += 1.0
                     for channel in range(3):
-                        own = (
+                        shade = (
                             shares[0] * colors[f, 0, channel]
                             + shares[1] * colors[f, 1, channel]
                             + shares[2] * colors[f, 2, channel]
                         )
-                        light = max(own, 0.0) * diffuse[channel] + mirrored[channel]
+                        light = max(shade, 0.0) * diffuse[channel] + mirrored[channel]
                         sums[channel] += _encoded(min(light, 1.0))
             for channel in range(3):
                 picture[row, column, channel] = np.round(255 * sums[channel] / max(sums[3], 1.0))

@@ -176,17 +176,17 @@ def _pictures(
 ) -> tuple[Mapping[str, ndarray], Window]:
     """Return pictures of the scan, the body and the distances, of one window and one light."""
     view = View() if view is None else view
-    own = over.chosen(~over.background)
-    window = window_around(np.concatenate([over.points, own.scan_points]), view)
-    colors = value_colors(1000 * own.distances, limit, signed=True)
+    foreground = over.chosen(~over.background)
+    window = window_around(np.concatenate([over.points, foreground.scan_points]), view)
+    colors = value_colors(1000 * foreground.distances, limit, signed=True)
     body = np.where(over.seen[:, np.newaxis], SKIN, _NOT_SEEN)
     shown = {"scan": np.broadcast_to(SKIN, colors.shape), "distances": colors}
     pictures = {}
     for name, tints in shown.items():
-        if own.scan_faces is None or not len(own.scan_faces):
-            picture = points_picture(own.scan_points, window, height, tints, view)
+        if foreground.scan_faces is None or not len(foreground.scan_faces):
+            picture = points_picture(foreground.scan_points, window, height, tints, view)
         else:
-            mesh = own.scan_points, own.scan_faces
+            mesh = foreground.scan_points, foreground.scan_faces
             picture = render(*mesh, height=height, view=view, window=window, color=tints)
         pictures[name] = picture
     surface = render(over.points, over.faces, height=height, view=view, window=window, color=body)

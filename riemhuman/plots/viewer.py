@@ -103,9 +103,9 @@ def page_scripts() -> str:
 
 def viewer_script() -> str:
     """Return the script of viewers, which needs three.js: the light, then one file a subject."""
-    own = "".join(web_file("plots", name) for name in _SCRIPTS)
+    scripts = "".join(web_file("plots", name) for name in _SCRIPTS)
     light = json.dumps(json.loads(web_file("plots", "light.json")))
-    return f"(() => {{\nconst LIGHT = {light};\n{own}}})();\n"
+    return f"(() => {{\nconst LIGHT = {light};\n{scripts}}})();\n"
 
 
 @dataclass(frozen=True)
@@ -372,8 +372,8 @@ def _parts_of(faces: ndarray) -> Mapping[str, ndarray]:
     for resolution in ("coarse", "full"):
         model = load_open_model(resolution)
         if len(faces) == len(model.faces) and np.array_equal(faces, model.faces):
-            found = open_measurements(resolution)
-            return {} if found is None else found.parts
+            measurement_set = open_measurements(resolution)
+            return {} if measurement_set is None else measurement_set.parts
     return {}
 
 
@@ -417,7 +417,9 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         record["value_label"] = body.value_label
     if body.components is not None:
         changes = (body.components.linear, body.components.quadratic)
-        pairs = [[_packed_changes(each) for each in pair] for pair in zip(*changes, strict=True)]
+        pairs = [
+            [_packed_changes(change) for change in pair] for pair in zip(*changes, strict=True)
+        ]
         record["components"] = [
             {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
         ]

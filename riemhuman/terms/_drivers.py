@@ -120,11 +120,11 @@ class SumOfTerms(SumOnSurfaces, Bulk):
         n_faces, fields = len(self.areas), None
         if self._fields_of is not None:
             fields = tuple(map(of_one_kind, self._fields_of(points)))
-        found: Features = ()
+        packed: Features = ()
         for term in self.terms:
             real = onp.float32 if precision == "single" and term.single else onp.float64
             shape = (len(points), term.n_features, -(-n_faces // LANES) * LANES)
-            found += onp.zeros(shape, real), onp.zeros(len(points))
+            packed += onp.zeros(shape, real), onp.zeros(len(points))
         records = onp.empty((1, LENGTH, n_faces))
         degenerate = onp.zeros((len(points), n_faces), dtype=bool)
         for i, point in enumerate(points):
@@ -134,7 +134,7 @@ class SumOfTerms(SumOnSurfaces, Bulk):
                 if self.needs_area and not records[0, 9].all():
                     degenerate[i] = records[0, 9] == 0.0
                     continue
-            for term, kept, gaps in zip(self.terms, found[::2], found[1::2], strict=True):
+            for term, kept, gaps in zip(self.terms, packed[::2], packed[1::2], strict=True):
                 if fields is None:
                     gap = term.pack_record(records[0], self.areas, kept[i])
                 else:
@@ -142,7 +142,7 @@ class SumOfTerms(SumOnSurfaces, Bulk):
                 gaps[i] = math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
         if degenerate.any():
             surface.refuse_degenerate(degenerate)
-        return found
+        return packed
 
     def rounding(self, features: Features) -> ndarray:
         """Return a bound on the rounding error of each point's features, as a distance."""
@@ -156,8 +156,10 @@ class SumOfTerms(SumOnSurfaces, Bulk):
 
         def run(pair: tuple[Features, Features]) -> ndarray:
             total: Any = 0.0
-            for term, one, other in zip(self.terms, *pair, strict=True):
-                total = total + term.weight * term.squared_distances(one, other, self.areas)
+            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
+                total = total + term.weight * term.squared_distances(
+                    row_features, column_features, self.areas
+                )
             return total
 
         return in_tiles(run, a[::2], b[::2], n_threads)
@@ -170,7 +172,7 @@ class SumOfTerms(SumOnSurfaces, Bulk):
         surfaces.flags.writeable = False  # the kind that loops are compiled for
 
         def run(first: int, last: int) -> tuple[Any, ...]:
-            total, found = 0.0, onp.zeros(surfaces.shape if gradient else 0)
+            total, slopes_of_path = 0.0, onp.zeros(surfaces.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
             for start in range(first, last, size):
                 end = min(start + size, last)
@@ -179,8 +181,8 @@ class SumOfTerms(SumOnSurfaces, Bulk):
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
                 if gradient:
-                    add_gradient(records, slopes, faces, frames, start, end, found)
-            return total, found
+                    add_gradient(records, slopes, faces, frames, start, end, slopes_of_path)
+            return total, slopes_of_path
 
         threaded = len(faces) * n_times > _WORTH_THREADS
         energy, slope = sums_in_chunks(run, len(faces), threaded=threaded)
@@ -448,12 +450,12 @@ def area_ratios(surfaces: ndarray, template: Template) -> Iterator[ndarray]:
 
 def nearly_degenerate(surfaces: ndarray, template: Template) -> ndarray:
     """Tell the triangles of surfaces that have no area, or hardly more than none."""
-    found = onp.empty((len(surfaces), template.n_faces), dtype=bool)
-    for record, marked in zip(_records(surfaces, template), found, strict=True):
+    flagged = onp.empty((len(surfaces), template.n_faces), dtype=bool)
+    for record, marked in zip(_records(surfaces, template), flagged, strict=True):
         squared, mixed = record[9] ** 2, record[11]
         # A² + m² = e g.
         marked[:] = squared <= surface.NEARLY_DEGENERATE * (squared + mixed**2)
-    return found
+    return flagged
 
 
 # Partial derivatives of three triangles on each of two surfaces, nearly those of the template.
@@ -502,9 +504,9 @@ def _check_fields(term: Term) -> None:
                 f"the fields of {name} must be computed triangle by triangle; found values that "
                 "change with the other triangles"
             )
-    found = onp.shape(term.squared_dist(together, together))
-    if found != shape:
+    found_shape = onp.shape(term.squared_dist(together, together))
+    if found_shape != shape:
         raise ArgumentError(
             f"squared_dist of {name} must return shape (..., F), one number a triangle; for "
-            f"fields of three triangles on each of two surfaces, found {found}"
+            f"fields of three triangles on each of two surfaces, found {found_shape}"
         )

@@ -100,7 +100,7 @@ class FirstOrderWeights(NamedTuple):
     @classmethod
     def from_forms(cls, moving: ndarray, still: ndarray) -> FirstOrderWeights | None:
         """Return the weights that have these forms, or None if there are none."""
-        found = cls(
+        term = cls(
             a1=moving[0, 0] - moving[0, 3],
             b1=moving[0, 0] + moving[0, 3],
             c1=moving[4, 4],
@@ -108,10 +108,10 @@ class FirstOrderWeights(NamedTuple):
             bend=still[4, 4],
         )
         size = onp.abs(moving).max() + onp.abs(still).max()
-        for one, other in zip(found.forms(), (moving, still), strict=True):
-            if onp.abs(one - other).max() > 1e-12 * size:
+        for form, given in zip(term.forms(), (moving, still), strict=True):
+            if onp.abs(form - given).max() > 1e-12 * size:
                 return None
-        return found
+        return term
 
 
 class FirstOrderTerm(QuadraticTerm):
@@ -590,8 +590,8 @@ class NormalPartTerm(QuadraticTerm):
 
     def matrix(self, f: ndarray) -> csr_array:
         normals = vertex_normals(f, self.template, self._averages)
-        each, ends = onp.arange(len(normals)), onp.arange(len(normals) + 1)
-        blocks = bsr_array((normals[:, :, None] * normals[:, None, :], each, ends))
+        numbers, ends = onp.arange(len(normals)), onp.arange(len(normals) + 1)
+        blocks = bsr_array((normals[:, :, None] * normals[:, None, :], numbers, ends))
         projection = csr_array(blocks)
         return projection @ self.term.matrix(f) @ projection
 

@@ -414,8 +414,8 @@ def _segment(
 
 @compiled(forceinline=True, fastmath=SUM)
 def _fill_angles(
-    one: ndarray,
-    other: ndarray,
+    rows: ndarray,
+    columns: ndarray,
     turn: float,
     single: bool | None,
     angles: ndarray,
@@ -425,8 +425,8 @@ def _fill_angles(
     """Fill what normals add to ¼ψ²; without their weight it is 0 already."""
     zero = type(turn)(0.0)
     if turn > zero:
-        x1, y1, z1 = one[0, first:last], one[1, first:last], one[2, first:last]
-        x2, y2, z2 = other[0, first:last], other[1, first:last], other[2, first:last]
+        x1, y1, z1 = rows[0, first:last], rows[1, first:last], rows[2, first:last]
+        x2, y2, z2 = columns[0, first:last], columns[1, first:last], columns[2, first:last]
         for t in range(last - first):
             a, b = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
             angles[t] = turn * arc_pair(a, b, None, single)[0]
@@ -497,8 +497,12 @@ def _chunk(
     if fit is None:
         _fill_angles(a[4:], b[4:], turn, single, angles, first, last)
     for t in range(last - first):
-        one, other, inverse = (x1[t], y1[t], s1[t]), (x2[t], y2[t], s2[t]), h1[t] * h2[t]
-        total += cone_pair(one, other, inverse, angles[t], scale, fit, single)[0]
+        first_field, second_field, inverse = (
+            (x1[t], y1[t], s1[t]),
+            (x2[t], y2[t], s2[t]),
+            h1[t] * h2[t],
+        )
+        total += cone_pair(first_field, second_field, inverse, angles[t], scale, fit, single)[0]
     return total
 
 

@@ -194,8 +194,8 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
 # Without fused products: the difference of equal roots must be 0.
 @compiled(forceinline=True, fastmath={"nsz", "reassoc"})
 def _segment(
-    one: ndarray,
-    other: ndarray,
+    start: ndarray,
+    end: ndarray,
     by_one: ndarray,
     by_other: ndarray,
     areas: ndarray,
@@ -204,17 +204,17 @@ def _segment(
     """Return the sum of w ‖q₁ − q₂‖², and add its slopes by normals and area ratios."""
     total = 0.0
     for t in range(len(areas)):
-        s1, s2 = math.sqrt(one[9, t]), math.sqrt(other[9, t])
+        s1, s2 = math.sqrt(start[9, t]), math.sqrt(end[9, t])
         factor = weight * areas[t]
         along1 = along2 = 0.0
         for k in range(6, 9):
-            step = s1 * one[k, t] - s2 * other[k, t]
+            step = s1 * start[k, t] - s2 * end[k, t]
             total += factor * step * step
             step *= 2.0 * factor
             by_one[k, t] += step * s1
             by_other[k, t] -= step * s2
-            along1 += step * one[k, t]
-            along2 += step * other[k, t]
+            along1 += step * start[k, t]
+            along2 += step * end[k, t]
         by_one[9, t] += 0.5 * along1 / s1 if s1 > 0.0 else 0.0
         by_other[9, t] -= 0.5 * along2 / s2 if s2 > 0.0 else 0.0
     return total

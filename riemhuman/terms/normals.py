@@ -192,15 +192,15 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
 
 @compiled(forceinline=True, fastmath=SUM)
 def add_segment(
-    one: ndarray,
-    other: ndarray,
+    start: ndarray,
+    end: ndarray,
     by_one: ndarray,
     by_other: ndarray,
     areas: ndarray,
     weight: float,
 ) -> float:
     """Return the sum of w θ², and add its slopes by both normals."""
-    x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
+    x1, y1, z1, x2, y2, z2 = start[6], start[7], start[8], end[6], end[7], end[8]
     by_x1, by_y1, by_z1 = by_one[6], by_one[7], by_one[8]
     by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
     total = 0.0
@@ -242,13 +242,13 @@ def _chunk(
     total = zero = weights.dtype.type(0.0)
     if either_sign is None:
         for t in range(last - first):
-            one, other = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
-            total += areas[t] * arc_pair(one, other, either_sign, single)[0]
+            first_field, second_field = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
+            total += areas[t] * arc_pair(first_field, second_field, either_sign, single)[0]
     else:
         w1, w2 = a[3, first:last], b[3, first:last]
         for t in range(last - first):
-            one, other = (x1[t], y1[t], z1[t], w1[t]), (x2[t], y2[t], z2[t], w2[t])
-            total += areas[t] * arc_pair(one, other, either_sign, single)[0]
+            first_field, second_field = (x1[t], y1[t], z1[t], w1[t]), (x2[t], y2[t], z2[t], w2[t])
+            total += areas[t] * arc_pair(first_field, second_field, either_sign, single)[0]
     return total
 
 

@@ -252,8 +252,8 @@ class Term(ABC):
             for d in range(2)
         ]
         rows = [
-            np.stack([self.inner_product(one, other, fields) for other in changes], axis=-1)
-            for one in changes
+            np.stack([self.inner_product(row, column, fields) for column in changes], axis=-1)
+            for row in changes
         ]
         return np.stack(rows, axis=-2)
 
@@ -367,7 +367,7 @@ class Term(ABC):
         """
         ours, others = self._unpack(a, len(areas)), self._unpack(b, len(areas))
         rows = (tuple(field[i] for field in ours) for i in range(len(a)))
-        return np.reshape([self.squared_dist(one, others) @ areas for one in rows], (-1, len(b)))
+        return np.reshape([self.squared_dist(row, others) @ areas for row in rows], (-1, len(b)))
 
     def _field_shapes(self) -> list[tuple[int, ...]]:
         """Return the shapes of the values of the fields, from those of one triangle."""
