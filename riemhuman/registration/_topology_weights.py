@@ -8,6 +8,8 @@ weights of a vertex sum to one, so that they follow every rotation, translation 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -21,6 +23,9 @@ _SMALL_ROTATION, _LARGE_ROTATION, _SHARE_OF_LARGE = 0.15, 0.5, 0.3
 _CLOSED_HANDS = 0.7
 # Vertices of the coarser mesh that are combined, beside the corners of the triangle.
 _N_NEIGHBOURS = 18
+# Between symmetric meshes, so many on each side of a vertex in the middle, and twice as many of
+# any other.
+_N_ON_EACH_SIDE = 8
 # What real people have and the model lacks, metres: keeps weights near those of the triangle.
 _DETAIL = 5e-4
 # Vertices of the finer mesh that are solved for at once, which bounds memory.
@@ -49,14 +54,80 @@ def combined_vertices(
     The first three are the corners of its triangle, shape (n, 3); the others are nearest to it in a
     pose that both surfaces share, and may be corners too.
     """
-    candidates = np.flatnonzero(usable)
-    count = min(_N_NEIGHBOURS, len(candidates))
-    near = candidates[cKDTree(source[candidates]).query(target, k=range(1, count + 1))[1]]
+    near = _nearest(target, source, np.flatnonzero(usable), _N_NEIGHBOURS)
     return np.concatenate([corners, near], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class MirroredColumns:
+    """Vertices to combine on symmetric meshes: those of opposite rows are opposite, in order."""
+
+    columns: np.ndarray  # (n, k) vertices of the source
+    barycentric: np.ndarray  # (n, k) weights to start from
+    rows: np.ndarray  # (m,) vertices of the target on one side
+    opposite: np.ndarray  # (m,) those on the other side
+    middle: np.ndarray  # vertices of the target that are opposite themselves
+
+    @classmethod
+    def choose(
+        cls,
+        surfaces: tuple[np.ndarray, np.ndarray],
+        images: tuple[np.ndarray, np.ndarray],
+        corners: np.ndarray,
+        barycentric: np.ndarray,
+        usable: np.ndarray,
+    ) -> MirroredColumns:
+        """Return what to combine; `surfaces` and `images` are of the target and of the source.
+
+        Both surfaces are symmetric. Vertices without an opposite are combined as others are.
+        """
+        (target, source), (target_image, source_image) = surfaces, images
+        numbers = np.arange(len(target))
+        matched = (target_image >= 0) & (source_image[corners] >= 0).all(axis=1)
+        matched &= matched[target_image]
+        rows = np.flatnonzero(matched & (numbers < target_image))
+        opposite, middle = target_image[rows], np.flatnonzero(matched & (numbers == target_image))
+        candidates = np.flatnonzero(usable & (source_image >= 0) & usable[source_image])
+        near = _nearest(target, source, candidates, 2 * _N_ON_EACH_SIDE)
+        # Three more columns, which only opposite vertices use.
+        columns = np.concatenate([corners, corners, near], axis=1)
+        start = np.zeros(columns.shape)
+        start[:, :3] = barycentric
+        columns[rows, 3:6] = source_image[corners[opposite]]
+        columns[opposite] = source_image[columns[rows]]
+        start[rows, :3], start[rows, 3:6] = 0.5 * barycentric[rows], 0.5 * barycentric[opposite]
+        start[opposite] = start[rows]
+        one_side = candidates[candidates <= source_image[candidates]]
+        half = _nearest(target[middle], source, one_side, _N_ON_EACH_SIDE)
+        columns[middle, 3:6] = source_image[corners[middle]]
+        columns[middle, 6:] = np.concatenate([half, source_image[half]], axis=1)
+        start[middle, :3] = start[middle, 3:6] = 0.5 * barycentric[middle]
+        return cls(columns, start, rows, opposite, middle)
+
+    def averaged(self, weights: np.ndarray) -> np.ndarray:
+        """Return weights that are the same on both sides, from those of each side."""
+        result = weights.copy()
+        result[self.rows] = 0.5 * (weights[self.rows] + weights[self.opposite])
+        result[self.opposite] = result[self.rows]
+        order = np.arange(weights.shape[1])
+        order = np.concatenate([np.roll(order[:6], 3), np.roll(order[6:], _N_ON_EACH_SIDE)])
+        result[self.middle] = 0.5 * (weights[self.middle] + weights[self.middle][:, order])
+        return result
+
+
+def _nearest(
+    target: np.ndarray, source: np.ndarray, candidates: np.ndarray, count: int
+) -> np.ndarray:
+    """Return the candidates nearest each point of the target, shape (n, count)."""
+    count = min(count, len(candidates))
+    near: np.ndarray = candidates[
+        cKDTree(source[candidates]).query(target, k=range(1, count + 1))[1]
+    ]
+    return near
+
+
 def learned_weights(
-    sources: np.ndarray, targets: np.ndarray, columns: np.ndarray, barycentric: np.ndarray
+    sources: np.ndarray, targets: np.ndarray, columns: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
     r"""Return weights, shape (n, k), of the vertices that are combined for each target vertex.
 
@@ -64,11 +135,11 @@ def learned_weights(
     that sum to one, with the people's target vertex y, source vertices x, n people, the size σ of
     details that are in no model, and the barycentric coordinates b of the place.
 
-    `sources` have shape (n_people, n_source, 3), `targets` shape (n_people, n, 3).
+    `sources` have shape (n_people, n_source, 3), `targets` shape (n_people, n, 3), `start` holds
+    b, shape (n, k).
     """
     n_points, count = columns.shape
-    weights = np.zeros((n_points, count))
-    weights[:, :3] = barycentric
+    weights = start.copy()
     centring = np.eye(count) - 1.0 / count  # changes of weights sum to zero
     detail = 3 * len(sources) * _DETAIL**2 * np.eye(count)
     for first in range(0, n_points, _N_TOGETHER):

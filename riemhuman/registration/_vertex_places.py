@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -320,35 +319,3 @@ def _part_name(points: np.ndarray, joint: str, separate: bool, left: float) -> s
         return f"{'left' if left > 0 else 'right'} eyeball"
     where = joint.replace("_", " ")
     return f"separate part of the {where}" if separate else f"inside of the {where}"
-
-
-def mirrored_vertices(faces: np.ndarray, n_vertices: int, seeds: Any) -> np.ndarray | None:
-    """Return the vertex opposite to each one, if a mesh is its own mirror image; else None.
-
-    Triangles determine the image of a connected mesh once that of one edge is known: the third
-    corner of the triangle on the other side. `seeds` are pairs of edges to try, (a, b, a', b').
-    """
-    beyond = {}
-    for one, two, three in faces.tolist():
-        beyond[one, two], beyond[two, three], beyond[three, one] = three, one, two
-    main = np.bincount(vertex_components(faces, n_vertices)[faces[:, 0]]).max()
-    for first, second, image_of_first, image_of_second in seeds:
-        image = {first: image_of_first, second: image_of_second}
-        queue, passed, consistent = [(first, second)], set(), True
-        while queue and consistent:
-            edge = queue.pop()
-            if edge in passed or edge not in beyond:
-                continue
-            passed.add(edge)
-            third = beyond[edge]
-            opposite = beyond.get((image[edge[1]], image[edge[0]]))
-            consistent = opposite is not None and image.setdefault(third, opposite) == opposite
-            queue += [(edge[0], third), (third, edge[1])]
-            queue += [(third, edge[0]), (edge[1], third), (edge[1], edge[0])]
-        if consistent and len(passed) >= 3 * main - 1:
-            mirrored = np.full(n_vertices, -1)
-            mirrored[list(image)] = list(image.values())
-            inverse = mirrored[mirrored]
-            if np.array_equal(inverse[mirrored >= 0], np.flatnonzero(mirrored >= 0)):
-                return mirrored
-    return None

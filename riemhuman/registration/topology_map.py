@@ -23,8 +23,18 @@ from riemhuman.io.mesh_arrays import check_mesh, face_difference
 from riemhuman.io.meshes import as_arrays, load_mesh
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.registration._mirrored_meshes import (
+    MirrorImages,
+    find_images,
+    on_both_sides,
+    symmetric_parts,
+    symmetric_places,
+    symmetric_points,
+    with_separate_parts,
+)
 from riemhuman.registration._scan_preparation import split_triangles
 from riemhuman.registration._topology_weights import (
+    MirroredColumns,
     combined_vertices,
     example_people,
     learned_weights,
@@ -35,21 +45,18 @@ from riemhuman.registration._vertex_places import (
     filled_parts,
     find_without_counterpart,
     joined_components,
-    mirrored_vertices,
     place_vertices,
 )
 from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.surfaces.measures import triangle_areas
-from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+from riemhuman.surfaces.nearest_points import SurfacePoints
 from riemhuman.surfaces.procrustes import AXES, make_upright
 
 # Meshes are refined until they have so many vertices: registration samples vertices.
 _FEWEST_VERTICES = 5000
 # Parts with a smaller share of the area are left out of registration: eyeballs, teeth.
 _SMALL_PART = 0.01
-# Edges from which a mirror symmetry of a mesh is sought.
-_N_SEEDS = 60
 # Estimates of a place from several bodies that are farther from their median are left out, metres.
 _FARTHEST_ESTIMATE = 0.03
 # A registered surface slides along itself by less, metres.
@@ -84,15 +91,19 @@ class TopologyMap:
 
     Every vertex of each mesh has a place on the other: a triangle, barycentric coordinates, and a
     height along the interpolated normal, which turns and grows with the triangles around it.
-    Between the vertices of a coarser mesh, where flat triangles miss the body, each vertex is a
-    weighted mean of those around its place, with weights learned from simulated people of the
-    model. A map is made once, by registration of one or several bodies of the other topology, and
-    takes milliseconds a body from then on. On simulated people of another mesh, other people in
-    other poses come within 3 mm of their places in the mean, and there and back, through the coarse
-    model too, within 1 mm (tests/registration/test_topology_map.py asserts it).
+    Between the vertices of a coarser mesh, where flat triangles miss the body, and between
+    symmetric meshes, each vertex is a weighted mean of those around its place, with weights learned
+    from simulated people of the model. A map is made once, by registration of one or several bodies
+    of the other topology, and takes milliseconds a body from then on. On simulated people of
+    another mesh, other people in other poses come within 3 mm of their places in the mean, and
+    there and back, through the coarse model too, within 1 mm
+    (tests/registration/test_topology_map.py asserts it).
 
     Use it to convert bodies that exist. `transfer_model` makes instead a body model of the other
     topology, with skinning weights and shape directions, to make and pose new bodies.
+
+    If the triangles of both meshes are their own mirror images, mapping a mirrored body gives the
+    mirrored result, to rounding. The full open model is symmetric in this sense, the coarse is not.
 
     What has no counterpart, such as eyeballs, teeth or the inside of a mouth, moves as its
     surroundings do.
@@ -177,10 +188,16 @@ class TopologyMap:
             surfaces = [_smoothed_surface(result, dense) for result in results]
             registered = _mean_surface(points, triangles, surfaces, dense)
             reference = _rounded(points[0])
-            there = _symmetric_places(reference, triangles, _rounded(registered), dense)
-            registered = _rounded(registered if there is None else there)
+            registered = _rounded(registered)
+            images = find_images(reference, triangles, registered, dense)
+            if images is not None:
+                registered = _rounded(
+                    symmetric_places(reference, triangles, registered, dense.faces, images)
+                )
             message = "; ".join(dict.fromkeys(each.message for each in results if each.message))
             fine = cls._from_surfaces(dense, reference, triangles, registered, message)
+            if dense is model and images is not None:
+                return fine._symmetric(images)
             if dense is model:
                 return fine._with_learned_weights(fine, kept)
             found = cls._from_surfaces(model, reference, triangles, registered[kept], message)
@@ -194,12 +211,17 @@ class TopologyMap:
         triangles: np.ndarray,
         registered: np.ndarray,
         message: str,
+        images: MirrorImages | None = None,
     ) -> TopologyMap:
-        """Return the map of two surfaces that coincide."""
+        """Return the map of two surfaces that coincide, and are symmetric if images are given."""
         gaps = nearest_like(reference, triangles, registered, model.faces)
         template_lacks = find_without_counterpart(reference, triangles, gaps)
+        if images is not None:
+            template_lacks = on_both_sides(template_lacks, images.template)
         gaps = nearest_like(registered, model.faces, reference, triangles, ~template_lacks)
         model_lacks = find_without_counterpart(registered, model.faces, gaps)
+        if images is not None:
+            model_lacks = on_both_sides(model_lacks, images.model)
         to_template = place_vertices(reference, triangles, registered, model.faces, ~model_lacks)[
             :2
         ]
@@ -215,6 +237,9 @@ class TopologyMap:
         model_parts = filled_parts(
             registered, model.faces, model_lacks, owners, model.joint_names, left
         )
+        if images is not None:
+            template_parts = symmetric_parts(template_parts, images.template)
+            model_parts = symmetric_parts(model_parts, images.model)
         return cls(
             model,
             triangles,
@@ -225,24 +250,44 @@ class TopologyMap:
             ),
         )
 
-    def _with_learned_weights(self, fine: TopologyMap, kept: np.ndarray) -> TopologyMap:
+    def _symmetric(self, images: MirrorImages) -> TopologyMap:
+        """Return the map of the same places, which commutes with mirroring.
+
+        Its surfaces are symmetric: those of the model's template.
+        """
+        model, faces = self.model, self.template_faces
+        registered = _rounded(symmetric_points(model.template.vertices, images.model, model.faces))
+        reference = self.template_places.apply(registered)
+        images = replace(images, template=with_separate_parts(images.template, faces, reference))
+        reference = _rounded(symmetric_points(reference, images.template, faces))
+        rest = self._from_surfaces(model, reference, faces, registered, self.message, images)
+        return rest._with_learned_weights(self, np.arange(model.n_vertices), images)
+
+    def _with_learned_weights(
+        self, fine: TopologyMap, kept: np.ndarray, images: MirrorImages | None = None
+    ) -> TopologyMap:
         """Return the map with weights that are learned from people of the model.
 
         Their bodies are known. On the template, they are where the places of a dense model put
         them, which needs no weights.
 
-        `fine` is the map of the dense model, of whose vertices the model has those in `kept`.
+        `fine` is the map of the dense model, of whose vertices the model has those in `kept`. With
+        images, weights are the same on both sides, and both directions need them.
         """
+        there = None if images is None else (images.model, images.template)
         people = example_people(fine.model)
         templates = np.stack([fine.template_places.apply(body) for body in people])
         bodies = people[:, kept]
-        to_model = _learned(self.model_places, self.template_places.parts, [templates], bodies)
-        if self.model.n_vertices >= self.n_template_vertices:
+        to_model = _learned(
+            self.model_places, self.template_places.parts, [templates], bodies, there
+        )
+        if images is None and self.model.n_vertices >= self.n_template_vertices:
             return replace(self, model_places=to_model)
         # From what comes from the template, too, so that bodies return to where they were.
         returned = np.stack([to_model.apply(body) for body in templates])
         lacking = self.model_places.parts
-        to_template = _learned(self.template_places, lacking, [bodies, returned], templates)
+        back = None if images is None else (images.template, images.model)
+        to_template = _learned(self.template_places, lacking, [bodies, returned], templates, back)
         return replace(self, model_places=to_model, template_places=to_template)
 
     @property
@@ -516,29 +561,36 @@ def _learned(
     lacking: Sequence[FilledPart],
     sources: Sequence[np.ndarray],
     targets: np.ndarray,
+    images: tuple[np.ndarray, np.ndarray] | None,
 ) -> VertexPlaces:
     """Return places with weights, learned from the same people on both surfaces.
 
-    `lacking` are the parts of the source without counterpart.
+    `lacking` are the parts of the source without counterpart. With `images`, the opposite vertices
+    of the target and of the source, weights are the same on both sides.
     """
     usable = np.ones(places.n_source, dtype=bool)
     for part in lacking:
         usable[part.vertices] = False
     corners = places.faces[places.places.triangles]
+    barycentric = places.places.barycentric
+    seen, known = np.concatenate(sources), np.concatenate([targets] * len(sources))
+    if images is not None:
+        surfaces = places.target, places.source
+        chosen = MirroredColumns.choose(surfaces, images, corners, barycentric, usable)
+        weights = learned_weights(seen, known, chosen.columns, chosen.barycentric)
+        return _with_weights(places, chosen.columns, chosen.averaged(weights))
     columns = combined_vertices(places.target, places.source, corners, usable)
-    weights = learned_weights(
-        np.concatenate(sources),
-        np.concatenate([targets] * len(sources)),
-        columns,
-        places.places.barycentric,
-    )
+    start = np.zeros(columns.shape)
+    start[:, :3] = barycentric
+    weights = learned_weights(seen, known, columns, start)
     return _with_weights(places, columns, weights)
 
 
 def _with_weights(places: VertexPlaces, columns: np.ndarray, weights: np.ndarray) -> VertexPlaces:
     """Return places with weights as a file holds them, whose rows sum to one."""
     rounded = _rounded(weights)
-    rounded[:, 0] += 1.0 - rounded.sum(axis=1)
+    # Shared by all, so that what is symmetric remains so.
+    rounded += (1.0 - rounded.sum(axis=1, keepdims=True)) / rounded.shape[1]
     return replace(places, columns=columns, weights=rounded)
 
 
@@ -665,54 +717,6 @@ def _mean_surface(
     weights = chosen / chosen.sum(axis=0)
     mean: np.ndarray = np.einsum("kn,knx->nx", weights, np.nan_to_num(stacked))
     return mean
-
-
-def _symmetric_places(
-    reference: np.ndarray, faces: np.ndarray, registered: np.ndarray, model: BodyModel
-) -> np.ndarray | None:
-    """Return the model's surface with symmetric places, if both meshes are symmetric."""
-    rest = model.template.vertices
-    reflected = rest * [-1.0, 1.0, 1.0]
-    opposite = cKDTree(rest).query(reflected)[1]
-    edges = _some_edges(model.faces)
-    model_image = mirrored_vertices(
-        model.faces, len(rest), np.concatenate([edges, opposite[edges]], axis=1).tolist()
-    )
-    if model_image is None or np.any(model_image < 0):
-        return None
-    everywhere = np.ones(len(reference), dtype=bool)
-    on_model = nearest_points(reference, registered, model.faces)[0]
-    corners = model.faces[on_model.triangles]
-    mirrored = np.einsum("nk,nkx->nx", on_model.barycentric, registered[model_image[corners]])
-    near = cKDTree(reference).query(mirrored)[1]
-    edges = _some_edges(faces)
-    image = mirrored_vertices(
-        faces, len(reference), np.concatenate([edges, near[edges]], axis=1).tolist()
-    )
-    if image is None:
-        return None
-    image = np.where(image < 0, np.arange(len(image)), image)
-    places, heights, gaps = place_vertices(registered, model.faces, reference, faces, everywhere)
-    normals = vertex_normals(reference, faces)
-
-    def at(corners: np.ndarray, barycentric: np.ndarray, heights: np.ndarray) -> np.ndarray:
-        along = unit_vectors(np.einsum("nk,nkx->nx", barycentric, normals[corners]))
-        points: np.ndarray = np.einsum("nk,nkx->nx", barycentric, reference[corners])
-        return points + heights[:, np.newaxis] * along
-
-    other = at(
-        image[faces[places.triangles[model_image]]],
-        places.barycentric[model_image],
-        heights[model_image],
-    )
-    both = (gaps < _FARTHEST_ESTIMATE) & (gaps[model_image] < _FARTHEST_ESTIMATE)
-    both &= np.linalg.norm(other - registered, axis=1) < _FARTHEST_ESTIMATE
-    return np.where(both[:, np.newaxis], 0.5 * (registered + other), registered)
-
-
-def _some_edges(faces: np.ndarray) -> np.ndarray:
-    chosen = np.linspace(0, len(faces) - 1, min(_N_SEEDS, len(faces))).astype(np.int64)
-    return faces[chosen, :2]
 
 
 def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> BodyModel:

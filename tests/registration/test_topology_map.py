@@ -8,7 +8,7 @@ from scanned_people import points_at
 from scipy.spatial import cKDTree
 
 import riemhuman as rh
-from riemhuman.registration import TopologyMap, topology_map
+from riemhuman.registration import TopologyMap, _mirrored_meshes, _topology_weights, topology_map
 from riemhuman.registration.simulated_scans import remesh
 
 ArgumentError, FileFormatError = rh.errors.ArgumentError, rh.errors.FileFormatError
@@ -155,18 +155,61 @@ def test_eyeballs_are_named_and_move_with_the_head(people, full, monkeypatch):
     assert rh.surfaces.nearest_points(moved, bodies[1], full.faces)[1].max() < 0.08
 
 
-def test_symmetric_meshes_have_symmetric_places(full, monkeypatch):
-    """The open model's own mesh, in a pose that is not symmetric, with an uneven registration."""
+def with_eyeballs(body, faces, head):
+    """Return a mesh with two spheres in its head, one the mirror image of the other."""
+    ball, triangles = unit_sphere()
+    mirrored, count = ball * [-1.0, 1.0, 1.0], len(body)
+    shift = np.array([0.03, 0.0, 0.0])
+    vertices = [body, head + 0.012 * ball + shift, head + 0.012 * mirrored - shift]
+    faces = [faces, triangles + count, triangles[:, ::-1] + count + len(ball)]
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def test_maps_between_symmetric_meshes_commute_with_mirroring(full, monkeypatch, tmp_path):
+    """The open model's own mesh with eyeballs, turned unevenly, and an uneven registration."""
+    monkeypatch.setattr(_topology_weights, "_N_PEOPLE", 8)
+    rest, mirror = full.template.vertices, np.array([-1.0, 1.0, 1.0])
+    opposite = cKDTree(rest).query(rest * mirror)[1]
     motion = rh.datasets.load_open_motions("full", sequences=["punching"])[0]
-    body = full(pose=motion.pose_vectors[47])
-    slip = 0.002 * np.sin(40.0 * full.template.vertices + 1.0)
-    mapped = made_from(body, full.faces, body + slip, full, monkeypatch)
-    rest = full.template.vertices
-    opposite = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
-    places = points_at(mapped.model_places.places, rest, full.faces)
-    gaps = places[opposite] * [-1.0, 1.0, 1.0] - places
-    uneven = slip[opposite] * [-1.0, 1.0, 1.0] - slip
-    assert np.linalg.norm(gaps, axis=1).mean() < 0.25 * np.linalg.norm(uneven, axis=1).mean()
+    pose = np.zeros((full.n_joints, 3))
+    pose[full.joint_names.index("left_shoulder")] = [0.2, 0.0, 0.5]
+    body, slip = full(pose=pose), 0.002 * np.sin(40.0 * rest + 1.0)
+    head = full.joints()[full.joint_names.index("head")] + [0.0, 0.09, 0.05]
+    surface, faces = with_eyeballs(body, full.faces, head)
+    left, right = np.arange(len(body), len(surface)).reshape(2, -1)
+    image = np.concatenate([opposite, right, left])
+    fitted = made_from(surface, faces, body + slip, full, monkeypatch)
+    assert {*fitted.template_parts} >= {"left eyeball", "right eyeball"}
+    fitted.save(tmp_path / "map.npz")
+    betas = np.random.default_rng(0).standard_normal(full.n_betas)
+    person = full(betas, motion.pose_vectors[47])
+    for found in (fitted, TopologyMap.load(tmp_path / "map.npz")):
+        other = found.to_template(person)
+        mirrored = found.to_template(person[opposite] * mirror)
+        np.testing.assert_allclose(mirrored, other[image] * mirror, atol=1e-9)
+        back = found.to_model(other)
+        mirrored = found.to_model(other[image] * mirror)
+        np.testing.assert_allclose(mirrored, back[opposite] * mirror, atol=1e-9)
+        assert np.linalg.norm(back - person, axis=1).mean() < 0.0005
+        errors = np.linalg.norm(other[: len(rest)] - person, axis=1)
+        assert errors.mean() < np.linalg.norm(slip, axis=1).mean()
+        radii = np.linalg.norm(other[left] - other[left].mean(axis=0), axis=1)
+        assert radii.std() < 1e-3 * radii.mean()  # still a sphere
+
+
+def test_separate_parts_are_opposite_their_mirror_images():
+    """Spheres and their mirror images, turned a little; copies of a sphere have none."""
+    ball, triangles = unit_sphere()
+    count, mirror = len(ball), np.array([-1.0, 1.0, 1.0])
+    turned = ball @ rh.bodies.rotation_matrix(np.array([0.0, 0.05, 0.1]))
+    high, low = np.array([2.0, 2.0, 0.0]), np.array([2.0, -2.0, 0.0])
+    points = [ball + high, (turned + high) * mirror, ball + low, ball + low * mirror]
+    corners = [triangles, triangles[:, ::-1], triangles, triangles]
+    faces = np.concatenate([each + number * count for number, each in enumerate(corners)])
+    nowhere = np.full(4 * count, -1)
+    image = _mirrored_meshes.with_separate_parts(nowhere, faces, np.concatenate(points))
+    left, right = np.arange(2 * count).reshape(2, -1)
+    np.testing.assert_array_equal(image, np.concatenate([right, left, nowhere[: 2 * count]]))
 
 
 @pytest.fixture(scope="module")
