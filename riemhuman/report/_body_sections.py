@@ -239,7 +239,9 @@ def measurement_section(report: Report) -> Section | None:
     ]
     strip, along = None, step.arrays.get("along")
     if along is not None:
-        strip = output.figure("shape-along-waist", plot_path, along, faces, size=(4.0, 2.4))
+        strip = output.figure(
+            "shape-along-waist", plot_path, along, faces, size=(4.0, 2.4), height=720
+        )
     html = fill(
         "measurements",
         most_poses=_MOST_POSES,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +14,8 @@ from urllib.parse import quote
 
 import jinja2
 import numpy as np
+import PIL.features
+import PIL.Image
 
 from riemhuman.arrays import JSONValue
 from riemhuman.io.files import write_bytes, write_text
@@ -21,6 +25,9 @@ from riemhuman.plots.viewer import page_scripts, page_styles, web_file, web_temp
 from riemhuman.report._storage import Computed, ResultStore
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
+# Within a figure; smaller ones are colour scales, which stay as they are.
+_PICTURE = re.compile(r"data:image/png;base64,([\w+/=\s]{4000,})")
+_QUALITY = 88  # per cent, of WebP
 _quoted = cache(quote)  # the same characters come thousands of times
 
 
@@ -117,6 +124,20 @@ def is_missing(value: Any) -> bool:
     return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value)))
 
 
+def _smaller(svg: str) -> str:
+    """Return a figure whose pictures of bodies are WebP, for browsers; others want PNG."""
+    if not PIL.features.check("webp"):
+        return svg
+
+    def webp(found: re.Match[str]) -> str:
+        content = io.BytesIO()
+        with PIL.Image.open(io.BytesIO(base64.b64decode(found[1]))) as picture:
+            picture.save(content, format="WEBP", quality=_QUALITY)
+        return f"data:image/webp;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
+
+    return _PICTURE.sub(webp, svg)
+
+
 @dataclass(frozen=True)
 class Output:
     """Writes the figures and tables of a report when its sections request them."""
@@ -143,7 +164,7 @@ class Output:
                 figure = new_figure(*size)
                 draw(*arguments, **settings, ax=figure.subplots())
             svg, png = figure_files(figure)
-            files = {"svg": svg.encode(), "png": png}
+            files = {"svg": svg.encode(), "png": png, "page": _smaller(svg).encode()}
             return {kind: np.frombuffer(data, np.uint8) for kind, data in files.items()}, {}
 
         given = [
@@ -152,9 +173,10 @@ class Output:
         ]
         inputs = {"draw": draw.__name__, "arguments": given, "size": size, **settings}
         step = self.figures.step(name, compute, f"Figure {name}", **inputs)
-        for kind, data in step.arrays.items():
-            write_bytes(self.folder / "figures" / f"{name}.{kind}", data.tobytes())
-        svg = step.arrays["svg"].tobytes().decode()
+        for kind in ("svg", "png"):
+            place = self.folder / "figures" / f"{name}.{kind}"
+            write_bytes(place, step.arrays[kind].tobytes())
+        svg = step.arrays["page"].tobytes().decode()
         *_, width, height = re.findall(r"[\d.]+", svg.split('viewBox="')[1].split('"')[0])
         # Pictures of bodies within the SVG are base64 already; twice would add a third.
         quoted = _UNSAFE.sub(lambda characters: _quoted(characters[0]), svg)

@@ -69,6 +69,8 @@ _VIEWED_METRICS = {
     "both (1, 1, 0.1)": ("both", (1.0, 1.0, 0.1)),
 }
 Row = JSONRecord
+_PIXELS = 720  # height of a body, which figures scale down
+_MEAN_WIDTH = 8.0  # inches
 _COUNTS = {4: "Four", 5: "Five"}
 
 
@@ -296,12 +298,7 @@ def mean_section(report: Report) -> Section | None:
     step = _mean(report, group)
     mean = step.arrays["mean"][None]
     figure = report.output.figure(
-        "mean",
-        plot_path,
-        np.concatenate([bodies.points[group], mean]),
-        faces,
-        size=(8.0, 2.6),
-        colors=[SKIN] * len(group) + [MEAN],
+        "mean", _draw_mean, np.concatenate([bodies.points[group], mean]), faces
     )
     shown = [ViewedBody(name_of(bodies, index), bodies.points[[index]]) for index in group]
     shown.append(ViewedBody("Karcher mean", mean, MEAN))
@@ -360,12 +357,13 @@ def _draw_differences(bodies: Bodies, step: Step) -> Figure:
     figure = new_figure(9.6, 3.4 * len(pairs))
     rows = figure.subplots(len(pairs), 3, squeeze=False)
     for (name, (first, second)), axes in zip(pairs.items(), rows, strict=True):
-        plot_body(bodies.points[first], template.faces, ax=axes[0])
+        plot_body(bodies.points[first], template.faces, ax=axes[0], height=_PIXELS)
         axes[0].set_title(name_of(bodies, first))
         for ax, part in zip(axes[1:], ("metric", "normal"), strict=True):
             values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
             label = f"{part} part, per unit of area"
-            plot_body(bodies.points[second], template.faces, values, label=label, ax=ax)
+            second_body = bodies.points[second]
+            plot_body(second_body, template.faces, values, label=label, ax=ax, height=_PIXELS)
             ax.set_title(name_of(bodies, second))
     return figure
 
@@ -374,7 +372,7 @@ def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
     """Draw a geodesic as a film strip, with its energy beside it (figure 4 of the paper)."""
     figure = new_figure(10.0, 2.4)
     strip, curve = figure.subplots(1, 2, width_ratios=[0.77, 0.23])
-    plot_path(step.arrays["path"], bodies.template.faces, n_shown=6, ax=strip)
+    plot_path(step.arrays["path"], bodies.template.faces, n_shown=6, ax=strip, height=_PIXELS)
     strip.set_anchor("W")
     lines = {
         "straight path": step.record["straight_energy"],
@@ -388,13 +386,24 @@ def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
     return figure
 
 
+def _draw_mean(surfaces: ndarray, faces: ndarray) -> Figure:
+    """Draw people and, last, their mean, in a figure as high as they are."""
+    figure = new_figure(_MEAN_WIDTH, _MEAN_WIDTH)
+    ax = figure.subplots()
+    colors = [SKIN] * (len(surfaces) - 1) + [MEAN]
+    plot_path(surfaces, faces, colors=colors, ax=ax, height=_PIXELS)
+    (_, right), (_, top) = ax.get_xlim(), ax.get_ylim()
+    figure.set_size_inches(_MEAN_WIDTH, _MEAN_WIDTH * top / right + 0.1)
+    return figure
+
+
 def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
     """Draw several paths between two bodies below each other (figure 5 of the paper)."""
     names = _drawn(step)
     figure = new_figure(8.0, 1.75 * len(names))
     axes = figure.subplots(len(names), 1, squeeze=False)[:, 0]
     for name, ax in zip(names, axes, strict=True):
-        plot_path(step.arrays[name], bodies.template.faces, n_shown=7, ax=ax)
+        plot_path(step.arrays[name], bodies.template.faces, n_shown=7, ax=ax, height=_PIXELS)
         ax.set_anchor("W")
         ax.annotate(
             name, (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),

@@ -5,9 +5,11 @@ import io
 import re
 
 import numpy as np
+import PIL.features
 import pytest
 
-from riemhuman.report._page import Table, template
+from riemhuman.report._page import Output, Table, template
+from riemhuman.report._storage import ResultStore
 
 ROWS = [
     {"pair": "a < b", "metric_part": 99.0 + 1 / 3, "normal_part": 0.25, "squared_distance": 3.0},
@@ -50,6 +52,39 @@ def test_numbers_of_the_page_carry_those_of_the_file(html):
         assert value == rows[int(row)][column]
         form = {"metric_part": ".1f", "normal_part": ".2f"}[column]
         assert shown == format(float(value), form).replace("-", "−")
+
+
+def test_long_tables_show_their_first_rows():
+    """All rows are in the page: a button shows the rest, and so does print."""
+    columns = [("name", "Name"), ("value", "Value", ".1f")]
+
+    def html_of(n_rows):
+        rows = [{"name": f"row {k}", "value": float(k)} for k in range(n_rows)]
+        table = Table("long", rows)
+        return str(template("parts.html").module.table(table, "What it shows.", columns))
+
+    assert "folded" not in html_of(15)
+    assert "<button" not in html_of(15)
+    assert html_of(16).count("<data") == 16
+    assert 'class="table long folded"' in html_of(16)
+    assert "Show all 16 rows" in html_of(16)
+
+
+def test_figures_of_the_page_have_smaller_pictures(tmp_path):
+    """The file for other programs has PNG pictures, the page the same in WebP."""
+    noise = np.random.default_rng(0).random((20, 30))
+    store = ResultStore(tmp_path, "")
+    (tmp_path / "figures").mkdir()
+
+    def draw(ax):
+        ax.imshow(np.kron(noise, np.ones((10, 10))))
+
+    image = Output(tmp_path, store).figure("noise", draw, size=(4.0, 3.0))
+    written = (tmp_path / "figures" / "noise.svg").read_text(encoding="utf-8")
+    assert "data:image/png" in written
+    if PIL.features.check("webp"):
+        assert "data:image/webp" in image.source
+        assert "data:image/png" not in image.source
 
 
 def test_the_best_is_marked_and_text_is_escaped(html):

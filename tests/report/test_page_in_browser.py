@@ -49,6 +49,22 @@ def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, rep
     assert browser.run(where) == before
 
 
+def test_a_button_unfolds_a_long_table(browser, report_page):
+    browser.open(report_page, 1000, 700)
+    shown = (
+        "return [...document.querySelector('.long tbody').rows]"
+        ".filter((row) => row.offsetHeight > 0).length"
+    )
+    rows = browser.run("return document.querySelector('.long tbody').rows.length")
+    assert browser.run(shown) == 8
+    button = browser.find(".long button")
+    button.click()
+    assert browser.run(shown) == rows > 15
+    assert button.get_attribute("aria-expanded") == "true"
+    button.click()
+    assert browser.run(shown) == 8
+
+
 def test_it_prints_on_few_pages_and_loses_no_column(browser, report_page):
     browser.open(report_page, 718, 1000)  # as wide as what a page holds
     printed = base64.b64decode(browser.devtools("Page.printToPDF")["data"])
