@@ -466,6 +466,18 @@ class _Search:
     converged: bool
 
 
+def _mixture_of_adults(sexes: Mapping[str, float]) -> tuple[ndarray, ndarray]:
+    """Return mean and covariance of shape coefficients of adults, by the shares of the sexes."""
+    means, covariances = (
+        np.array([load_json("adults.json")[sex][moment] for sex in sexes])
+        for moment in ("mean", "covariance")
+    )
+    shares = np.array(list(sexes.values()))
+    mean = shares @ means
+    away = means - mean
+    return mean, np.tensordot(shares, covariances, axes=1) + (shares * away.T) @ away
+
+
 def _nearest_betas(
     measurements: Measurements,
     sexes: Mapping[str, float],
@@ -480,15 +492,7 @@ def _nearest_betas(
 
     model, pose = measurements.definitions.model, measurements.definitions.standard_pose_vector
     assert model is not None
-    means, covariances = (
-        np.array([load_json("adults.json")[sex][kind] for sex in sexes])
-        for kind in ("mean", "covariance")
-    )
-    # Of the mixture of both sexes.
-    shares = np.array(list(sexes.values()))
-    mean = shares @ means
-    away = means - mean
-    covariance = np.tensordot(shares, covariances, axes=1) + (shares * away.T) @ away
+    mean, covariance = _mixture_of_adults(sexes)
     # Coordinates have unit variance among adults: a first step is one unit, since after larger ones
     # measurements may not be defined.
     root = np.linalg.cholesky(covariance)

@@ -39,6 +39,7 @@ class End(NamedTuple):
         return shown
 
 
+# More than eight arguments: a compiled loop takes plain arrays.
 @compiled(fastmath=SUM)
 def assign(
     points: np.ndarray,

@@ -53,6 +53,7 @@ class SimulatedScan:
         return self.points if self.faces is None else (self.points, self.faces)
 
 
+# More than eight arguments: each keyword is one fault that scanners have.
 def simulated_scan(
     points: Any,
     faces: Any,

@@ -240,6 +240,7 @@ def subject_of_record(record: ScanRecord) -> SheetSubject:
     )
 
 
+# More than eight arguments: what a result of registration and a record on disk have in common.
 def subject_of_scan(
     name: str,
     points: ndarray,

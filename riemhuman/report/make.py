@@ -120,12 +120,7 @@ def make_report(
     with figure_style():
         made = [section for make in _SECTIONS if (section := make(report)) is not None]
     sizes = _sizes(bodies)
-    # Figures have a store of their own: drawing them is no step of the experiments.
-    steps = [
-        {"title": s.title, "step": s.name, "seconds": s.seconds}
-        | {"reused": s.is_reused, "fingerprint": s.fingerprint}
-        for s in store.steps
-    ]
+    steps = _rows_of_steps(store)
     making = fill("making", steps=files.table("steps", steps))
     text = page(
         _TITLE,
@@ -158,6 +153,15 @@ def make_report(
         },
     )
     return folder / "index.html"
+
+
+def _rows_of_steps(store: ResultStore) -> list[JSONRecord]:
+    """Return the steps of the experiments; figures, which have a store of their own, are none."""
+    return [
+        {"title": s.title, "step": s.name, "seconds": s.seconds}
+        | {"reused": s.is_reused, "fingerprint": s.fingerprint}
+        for s in store.steps
+    ]
 
 
 def _bodies_to_report(

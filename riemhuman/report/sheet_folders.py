@@ -42,6 +42,7 @@ _MOST_BROWSERS = 4
 Progress = Callable[[str], AbstractContextManager[object]]
 
 
+# More than eight arguments: each keyword is an option of the command.
 def make_sheets(
     bodies: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     output: str | os.PathLike[str],
