@@ -8,7 +8,6 @@ given.
 from __future__ import annotations
 
 import argparse
-import base64
 import json
 import re
 import shutil
@@ -26,7 +25,6 @@ import riemhuman as rh
 
 SOURCES = Path(__file__).parent
 WEB = Path(rh.plots.__file__).parent / "web"
-_LEAST_HEIGHT = 240  # pixels of a picture on a card
 _SHORT_SENTENCE = 50  # letters
 VIEWER = "application/vnd.riemhuman.viewer+html"
 
@@ -83,25 +81,15 @@ def with_viewers(path: Path) -> None:
 
 
 def gallery(notebooks: list[Path]) -> str:
-    """Return the page of all notebooks: of each a picture, written beside it, and a sentence."""
+    """Return the page of all notebooks: of each a picture (`thumbnails.py`) and a sentence."""
     text = (SOURCES / "gallery.md").read_text(encoding="utf-8").split("- [")[0]
     cards = []
-    for path in notebooks:
+    for number, path in enumerate(notebooks, start=1):
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         title = "".join(cells[0]["source"]).splitlines()[0].lstrip("# ")
-        pictures = [
-            base64.b64decode("".join(output["data"]["image/png"]))
-            for cell in cells
-            for output in cell.get("outputs", [])
-            if "image/png" in output.get("data", {})
-        ]
-        # A PNG file says its height at bytes 20 to 23; low film strips show bodies too small.
-        high = [each for each in pictures if int.from_bytes(each[20:24], "big") >= _LEAST_HEIGHT]
-        picture = path.with_name(f"gallery_{path.stem}.png")
-        picture.write_bytes((high or pictures)[0])
         cards.append(
             f":::{{grid-item-card}} {title}\n:link: {path.stem}\n:link-type: doc\n"
-            f":img-top: {picture.name}\n:class-card: gallery-card\n\n"
+            f":img-top: pictures/gallery/{number}.png\n:class-card: gallery-card\n\n"
             f"{first_sentence(cells[0])}\n:::"
         )
     contents = "\n".join(path.stem for path in notebooks)
