@@ -45,6 +45,7 @@ from riemhuman.registration._vertex_places import (
     filled_parts,
     find_without_counterpart,
     joined_components,
+    mean_surface,
     place_vertices,
 )
 from riemhuman.registration.registered_scans import RegisteredScan
@@ -57,8 +58,6 @@ from riemhuman.surfaces.procrustes import AXES, make_upright
 _FEWEST_VERTICES = 5000
 # Parts with a smaller share of the area are left out of registration: eyeballs, teeth.
 _SMALL_PART = 0.01
-# Estimates of a place from several bodies that are farther from their median are left out, metres.
-_FARTHEST_ESTIMATE = 0.03
 # A registered surface slides along itself by less, metres.
 _LONGEST_SLIDE = 0.02
 # Cosine between the directions up and from feet to head, below which bodies are upside down.
@@ -166,6 +165,8 @@ class TopologyMap:
         ArgumentError
             If triangles look inward, which those of a mirrored body do; if the bodies are not in
             metres; or if the registration of a body is not trusted.
+        FileFormatError
+            The same of a file.
         """
         model = load_open_model() if model is None else model
         if not isinstance(model, BodyModel):
@@ -173,22 +174,23 @@ class TopologyMap:
         one_of(up, "up", (None, *AXES))
         points, triangles = _bodies_and_faces(template, faces)
         is_file = isinstance(template, (str, os.PathLike))
+        name = os.fspath(template) if is_file else "template"
+        error = FileFormatError if is_file else ArgumentError
         _check_bodies(
             points[0] if len(points) == 1 else points,
             points[0],
             triangles,
-            os.fspath(template) if is_file else "template",
+            name,
             model.template.vertices,
-            FileFormatError if is_file else ArgumentError,
+            error,
         )
         points = turn_upright(points, up=up or standing_axis(points[0], triangles))
         dense, kept = _dense_model(model)
         with single_threaded_libraries():
-            results = [_register(body, triangles, dense) for body in points]
+            results = _registered_bodies(points, triangles, dense, name, error)
             surfaces = [_smoothed_surface(result, dense) for result in results]
-            registered = _mean_surface(points, triangles, surfaces, dense)
+            registered = _rounded(mean_surface(points, triangles, surfaces, dense.faces))
             reference = _rounded(points[0])
-            registered = _rounded(registered)
             images = find_images(reference, triangles, registered, dense)
             if images is not None:
                 registered = _rounded(
@@ -664,13 +666,28 @@ def _register(body: np.ndarray, faces: np.ndarray, model: BodyModel) -> Register
     points, triangles = body[used], corners.reshape(-1, 3)
     while len(points) < _FEWEST_VERTICES:
         points, triangles = split_triangles(points, triangles)
-    result = ScanRegistration(model, unit="metres").solve((points, triangles))
-    if not result.trusted:
-        raise ArgumentError(
-            "template must be a body to which the model can be registered; found that "
-            f"{result.message}"
-        )
-    return result
+    return ScanRegistration(model, unit="metres").solve((points, triangles))
+
+
+def _registered_bodies(
+    points: np.ndarray,
+    faces: np.ndarray,
+    model: BodyModel,
+    name: str,
+    error: type[Exception],
+) -> list[RegisteredScan]:
+    """Return the registrations of all bodies; refuse those that are not trusted."""
+    results = []
+    for number, body in enumerate(points):
+        result = _register(body, faces, model)
+        if not result.trusted:
+            place = name if len(points) == 1 else f"{name}[{number}]"
+            raise error(
+                f"{place} must be a body to which the model can be registered; found that "
+                f"{result.message}"
+            )
+        results.append(result)
+    return results
 
 
 def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> np.ndarray:
@@ -689,34 +706,6 @@ def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> np.ndarray:
     gaps *= np.minimum(1.0, _LONGEST_SLIDE / np.maximum(lengths, np.finfo(float).tiny))
     moved: np.ndarray = surface + 0.5 * gaps
     return moved
-
-
-def _mean_surface(
-    points: np.ndarray, faces: np.ndarray, surfaces: Sequence[np.ndarray], model: BodyModel
-) -> np.ndarray:
-    """Return the model's surface on the first body: the mean of its places on all bodies."""
-    first = surfaces[0]
-    if len(surfaces) == 1:
-        return first
-    everywhere = np.ones(points.shape[1], dtype=bool)
-    normals = vertex_normals(points[0], faces)
-    estimates = []
-    for body, surface in zip(points, surfaces, strict=True):
-        places, heights, gaps = place_vertices(surface, model.faces, body, faces, everywhere)
-        corners = faces[places.triangles]
-        along = unit_vectors(np.einsum("nk,nkx->nx", places.barycentric, normals[corners]))
-        moved = np.einsum("nk,nkx->nx", places.barycentric, points[0][corners])
-        moved += heights[:, np.newaxis] * along
-        moved[gaps > _FARTHEST_ESTIMATE] = np.nan
-        estimates.append(moved)
-    stacked = np.stack([first, *estimates[1:]])
-    middle = np.nanmedian(stacked, axis=0)
-    gaps = np.linalg.norm(stacked - middle, axis=2)
-    chosen = np.nan_to_num(gaps, nan=np.inf) < _FARTHEST_ESTIMATE
-    chosen[0] |= ~chosen.any(axis=0)
-    weights = chosen / chosen.sum(axis=0)
-    mean: np.ndarray = np.einsum("kn,knx->nx", weights, np.nan_to_num(stacked))
-    return mean
 
 
 def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> BodyModel:

@@ -155,6 +155,21 @@ def test_eyeballs_are_named_and_move_with_the_head(people, full, monkeypatch):
     assert rh.surfaces.nearest_points(moved, bodies[1], full.faces)[1].max() < 0.08
 
 
+def test_registrations_that_are_not_trusted_are_refused_by_name(people, monkeypatch, tmp_path):
+    _, others, faces, _ = people
+    doubtful = SimpleNamespace(trusted=False, message="an arm may be elsewhere")
+    trusted = SimpleNamespace(trusted=True, message="")
+    answers = iter([doubtful, trusted, doubtful, doubtful])
+    monkeypatch.setattr(topology_map, "_register", lambda *options: next(answers))
+    rh.save_mesh(tmp_path / "odd.ply", others[0], faces)
+    with pytest.raises(FileFormatError, match=r"odd\.ply must be a body .*an arm may be elsewhere"):
+        TopologyMap.fit(tmp_path / "odd.ply")
+    with pytest.raises(ArgumentError, match=r"template\[1\] must be a body .*an arm"):
+        TopologyMap.fit(others[:2], faces=faces)
+    with pytest.raises(ArgumentError, match="^template must be a body .*an arm"):
+        TopologyMap.fit((others[0], faces))
+
+
 def with_eyeballs(body, faces, head):
     """Return a mesh with two spheres in its head, one the mirror image of the other."""
     ball, triangles = unit_sphere()
