@@ -90,8 +90,9 @@ def _run(given: Sequence[str]) -> int:
     options.bars = not options.quiet and sys.stderr.isatty()
     options.task, options.written, options.files = partial(terminal.task, options), [], {}
     compilation_time.tell(terminal.say_compilation if options.bars else None)
+    words = f"{options.parser.prog}: {options.summary}" if options.bars else ""
     try:
-        with terminal.short_warnings() as unconverged:
+        with terminal.short_warnings() as unconverged, terminal.status.of_command(words):
             for check in (*options.input_checks, *options.checks):
                 check(options)
             answer = _answer(options)

@@ -301,8 +301,9 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
         listed = texts if group else {key: texts[key] for key in ("description", "epilog")}
         command_parser = commands[group].add_parser(name, **listed, **style)
         command_parser.set_defaults(
-            **_DEFAULTS, template=None, run=run, parser=command_parser, input_checks=(), checks=()
-        )
+            **_DEFAULTS, template=None, run=run, parser=command_parser, input_checks=(), checks=(),
+            summary=texts["help"],
+        )  # fmt: skip
         for argument in (*arguments, *_COMMON, _DEBUG):
             argument(command_parser)
     return parser

@@ -95,7 +95,8 @@ def _measure(
 def _dist(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
     measure = _measure(options, _space(read, options.metric), travel=options.travel)
-    dist = float(measure.dist(*read.motions))
+    with options.task("Distance"):
+        dist = float(measure.dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
     if not (options.quiet or options.json):
         _note_usual_distances(options)

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,6 +22,10 @@ from riemhuman.errors import ConvergenceWarning
 if TYPE_CHECKING:
     from riemhuman.arrays import JSONRecord
     from riemhuman.solvers import Result
+
+
+# Seconds without a word after which a command says what it does.
+_SILENCE = 2.0
 
 
 def as_json(record: Any) -> str:
@@ -81,12 +86,76 @@ def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     return Answer({**text, "converged": said}, record | text | how, bool(result.converged))
 
 
+class StatusLine:
+    """The last line of a terminal: the task or, after two seconds of silence, the command."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._command = ""  # what it does; nothing where nobody looks on
+        self._tasks: list[str] = []
+        self._timer: threading.Timer | None = None
+
+    @contextmanager
+    def of_command(self, words: str) -> Iterator[None]:
+        """Say what a command does whenever it has said nothing for two seconds."""
+        if not words:
+            yield
+            return
+        self._command = words
+        try:
+            with self.above():
+                pass  # nothing to write yet: the wait begins
+            yield
+        finally:
+            self._command = ""
+            with self.above():
+                self._tasks.clear()
+
+    @contextmanager
+    def of_task(self, name: str) -> Iterator[None]:
+        """Show the name of a task, also again below what is written meanwhile."""
+        with self.above():
+            self._tasks.append(name)
+        try:
+            yield
+        finally:
+            self._tasks.pop()
+
+    @contextmanager
+    def above(self) -> Iterator[None]:
+        """Make room for whole lines, and say below them what goes on."""
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
+            if sys.stderr.isatty():
+                sys.stderr.write("\r\x1b[K")
+            yield
+            if self._tasks:
+                self._write(self._tasks[-1])
+            elif self._command:
+                self._timer = threading.Timer(_SILENCE, self._say_command)
+                self._timer.daemon = True
+                self._timer.start()
+
+    def _say_command(self) -> None:
+        with self._lock:
+            if self._timer is not None and not self._tasks:
+                self._write(self._command)
+
+    def _write(self, words: str) -> None:
+        sys.stderr.write(f"{words} ...")
+        sys.stderr.flush()
+
+
+status = StatusLine()
+
+
 def note(text: str) -> None:
-    """Write one line to standard error, above progress bars and in place of the task's name."""
+    """Write one line to standard error, above progress bars and the name of the task."""
     tqdm = sys.modules.get("tqdm")  # only progress bars import it
-    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext():
-        begin = "\r\x1b[K" if sys.stderr.isatty() else ""
-        sys.stderr.write(f"{begin}riemhuman: {' '.join(text.split())}\n")
+    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), status.above():
+        sys.stderr.write(f"riemhuman: {' '.join(text.split())}\n")
 
 
 def say_compilation() -> None:
@@ -125,14 +194,13 @@ def discard_output() -> None:
 def task(options: argparse.Namespace, name: str) -> Iterator[None]:
     """Report a task on standard error with the time that it took, on a terminal as it begins."""
     start = time.perf_counter()
-    if options.bars:
-        sys.stderr.write(f"{name} ...")
-        sys.stderr.flush()
-    yield
+    with status.of_task(name) if options.bars else nullcontext():
+        yield
     if not options.quiet:
         # On a terminal, this replaces the name of the task.
         begin = "\r" if options.bars else ""
-        sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
+        with status.above():
+            sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
 @contextmanager

@@ -209,6 +209,32 @@ def test_a_terminal_is_told_at_once(capsys):
     assert re.fullmatch(r"\rReading: \d\.\d s\n", capsys.readouterr().err)
 
 
+def test_a_silent_command_says_what_it_does(run, scans, capsys, monkeypatch):
+    """It does so after two seconds, here at once, and wipes it out before the result."""
+
+    class NoPatience:
+        def __init__(self, seconds, function):
+            assert seconds == 2
+            self.start, self.cancel = function, lambda: None
+
+    monkeypatch.setattr("threading.Timer", NoPatience)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    finished = run("info", scans / "body_0.ply")
+    words = "riemhuman info: the kind, size and defects of a file ..."
+    assert finished.err == f"\r\x1b[K{words}\r\x1b[K"
+    assert run("info", scans / "body_0.ply", "--quiet").err == ""
+
+
+def test_the_task_is_named_again_below_a_note(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with task(SimpleNamespace(quiet=False, bars=True), "Reading"):
+        capsys.readouterr()
+        terminal.say_compilation()
+    said = capsys.readouterr().err.split("\n")
+    assert said[0].startswith("\r\x1b[Kriemhuman: compiling, once on this machine")
+    assert re.fullmatch(r"Reading \.\.\.\r\x1b\[K\rReading: \d\.\d s", said[1])
+
+
 def test_notes_stand_above_bars(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     reported = task(SimpleNamespace(quiet=False, bars=True), "Reading")
