@@ -7,7 +7,7 @@ function that is differentiated takes and returns them as it does arrays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ __all__ = [
     "PairsLike",
     "Points",
     "PointsLike",
+    "PointsOnDemand",
     "PointsOrBatches",
     "TangentVectors",
     "Triangles",
@@ -56,7 +57,19 @@ Triangles: TypeAlias = NDArray[np.int64]
 Image: TypeAlias = NDArray[np.uint8]
 """Pixels, shape (height, width, channels)."""
 
-PointsLike: TypeAlias = NDArray[np.float64] | Sequence[object]
+
+class PointsOnDemand(Protocol):
+    """Points, such as meshes in files or frames of a motion, that are read when they are asked for.
+
+    An array of points has this form, too.
+    """
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, part: int | slice, /) -> NDArray[np.float64]: ...
+
+
+PointsLike: TypeAlias = NDArray[np.float64] | Sequence[object] | PointsOnDemand
 """A set of points: an array, or a sequence whose items are read as points, such as meshes."""
 
 PairsLike: TypeAlias = NDArray[np.float64] | Sequence[Sequence[object]]

@@ -15,7 +15,7 @@ from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 import numpy as np
 from autograd.tracer import getval
 
-from riemhuman.arrays import Array, ArrayLike, Integers, Labels, PointsLike
+from riemhuman.arrays import Array, ArrayLike, Integers, Labels
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
 from riemhuman.memory import too_little
 
@@ -231,7 +231,7 @@ def distance_matrix(distances: ArrayLike, name: str, *, symmetric: bool = True) 
     return 0.5 * (matrix + matrix.T)
 
 
-def length_of(points: ArrayLike | PointsLike, name: str) -> int:
+def length_of(points: object, name: str) -> int:
     """Return the number of points of an array, or of an object that has a length and slices."""
     has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
     if not has_slices or isinstance(points, (Mapping, str, bytes, memoryview)):

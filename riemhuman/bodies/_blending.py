@@ -7,7 +7,7 @@ so the loops visit only weights that are not zero. Autograd can differentiate `m
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
@@ -15,7 +15,7 @@ from autograd.extend import defjvp, defvjp, primitive
 from autograd.numpy.numpy_vjps import unbroadcast_f
 from autograd.tracer import isbox
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.compilation import compiled
 
 
@@ -50,7 +50,7 @@ class SkinningWeights(NamedTuple):
 
 
 @primitive
-def move(points: Any, motions: Any, values: Any, followers: Followers) -> Any:
+def move(points: Array, motions: Array, values: Array, followers: Followers) -> Array:
     """Return the means Σ_j w_j (A_j x + t_j), shape (..., V, 3), with motions [A t]."""
     real = onp.result_type(onp.float32, points, motions, values)
     lead, points, of_points, motions, of_motions = _aligned(points, 2, motions, 3)
@@ -85,7 +85,7 @@ def _move(
 
 
 @primitive
-def moments(vectors: Any, points: Any, values: Any, followers: Followers) -> Any:
+def moments(vectors: Array, points: Array, values: Array, followers: Followers) -> Array:
     """Return Σ_v w_v y_v (x_v, 1)ᵀ, shape (..., J, 3, 4): `move` transposed in the motions."""
     real = onp.result_type(onp.float32, vectors, points, values)
     lead, vectors, of_vectors, points, of_points = _aligned(vectors, 2, points, 2)
@@ -118,19 +118,22 @@ def _add_moments(
                     total[row, 3] += pull
 
 
-def _aligned(a: Any, n_axes_a: int, b: Any, n_axes_b: int) -> tuple[Any, ...]:
+def _aligned(
+    a: Array, n_axes_a: int, b: Array, n_axes_b: int
+) -> tuple[tuple[int, ...], Array, Integers, Array, Integers]:
     """Return the joint leading shape of arrays, each as a list of items, and the item of each."""
     lead = onp.broadcast_shapes(a.shape[:-n_axes_a], b.shape[:-n_axes_b])
-    lists = []
-    for array, n_axes in ((a, n_axes_a), (b, n_axes_b)):
-        leading, item = array.shape[:-n_axes], array.shape[-n_axes:]
-        numbers = onp.arange(math.prod(leading)).reshape(leading)
-        lists.append(onp.ascontiguousarray(array).reshape(-1, *item))
-        lists.append(onp.broadcast_to(numbers, lead).ravel())
-    return lead, *lists
+    return lead, *_items(a, n_axes_a, lead), *_items(b, n_axes_b, lead)
 
 
-def _transposed(motions: Any) -> Any:
+def _items(array: Array, n_axes: int, lead: tuple[int, ...]) -> tuple[Array, Integers]:
+    leading, item = array.shape[:-n_axes], array.shape[-n_axes:]
+    numbers = onp.arange(math.prod(leading)).reshape(leading)
+    items = onp.ascontiguousarray(array).reshape(-1, *item)
+    return items, onp.broadcast_to(numbers, lead).ravel()
+
+
+def _transposed(motions: Array) -> Array:
     """Return the motions [Aᵀ 0]."""
     turned = np.swapaxes(motions[..., :3], -1, -2)
     return np.concatenate([turned, np.zeros_like(motions[..., 3:])], axis=-1)
@@ -140,7 +143,7 @@ def _without_shifts(motions: Array) -> Array:
     return np.concatenate([motions[..., :3], np.zeros_like(motions[..., 3:])], axis=-1)
 
 
-def _pairings(vectors: Any, points: Any, motions: Any, followers: Followers) -> Any:
+def _pairings(vectors: Array, points: Array, motions: Array, followers: Followers) -> Array:
     """Return ⟨y_v, A_j x_v + t_j⟩ for each vertex and joint it follows, summed over bodies."""
     vertices, joints = followers.vertices, followers.joints
     of_joints = motions[..., joints, :, :]

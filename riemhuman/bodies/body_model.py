@@ -7,7 +7,6 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cached_property
-from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -98,17 +97,17 @@ class BodyModel(Unchanging):
     # More than eight arguments: the arrays of SMPL's files, under their names there.
     def __init__(
         self,
-        v_template: Any,
-        faces: Any,
-        shapedirs: Any,
-        joint_regressor: Any,
-        weights: Any,
-        kintree_table: Any,
+        v_template: ArrayLike,
+        faces: ArrayLike,
+        shapedirs: ArrayLike,
+        joint_regressor: ArrayLike,
+        weights: ArrayLike,
+        kintree_table: ArrayLike,
         *,
-        posedirs: Any = None,
-        joint_names: Sequence[str] | None = None,
-        hand_directions: Any = None,
-        hand_poses: Sequence[str] = (),
+        posedirs: ArrayLike | None = None,
+        joint_names: Sequence[str] | onp.ndarray | None = None,
+        hand_directions: ArrayLike | None = None,
+        hand_poses: Sequence[str] | onp.ndarray = (),
         dtype: DTypeLike = onp.float64,
     ) -> None:
         self.dtype = _precision(dtype)
@@ -215,8 +214,12 @@ class BodyModel(Unchanging):
 
     @enough_memory("posing these bodies", _FEWER)
     def __call__(
-        self, betas: Any = None, pose: Any = None, trans: Any = None, hands: Any = None
-    ) -> Any:
+        self,
+        betas: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+        trans: ArrayLike | None = None,
+        hands: ArrayLike | None = None,
+    ) -> Array:
         """Return the surfaces with these shapes, poses, translations and hand poses.
 
         Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
@@ -285,13 +288,13 @@ class BodyModel(Unchanging):
 
     fit = fit_model
 
-    def _shaped(self, betas: Any) -> Any:
+    def _shaped(self, betas: ArrayLike | None) -> Array:
         if betas is None:
             return self._rest
         betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
         return self._rest + self._offsets(betas, "shapedirs")
 
-    def _shaped_joints(self, betas: Any) -> Any:
+    def _shaped_joints(self, betas: ArrayLike | None) -> Array:
         """Return the joints in the rest pose, linear in the betas like the vertices."""
         rest, shapes = self._joint_shapes
         if betas is None:
@@ -300,7 +303,7 @@ class BodyModel(Unchanging):
         offsets = np.dot(betas, shapes)
         return rest + np.reshape(offsets, (*np.shape(offsets)[:-1], self.n_joints, 3))
 
-    def _hand_offsets(self, hands: Any) -> Any:
+    def _hand_offsets(self, hands: ArrayLike) -> Array:
         self._check_hands()
         hands = self._rounded(real_array(hands, "hands", (self.hand_directions.shape[-1],)))
         return self._offsets(hands, "hand_directions")
@@ -309,7 +312,13 @@ class BodyModel(Unchanging):
         if not self.hand_poses:
             raise ArgumentError("hands must be relaxed: the model has no hand poses")
 
-    def _check_batches(self, betas: Any, pose: Any, trans: Any, hands: Any = None) -> int:
+    def _check_batches(
+        self,
+        betas: ArrayLike | None,
+        pose: ArrayLike | None,
+        trans: ArrayLike | None,
+        hands: ArrayLike | None = None,
+    ) -> int:
         """Return the number of bodies; raise an error if leading axes do not fit together."""
         leads = {}
         for name, array in {"betas": betas, "pose": pose, "trans": trans, "hands": hands}.items():
@@ -323,7 +332,7 @@ class BodyModel(Unchanging):
     def _rounded(self, array: Array) -> Array:
         return array.astype(self.dtype, copy=False)
 
-    def _rotations(self, pose: Any) -> Any:
+    def _rotations(self, pose: ArrayLike) -> Array:
         pose = real_array(pose, "pose")
         shape = np.shape(pose)
         if shape[-1:] == (3 * self.n_joints,):
@@ -349,7 +358,7 @@ class BodyModel(Unchanging):
         shape = (*np.shape(coefficients)[:-1], self.n_vertices, 3)
         return np.reshape(np.dot(coefficients, self._matrices[name]), shape)
 
-    def _translated(self, points: Any, trans: Any) -> Any:
+    def _translated(self, points: Array, trans: ArrayLike | None) -> Array:
         if trans is None:
             return points
         return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
@@ -402,7 +411,7 @@ def convert_model(
     return model
 
 
-def _copy(array: Any, name: str, shape: tuple[int | str, ...]) -> onp.ndarray:
+def _copy(array: ArrayLike, name: str, shape: tuple[int | str, ...]) -> onp.ndarray:
     return read_only(onp.array(real_array(array, name, shape, batched=False)))
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -38,6 +38,7 @@ from riemhuman.surfaces.template import check_body_sizes
 
 if TYPE_CHECKING:
     from riemhuman.bodies.body_model import BodyModel
+    from riemhuman.surfaces.template import Template
 
 _LOSSES = ("squared", "huber")
 
@@ -224,7 +225,10 @@ def _priors(
     return np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)])
 
 
-def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_array:
+def correspondence_matrix(
+    model: BodyModel | Template,
+    correspondence: ArrayLike | tuple[ArrayLike, ArrayLike] | sparse.csr_array | None = None,
+) -> sparse.csr_array:
     """Return the matrix (n_points, V) from a model's vertices to the points of a correspondence.
 
     Parameters
@@ -244,7 +248,6 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
     (2, 3)
     """
     n_vertices = model.n_vertices
-    is_pair = isinstance(correspondence, Sequence) and len(correspondence) == 2
     if correspondence is None:
         return sparse.eye_array(n_vertices, format="csr")
     if sparse.issparse(correspondence):
@@ -254,7 +257,11 @@ def correspondence_matrix(model: Any, correspondence: Any = None) -> sparse.csr_
                 f"correspondence must have shape (n_points, {n_vertices}); found {matrix.shape}"
             )
         matrix.sum_duplicates()
-    elif is_pair and np.ndim(correspondence[0]):
+    elif (
+        isinstance(correspondence, Sequence)
+        and len(correspondence) == 2
+        and np.ndim(correspondence[0])
+    ):
         triangles = integer_array(correspondence[0], "triangles of correspondence", ("n_points",))
         _refuse_outside(triangles, len(model.faces), "triangles")
         shape = (len(triangles), 3)

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -15,6 +15,9 @@ from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.pickles import load_pickled_arrays
+
+Stored: TypeAlias = np.ndarray | sparse.coo_array
+"""An array or, of SMPL's joint regressor, a sparse matrix."""
 
 # Fields of a file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
 _REQUIRED = ("v_template", "f", "shapedirs", "J_regressor", "weights", "kintree_table")
@@ -93,7 +96,9 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
     return _contents(_load_arrays(path), n_betas)
 
 
-def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) -> dict[str, Any]:
+def read_model_fields(
+    path: str | os.PathLike[str], n_betas: int | None = None
+) -> dict[str, Stored]:
     """Return the arguments of `BodyModel` by name, from a file in any of the published layouts."""
     arrays = _load_arrays(path)
     contents = _contents(arrays, n_betas)
@@ -104,7 +109,7 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
         if sparse.issparse(array) and name != "joint_regressor":
             raise FileFormatError(f"{path}: {name} must not be a sparse matrix")
     regressor, shape = fields["joint_regressor"], fields["weights"].shape
-    if sparse.issparse(regressor):
+    if not isinstance(regressor, np.ndarray):
         if regressor.shape[::-1] != shape:  # which may be vast
             raise FileFormatError(
                 f"{path}: J_regressor must have the shape of weights, {shape}, transposed; "
@@ -124,7 +129,7 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
     return fields
 
 
-def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Any]:
+def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Stored]:
     is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
     load = load_pickled_arrays if is_pickle else load_arrays
     try:
@@ -139,7 +144,7 @@ def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Any]:
         ) from error
 
 
-def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
+def _contents(fields: Mapping[str, Stored], n_betas: int | None) -> ModelContents:
     """Return the family of a model, and which parts of its file are used."""
     n_joints = _last_length(fields["weights"])
     n_entries = np.size(fields.get("posedirs", ())) // max(1, np.size(fields["v_template"]))
@@ -174,7 +179,7 @@ def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
     return ModelContents(family, n_shapes, n_used, tuple(used), tuple(left_out))
 
 
-def _last_length(array: Any) -> int:
+def _last_length(array: Stored) -> int:
     """Return the length of the last axis of an array, or 0 for a number."""
     return (0, *np.shape(array))[-1]
 

@@ -7,10 +7,11 @@ Pons-Moll and Black, "SMPL: A Skinned Multi-Person Linear Model", ACM Trans. Gra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import autograd.numpy as np
 import numpy as onp
+from numpy.typing import DTypeLike
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies._blending import SkinningWeights, move
@@ -35,8 +36,8 @@ SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17
 
 
 def joint_motions(
-    joints: Any, rotations: Any, parents: Any, order: Sequence[int]
-) -> tuple[Any, Any]:
+    joints: Array, rotations: Array, parents: Sequence[int] | Integers, order: Sequence[int]
+) -> tuple[Array, Array]:
     """Return the rotation in space and the position of every joint (Loper et al., equations 3, 4).
 
     Parameters
@@ -64,8 +65,8 @@ def joint_motions(
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
     joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
     rotations = rotations + np.zeros((*shape, 1, 1, 1), dtype=rotations.dtype)
-    in_space: list[Any] = [None] * len(parents)
-    positions: list[Any] = [None] * len(parents)
+    in_space: dict[int, Array] = {}
+    positions: dict[int, Array] = {}
     for joint in order:
         parent = parents[joint]
         in_space[joint], positions[joint] = rotations[..., joint, :, :], joints[..., joint, :]
@@ -73,7 +74,11 @@ def joint_motions(
             bone = positions[joint] - joints[..., parent, :]
             positions[joint] = positions[parent] + _apply(in_space[parent], bone)
             in_space[joint] = np.matmul(in_space[parent], in_space[joint])
-    return np.stack(in_space, axis=-3), np.stack(positions, axis=-2)
+    joints_in_turn = range(len(parents))
+    return (
+        np.stack([in_space[joint] for joint in joints_in_turn], axis=-3),
+        np.stack([positions[joint] for joint in joints_in_turn], axis=-2),
+    )
 
 
 def skin_surface(
@@ -165,10 +170,10 @@ class JointMotions:
     def skin(
         self,
         rest: onp.ndarray,
-        shapedirs: Any,
-        posedirs: Any,
-        weights: Any,
-        bones: Any = slice(None),
+        shapedirs: onp.ndarray,
+        posedirs: onp.ndarray | None,
+        weights: onp.ndarray,
+        bones: Integers | slice = slice(None),
     ) -> tuple[onp.ndarray, onp.ndarray, onp.ndarray]:
         """Return points before the joints rotate, their blended rotations, and where they move."""
         shaped = rest + shapedirs @ self.betas
@@ -193,9 +198,9 @@ def skinning_derivatives(
     weights: onp.ndarray,
     shapedirs: onp.ndarray,
     below: onp.ndarray,
-    bones: Any = slice(None),
-    active: Any = slice(None),
-    real: Any = float,
+    bones: Integers | slice = slice(None),
+    active: Integers | slice = slice(None),
+    real: DTypeLike = float,
 ) -> onp.ndarray:
     """Return derivatives (n, 3, c) of points by rotations in space, betas and trans."""
     # First all rotations about x, then y, then z. The points have weights for the joints `bones`,

@@ -5,14 +5,20 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from riemhuman.arrays import Array
+    from riemhuman.bodies import BodyModel
+    from riemhuman.datasets import Motion
 
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _PARTS = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # metrics of shape and of pose
@@ -57,12 +63,12 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     length = float(metric.length(result.path))
     distance = float(metric.dist(result.path[0], result.path[-1]))  # no path is shorter
     values = {"energy": result.energy, "length": length, "distance": distance}
-    answer: Any = terminal.solved(result, values, **record)
+    answer = terminal.solved(result, values, **record)
     description = (
         f"From {options.a_file.name} to {options.b_file.name} in {len(result.path)} surfaces: "
         f"a path of least energy under the metric {metric}. Energy "
         f"{result.energy:.4g}, length {length:.4g}\u00a0m; no path is shorter than "
-        f"{distance:.4g}\u00a0m. Converged: {answer.text['converged']}."
+        f"{distance:.4g}\u00a0m. Converged: {terminal.convergence(result)}."
     )
     title, summary = "Geodesic between two bodies", answer.record
     inputs.write_path(options, result.path, surfaces.faces, title, description, summary=summary)
@@ -95,8 +101,14 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     shown = None
     if options.picture is not None:
         names = [*(file.stem for file in surfaces.files), "Karcher mean"]
-        bodies, about = [*points, result.point], {"title": "Meshes and their mean", "mean": True}
-        shown = rh.plots.save_picture(options.picture, bodies, surfaces.faces, names, **about)
+        shown = rh.plots.save_picture(
+            options.picture,
+            [*points, result.point],
+            surfaces.faces,
+            names,
+            title="Meshes and their mean",
+            mean=True,
+        )
     record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
     values = {"variance": result.variance, "picture": shown}
     return terminal.solved(result, values, variances=result.variances, **record)
@@ -178,7 +190,7 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         titles = [name.replace("_", " ") for name in names]
         viewer = rh.plots.view_components(pca, surfaces.faces, title="Components of bodies")
         written = rh.plots.view_bodies(np.array(bodies), surfaces.faces, titles)
-        choices = viewer.choices | {"Bodies in this folder": written.choices["Bodies"]}
+        choices = {**viewer.choices, "Bodies in this folder": written.choices["Bodies"]}
         dataclasses.replace(viewer, choices=choices).save(folder / "components.html")
     shares = zip(numbers, pca.explained_variance_ratio_, strict=True)
     said = [f"component {k}  {100 * share:.1f} % of the variance" for k, share in shares]
@@ -338,8 +350,8 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
         models = [model(fit.betas, fit.pose, fit.trans) for fit in fits]
         bodies = np.stack([surfaces[:], models], axis=1).reshape(-1, *models[0].shape)
         titles = [title for file in files for title in (file.stem, f"{file.stem}, model")]
-        about = {"title": "Meshes, each beside its model"}
-        rh.plots.save_picture(options.picture, bodies, surfaces.faces, titles, **about)
+        title = "Meshes, each beside its model"
+        rh.plots.save_picture(options.picture, bodies, surfaces.faces, titles, title=title)
     means = [1000.0 * float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
     said = ["mean distances between mesh and model:"]
@@ -349,7 +361,7 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer("\n".join(said), record, trusted=all(converged))
 
 
-def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> Any:
+def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> BodyModel:
     if options.model is not None:
         return rh.BodyModel.from_file(options.model)
     for resolution in ("coarse", "full"):
@@ -404,7 +416,7 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer(record, record)
 
 
-def _basis_motions(options: argparse.Namespace) -> Any:
+def _basis_motions(options: argparse.Namespace) -> Sequence[Motion | Array]:
     """Return the chosen motions, whose frames are read when they are needed."""
     if options.open == bool(options.motions):
         raise ArgumentError("give either files or folders of motions, or --open")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypedDict, Unpack
 
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
@@ -25,18 +25,41 @@ MESH_ENDINGS = (".ply", ".obj", ".off")
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
 
+Record: TypeAlias = "JSONRecord | Sequence[object]"
+"""What is written as JSON: values by name, or a list, also of dataclasses."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """The answer of a command: lines of text, or values by name, and a record for ``--json``."""
 
     text: str | Mapping[str, object] = ""
-    record: JSONRecord | list[JSONRecord] | None = None
+    record: Record | None = None
     trusted: bool = True
     written: bool = True  # whether to add the places of outputs
 
 
 Run: TypeAlias = Callable[[argparse.Namespace], Answer]
-Argument: TypeAlias = Callable[[argparse.ArgumentParser], object]
+Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
+
+
+class PathSettings(TypedDict, total=False):
+    """Settings of a path, as argparse takes them."""
+
+    default: object
+    dest: str
+    nargs: str | int
+    required: bool
+
+
+class Settings(PathSettings, total=False):
+    """Settings of an argument, as argparse takes them."""
+
+    action: str
+    choices: Sequence[str]
+    const: str
+    metavar: str | tuple[str, ...]
+    type: Callable[[str], object]
 
 
 # The texts, arguments and functions of commands; a name of two words is a command of a group.
@@ -74,7 +97,7 @@ def command(
     return declare
 
 
-def option(flags: str, text: str, **settings: Any) -> Argument:
+def option(flags: str, text: str, **settings: Unpack[Settings]) -> Argument:
     """Return the declaration of an argument with its help, to which a default is added."""
     default = settings.get("default")
     if isinstance(default, (int, float, str)) and not {"action", "type"} & {*settings}:
@@ -98,8 +121,10 @@ def several(
 ) -> Argument:
     """Return one declaration of several arguments, of which one may be given if exclusive."""
 
-    def declare(parser: argparse.ArgumentParser) -> None:
-        target: Any = parser.add_argument_group(title, text) if title else parser
+    def declare(parser: argparse._ActionsContainer) -> None:
+        target: argparse._ActionsContainer = (
+            parser.add_argument_group(title, text) if title else parser
+        )
         if exclusive:
             target = target.add_mutually_exclusive_group()
         for argument in arguments:
@@ -136,12 +161,14 @@ def mesh(text: str) -> Path:
     return place
 
 
-def path_option(flags: str, metavar: str, text: str, **settings: object) -> Argument:
-    return option(flags, text, metavar=metavar, **{"type": path, **settings})
+def path_option(flags: str, metavar: str, text: str, **settings: Unpack[PathSettings]) -> Argument:
+    return option(flags, text, metavar=metavar, type=path, **settings)
 
 
-def mesh_option(flags: str, metavar: str, text: str = "mesh file", **settings: object) -> Argument:
-    return _existing(path_option(flags, metavar, text, type=mesh, **settings), flags)
+def mesh_option(
+    flags: str, metavar: str, text: str = "mesh file", **settings: Unpack[PathSettings]
+) -> Argument:
+    return _existing(option(flags, text, metavar=metavar, type=mesh, **settings), flags)
 
 
 def _existing(declared: Argument, flags: str) -> Argument:
@@ -154,7 +181,7 @@ def _existing(declared: Argument, flags: str) -> Argument:
             if place is not None and not place.exists():
                 raise FileError(f"there is no file {place}")
 
-    def declare(parser: argparse.ArgumentParser) -> None:
+    def declare(parser: argparse._ActionsContainer) -> None:
         declared(parser)
         parser.set_defaults(input_checks=(*parser.get_default("input_checks"), check))
 
@@ -199,7 +226,7 @@ def output(
         flags, text or f"{' or '.join(kinds)} to write", metavar=metavar, required=required
     )
 
-    def declare(parser: argparse.ArgumentParser) -> None:
+    def declare(parser: argparse._ActionsContainer) -> None:
         several(declared, *[FORCE] * (dest == "output"))(parser)
         parser.set_defaults(checks=(*parser.get_default("checks"), check))
 

@@ -50,7 +50,7 @@ def _make_map(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer(record, record)
 
 
-def _target(parser: argparse.ArgumentParser) -> None:
+def _target(parser: argparse._ActionsContainer) -> None:
     """Declare the output as a second place, for ``convert IN OUT``."""
     parser.add_argument("target", metavar="OUT", nargs="?", help="the output, instead of -o")
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
@@ -16,7 +16,10 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.datasets import Bodies
+    from riemhuman.arrays import Array
+    from riemhuman.datasets import Bodies, RegisteredMeshes
+    from riemhuman.geometry import RiemannianMetric
+    from riemhuman.retrieval import RetrievalScores
 
 _QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
 _N_COMPONENTS = 100  # of the basis of Dynamic FAUST
@@ -112,7 +115,7 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     if options.all:
         return cli.Answer(f"{head}\n\n{rh.retrieval.format_benchmark(records)}", records)
     titles = rh.retrieval.benchmarks.TITLES
-    scores_by_title: dict[str, dict[str, Any]] = {}
+    scores_by_title: dict[str, dict[str, RetrievalScores]] = {}
     for record in records:
         if record.scores is None:
             raise ArgumentError(f"{record.representation} cannot be computed: {record.problem}")
@@ -249,14 +252,18 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer("\n".join([f"{len(names)} meshes, {said}", *about]), record)
 
 
-def _distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> Any:
+def _distances(
+    metric: RiemannianMetric, surfaces: inputs.Surfaces, options: argparse.Namespace
+) -> tuple[dict[str, Array]]:
     settings = {"n_jobs": options.jobs, "precision": options.precision, "progress": options.bars}
     if options.resume is None:
-        return [{"distances": metric.dist_pairwise(surfaces, **settings)}]
-    return [{"distances": rh.pairwise_job(metric, surfaces, options.resume, **settings)}]
+        return ({"distances": metric.dist_pairwise(surfaces, **settings)},)
+    return ({"distances": rh.pairwise_job(metric, surfaces, options.resume, **settings)},)
 
 
-def _path_distances(metric: Any, surfaces: inputs.Surfaces, options: argparse.Namespace) -> Any:
+def _path_distances(
+    metric: RiemannianMetric, surfaces: inputs.Surfaces, options: argparse.Namespace
+) -> tuple[dict[str, Array], *tuple[str, ...]]:
     import numpy as np
 
     basis = inputs.chosen_basis(options, surfaces.template)
@@ -296,11 +303,11 @@ def _retrieve(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError(f"-k must be at least 1; found {options.k}")
     query = options.query
     options.template = options.template or query
-    asked: Any = inputs.read_surfaces(options, [query])
+    asked = inputs.read_surfaces(options, [query])
     files = [f for f in rh.datasets.find_meshes(options.folder) if not f.samefile(query)]
     if not files:
         raise ArgumentError(f"{options.folder} holds no mesh other than the query")
-    others: Any = inputs.read_surfaces(options, files)
+    others = inputs.read_surfaces(options, files)
     asked.are_scans |= others.are_scans
     metric = inputs.metric_of_people(options, asked)
     with options.task(f"{len(files):,} distances, {metric}"):
@@ -323,7 +330,7 @@ def _matrix_options(*, required: bool) -> cli.Argument:
 def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[str, list[str]]]:
     """Return the distances between meshes, of those with labels if a table is given, and both."""
     file = options.matrix
-    arrays: dict[str, Any] = rh.io.load_arrays(file, ["distances", "names"])
+    arrays: dict[str, ndarray] = rh.io.load_arrays(file, ["distances", "names"])
     distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
     if distances.shape != (len(names), len(names)):
         raise FileFormatError(
@@ -385,17 +392,18 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     distances, names, both = _read_matrix(options)
-    settings: dict[str, Any] = {}
+    item_names, unit, meshes = None, None, None
     if both:
         classes, items = np.unique(both[options.by], return_inverse=True)
+        class_names = [str(name) for name in classes]
     else:
-        items, classes = np.zeros(len(names), dtype=int), None
-        settings["item_names"] = [Path(name).stem for name in names]
+        items, class_names = np.zeros(len(names), dtype=int), None
+        item_names = [Path(name).stem for name in names]
     positions = rh.plots.embed(distances, method=options.method)
     record = {"meshes": len(items), "method": options.method, "stress": None}
     scale = "Near points are similar bodies (t-SNE); their distances have no unit."
     if options.method == "mds":
-        settings["unit"] = "m"
+        unit = "m"
         record["stress"] = stress = rh.plots.stress(distances, positions)
         record["fit"] = loss = rh.plots.describe_stress(stress)
         if stress > rh.plots.maps.LARGEST_STRESS:
@@ -409,21 +417,28 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
         )
     if options.bodies is not None:
         meshes = _meshes_of(names, options.bodies)
-        settings |= {"points": meshes[:], "faces": meshes.faces}
     if options.ending == ".html":
-        _map_page(options, positions, items, classes, names, settings, scale)
+        _map_page(options, positions, items, class_names, names, meshes, scale)
         return cli.Answer(record, record)
     if not both:  # names of files stand beside their points; one body would not show a class
-        settings = {key: settings[key] for key in settings if key not in ("points", "faces")}
+        meshes = None
     with rh.plots.figure_style():
-        settings["ax"] = rh.plots.figures.new_figure(6.0, 5.0).subplots()
-        ax = rh.plots.plot_embedding(positions, items, classes, **settings)
+        ax = rh.plots.plot_embedding(
+            positions,
+            items,
+            class_names,
+            item_names=item_names,
+            points=None if meshes is None else meshes[:],
+            faces=None if meshes is None else meshes.faces,
+            unit=unit,
+            ax=rh.plots.figures.new_figure(6.0, 5.0).subplots(),
+        )
         ax.set_xlabel(scale)
         rh.plots.figures.save_figure(ax.figure, options.output)
     return cli.Answer(record, record)
 
 
-def _meshes_of(names: Sequence[str], folder: Path) -> Any:
+def _meshes_of(names: Sequence[str], folder: Path) -> RegisteredMeshes:
     """Return the meshes of a matrix, which a folder holds, in its order."""
     files = {file.stem: file for file in rh.datasets.find_meshes(folder)}
     missing = [name for name in names if Path(name).stem not in files]
@@ -439,20 +454,20 @@ def _map_page(
     options: argparse.Namespace,
     positions: ndarray,
     items: ndarray,
-    classes: Any,
+    class_names: Sequence[str] | None,
     names: Sequence[str],
-    settings: Mapping[str, Any],
+    meshes: RegisteredMeshes | None,
     scale: str,
 ) -> None:
     """Write a map as a page."""
-    if options.bodies is None:
+    if meshes is None:
         raise ArgumentError("a page of a map shows bodies: give their folder with --bodies")
     rh.plots.view_map(
         positions,
         items,
-        None if classes is None else [str(name) for name in classes],
-        points=settings["points"],
-        faces=settings["faces"],
+        class_names,
+        points=meshes[:],
+        faces=meshes.faces,
         item_names=[Path(name).stem for name in names],
         note=scale.replace("\n", " "),
         title=f"Map of {len(names)} bodies",

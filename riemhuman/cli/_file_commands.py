@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from numpy import ndarray
 
     from riemhuman.arrays import JSONRecord
+    from riemhuman.datasets import Motion, SkeletonMotion
+    from riemhuman.plots import Viewer
 
 _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 
@@ -154,7 +156,7 @@ def _is_open_body(points: ndarray, faces: ndarray) -> bool:
     return rh.measurements.open_measurements(rh.Template(points, faces)) is not None
 
 
-def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> Any:
+def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> Viewer:
     """Return the page of a scan over its body."""
     surface = rh.registration.load_scan(body)
     return rh.plots.view_scan(
@@ -184,7 +186,7 @@ def _info(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer(_with_units(facts), facts)
 
 
-def _with_units(facts: dict[str, Any]) -> dict[str, Any]:
+def _with_units(facts: JSONRecord) -> JSONRecord:
     """Return facts for people: the sizes of a mesh or scan with the unit that they suggest."""
     if "extents" in facts and "unit" in facts:  # of points, which are read in metres
         unit = f"{facts['unit']}, by its size"
@@ -514,6 +516,6 @@ def _skeleton_facts(file: Path) -> JSONRecord:
     }
 
 
-def _times(motion: Any) -> JSONRecord:
+def _times(motion: Motion | SkeletonMotion) -> JSONRecord:
     rate = motion.frames_per_second
     return {"frames": len(motion), "frames_per_second": rate, "seconds": len(motion) / rate}

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
@@ -17,6 +17,10 @@ from riemhuman.errors import ArgumentError
 if TYPE_CHECKING:
     from numpy import ndarray
 
+    from riemhuman.arrays import Array, JSONRecord
+    from riemhuman.datasets import Motion, RegisteredMeshes
+    from riemhuman.geometry import RiemannianMetric
+    from riemhuman.measurements import Measurements
     from riemhuman.surfaces import DeformationBasis, Template
 
 # Triples of a, λ and c.
@@ -40,7 +44,7 @@ def is_recording(file: Path) -> bool:
 
 def read_motion(
     file: Path, *, is_mean: bool = False, is_shown: bool = False
-) -> tuple[Any, ndarray, dict[str, Any]]:
+) -> tuple[Motion | Array, ndarray, JSONRecord]:
     """Return the frames in a file, their triangles, and what a page says of a recording's time.
 
     To be shown, recordings are performed by the full model, at the rate of a screen.
@@ -51,7 +55,7 @@ def read_motion(
     model = rh.datasets.load_open_model("full") if is_shown else None
     rate = _SHOWN_RATE if is_shown else _RECORDED_RATE
     motion = rh.datasets.load_recording(file, model)
-    timing: dict[str, Any] = {}
+    timing: JSONRecord = {}
     if motion.frames_per_second > rate:
         timing["description"] = (
             f"{rate:g} of the {motion.frames_per_second:g} frames recorded per second."
@@ -66,7 +70,7 @@ def read_motion(
 class Surfaces:
     """Registered surfaces in files, which are read and aligned when they are accessed."""
 
-    def __init__(self, meshes: Any, align: bool) -> None:
+    def __init__(self, meshes: RegisteredMeshes, align: bool) -> None:
         self.files, self.faces = meshes.files, meshes.faces
         self.template = rh.Template(meshes.reference, meshes.faces)
         self.are_scans = any(map(rh.io.is_registered_scan, meshes.files))
@@ -123,7 +127,7 @@ MEASURED_MODEL = cli.several(
 
 def measurements_of(
     options: argparse.Namespace, template: rh.Template, file: Path, pose: str = "standing"
-) -> Any:
+) -> Measurements:
     """Return the measurements of the chosen body model, by default of the open one."""
     if options.model is not None:
         model = rh.BodyModel.from_file(options.model)
@@ -185,7 +189,7 @@ def metric_options(
 
 def chosen_metric(
     options: argparse.Namespace, template: Template, *, are_scans: bool = False
-) -> Any:
+) -> RiemannianMetric:
     """Return the metric that the options choose; by default that of areas for scanned people."""
     # Surfaces share a unit: this is checked when they are read.
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
@@ -205,7 +209,7 @@ def chosen_metric(
     return rh.ElasticMetric(space, *(d if weight is None else weight for weight, d in pairs))
 
 
-def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> Any:
+def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> RiemannianMetric:
     """Return the metric that the options choose for surfaces; say so where scans choose it."""
     metric = chosen_metric(options, surfaces.template, are_scans=surfaces.are_scans)
     if isinstance(metric, rh.AreaMetric) and options.metric != "area" and not options.quiet:
@@ -216,7 +220,7 @@ def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> Any:
     return metric
 
 
-def metric_record(metric: Any) -> dict[str, Any]:
+def metric_record(metric: RiemannianMetric) -> JSONRecord:
     """Return the name and the parameters of a metric, for JSON."""
     names = ("a", "lam", "c", "time")
     weights = {name: getattr(metric, name) for name in names if hasattr(metric, name)}
@@ -272,7 +276,7 @@ def write_path(
     title: str,
     description: str = "",
     *,
-    summary: Any = None,
+    summary: cli.Record | None = None,
     **arrays: ndarray,
 ) -> None:
     """Write an animation, a film strip, a page or arrays, or a folder of meshes with such files."""
@@ -303,7 +307,10 @@ def write_path(
 
 @contextmanager
 def mesh_folder(
-    options: argparse.Namespace, meshes: Mapping[str, ndarray], faces: ndarray, summary: Any = None
+    options: argparse.Namespace,
+    meshes: Mapping[str, ndarray],
+    faces: ndarray,
+    summary: cli.Record | None = None,
 ) -> Iterator[Path]:
     """Write meshes by the names of their files, and a record, into a folder that takes more."""
     from riemhuman.io.outputs import atomic_folder
@@ -320,16 +327,18 @@ class Motions(NamedTuple):
     """Motions of one triangulation, whose frames are read when needed, and their template."""
 
     names: Sequence[str]
-    motions: Sequence[Any]
+    motions: Sequence[Motion | Array]
     template: Template
 
 
-def read_motions(options: argparse.Namespace, *places: Path, **chosen: Any) -> Motions:
+def read_motions(
+    options: argparse.Namespace, *places: Path, **chosen: Sequence[str] | None
+) -> Motions:
     """Return motions in files and folders, those of Dynamic FAUST by people and sequences."""
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
     units = {"unit": options.unit, "up": options.up}
-    loaded_motions: list[tuple[str, Any, ndarray]] = []
+    loaded_motions: list[tuple[str, Motion | Array, ndarray]] = []
     for place in places:
         files = sorted(place.rglob("*")) if place.is_dir() else [place]
         recorded = [

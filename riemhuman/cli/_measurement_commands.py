@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
@@ -270,7 +270,7 @@ def _sheet(options: argparse.Namespace) -> cli.Answer:
 
 def _read(
     files: Sequence[Path], options: argparse.Namespace, pose: str = "standing"
-) -> tuple[Any, ndarray, ndarray]:
+) -> tuple[Measurements, ndarray, ndarray]:
     """Return the measurements, meshes, and which vertices their files say to trust, or all."""
     import numpy as np
 

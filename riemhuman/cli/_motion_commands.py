@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from riemhuman.arrays import JSONRecord
+    from riemhuman.motions import MotionSpace
+    from riemhuman.motions.time_warping import MotionDistance
 
 _TEMPLATE = cli.several(
     cli.path_option("--template", "MESH", "template mesh (default: the first frame)"), cli.UNIT
@@ -54,7 +59,7 @@ def _read_pair(options: argparse.Namespace) -> inputs.Motions:
     return read
 
 
-def _space(read: inputs.Motions, metric: str, n_times: int = 40) -> Any:
+def _space(read: inputs.Motions, metric: str, n_times: int = 40) -> MotionSpace:
     """Return the space of motions with a metric on frames."""
     space = rh.AlignedSurfaces(read.template, equip=False)
     if metric == "rotation":
@@ -65,19 +70,29 @@ def _space(read: inputs.Motions, metric: str, n_times: int = 40) -> Any:
 
 
 def _measure(
-    options: argparse.Namespace, space: Any, n_components: int | None = None, travel: float = 0.0
-) -> Any:
+    options: argparse.Namespace,
+    space: MotionSpace,
+    n_components: int | None = None,
+    travel: float = 0.0,
+) -> MotionDistance:
     """Return the measure of motions, exact or on principal components."""
     if options.by == "rate-invariant":
         if travel:
             raise ArgumentError("--travel is for --by warping, changes and velocities")
         return rh.motions.RateInvariantMetric(space, n_components=n_components)
     metric = space.frames.metric
-    shared = {"n_components": n_components, "n_jobs": -1, "travel_weight": travel}
     if options.by == "velocities":
-        return rh.motions.VelocityTimeWarping(metric, **shared)
-    centered = options.by == "changes"
-    return rh.motions.DynamicTimeWarping(metric, centered=centered, between_frames=True, **shared)
+        return rh.motions.VelocityTimeWarping(
+            metric, n_components=n_components, n_jobs=-1, travel_weight=travel
+        )
+    return rh.motions.DynamicTimeWarping(
+        metric,
+        centered=options.by == "changes",
+        between_frames=True,
+        n_components=n_components,
+        n_jobs=-1,
+        travel_weight=travel,
+    )
 
 
 @cli.command(
@@ -170,10 +185,14 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
-    space, names = _space(read, options.metric, options.n_times), tuple(read.names)
+    space = _space(read, options.metric, options.n_times)
+    (first_motion, second_motion), (first_name, second_name) = read.motions, read.names
+    names = first_name, second_name
     with options.task("Alignment"):
         measure = _measure(options, space)
-        first, second, warp = rh.motions.align_motions(space, *read.motions, measure, names)
+        first, second, warp = rh.motions.align_motions(
+            space, first_motion, second_motion, measure, names
+        )
     if options.ending == ".npz":
         arrays = {"first": first, "second": second}
         arrays |= {"first_times": warp.first, "second_times": warp.second}
@@ -238,10 +257,13 @@ def _find(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
     metric = _space(read, options.metric).frames.metric
     search = rh.motions.MotionSearch(metric, options.bars, shortest=options.shortest)
-    parts = search.find(*read.motions, options.k)
-    record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
+    query, motion = read.motions
+    parts = search.find(query, motion, options.k)
+    record: list[JSONRecord] = [
+        {"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts
+    ]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
-    head, rate = "  distance   first    last", getattr(read.motions[1], "frames_per_second", None)
+    head, rate = "  distance   first    last", getattr(motion, "frames_per_second", None)
     if rate is not None and not options.b_motion.is_dir():  # meshes do not tell their rate
         head += "   seconds"
         for number, part in enumerate(record):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
@@ -12,7 +12,14 @@ from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError, FileError, RiemhumanError
 
 if TYPE_CHECKING:
+    from riemhuman.arrays import Array
     from riemhuman.bodies.body_model import BodyModel
+    from riemhuman.registration import (
+        RegisteredScan,
+        ScanCorrespondence,
+        ScanRecord,
+        ScanRegistration,
+    )
 
 _MODEL = cli.several(
     cli.MODEL,
@@ -85,7 +92,7 @@ def _register(options: argparse.Namespace) -> cli.Answer:
     return (_register_folder if is_folder else _register_file)(registration, options)
 
 
-def _chosen_registration(options: argparse.Namespace) -> Any:
+def _chosen_registration(options: argparse.Namespace) -> ScanRegistration:
     if options.model is not None:
         model = rh.BodyModel.from_file(options.model)
     else:
@@ -93,7 +100,7 @@ def _chosen_registration(options: argparse.Namespace) -> Any:
     return rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
 
 
-def _register_file(registration: Any, options: argparse.Namespace) -> cli.Answer:
+def _register_file(registration: ScanRegistration, options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
@@ -129,7 +136,7 @@ def _sheet_files(options: argparse.Namespace) -> list[Path]:
     return [options.output.with_suffix(end) for end in (".html", ".pdf") if options.sheet]
 
 
-def _write_sheet(model: BodyModel, result: Any, options: argparse.Namespace) -> None:
+def _write_sheet(model: BodyModel, result: RegisteredScan, options: argparse.Namespace) -> None:
     """Write the page and the PDF of one scan's sheet together."""
     from riemhuman.io.outputs import files_together
 
@@ -143,14 +150,14 @@ def _write_sheet(model: BodyModel, result: Any, options: argparse.Namespace) -> 
     terminal.note(f"the sheet is {places['.html']}, and for printing {places['.pdf']}")
 
 
-def _details(options: argparse.Namespace, results: list[Any]) -> str:
+def _details(options: argparse.Namespace, results: list[RegisteredScan]) -> str:
     """Return what --verbose adds to the answer: a line for each result."""
     if not options.verbose:
         return ""
     return "".join(f"\nlog-likelihood {result.likelihood:.2f}" for result in results)
 
 
-def _missing_measurements(model: Any, result: Any) -> list[str]:
+def _missing_measurements(model: BodyModel, result: RegisteredScan) -> list[str]:
     """Return the measurements that a scan does not show enough of the body for."""
     if not result.trusted or result.trusted_vertices.all():
         return []
@@ -164,7 +171,9 @@ def _missing_measurements(model: Any, result: Any) -> list[str]:
     return [name for number, name in measured.why_missing if number == 0]
 
 
-def _note_message(name: object, result: Any, missing: list[str] | None = None) -> None:
+def _note_message(
+    name: object, result: RegisteredScan | ScanRecord, missing: list[str] | None = None
+) -> None:
     """Say in one line what is wrong with a result, or what it lacks."""
     said = result.message
     if missing:
@@ -174,7 +183,7 @@ def _note_message(name: object, result: Any, missing: list[str] | None = None) -
         terminal.note(f"{name}{'' if result.trusted else ' is not trusted'}: {said}")
 
 
-def _register_folder(registration: Any, options: argparse.Namespace) -> cli.Answer:
+def _register_folder(registration: ScanRegistration, options: argparse.Namespace) -> cli.Answer:
     how = {"sequence": options.sequence, "keep_axes": options.keep_axes, "progress": options.bars}
     records = rh.registration.register_folder(registration, options.scans, options.output, **how)
     with options.task("Page"):
@@ -256,7 +265,7 @@ def _match(options: argparse.Namespace) -> cli.Answer:
 _HEADER = ("vertex", "nearest", "triangle", "weight_1", "weight_2", "weight_3", "x", "y", "z")
 
 
-def _matched_result(path: Path, options: argparse.Namespace) -> Any:
+def _matched_result(path: Path, options: argparse.Namespace) -> RegisteredScan:
     """Return the registration of a scan, from a folder of registered scans if there is one."""
     scan = rh.registration.load_scan(path, options.unit)
     if options.registered is not None:
@@ -275,14 +284,14 @@ def _matched_result(path: Path, options: argparse.Namespace) -> Any:
     return result
 
 
-def _rows(matched: Any, places: Any) -> list[list[float | int | None]]:
+def _rows(matched: ScanCorrespondence, places: Array) -> list[list[float | int | None]]:
     """Return a row for every vertex, empty where it has no place."""
     rows: list[list[float | int | None]] = []
     for vertex, nearest in enumerate(matched.vertices.tolist()):
         row: list[float | int | None] = [vertex, *[None] * (len(_HEADER) - 1)]
         if nearest >= 0:
             row[1] = nearest
-            if matched.triangles is not None:
+            if matched.triangles is not None and matched.barycentric is not None:
                 row[2:6] = [int(matched.triangles[vertex]), *matched.barycentric[vertex].tolist()]
             row[6:] = places[vertex].tolist()
         rows.append(row)

@@ -14,13 +14,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import is_dataclass
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from riemhuman.cli._commands import Answer
 from riemhuman.errors import ConvergenceWarning
 
 if TYPE_CHECKING:
-    from riemhuman.arrays import JSONRecord
+    from riemhuman.arrays import Array, JSONRecord, JSONValue
     from riemhuman.solvers import Result
 
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 _SILENCE = 2.0
 
 
-def as_json(record: Any) -> str:
+def as_json(record: object) -> str:
     """Return a result as JSON with all digits; NaN and infinity become null."""
     return json.dumps(_plain(record), indent=2, allow_nan=False, ensure_ascii=False)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> JSONValue:
     """Return a value in types that JSON can hold."""
     if is_dataclass(value):
         value = vars(value)
@@ -48,7 +48,7 @@ def _plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def matrix_text(names: Sequence[str], matrix: Any, corner: str = "file") -> str:
+def matrix_text(names: Sequence[str], matrix: Array, corner: str = "file") -> str:
     """Return a square matrix with names as comma-separated text."""
     from riemhuman.io.text_tables import csv_text
 
@@ -78,12 +78,18 @@ def _readable(value: object) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
+def convergence(result: Result) -> str:
+    """Return whether a solver converged, and after how many iterations."""
+    iterations = "iteration" if result.n_iterations == 1 else "iterations"
+    return f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
+
+
 def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     """Return the answer of a solver, with whether and how it has converged."""
-    iterations = "iteration" if result.n_iterations == 1 else "iterations"
-    said = f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
     how = {name: getattr(result, name) for name in ("n_iterations", "converged", "message")}
-    return Answer({**text, "converged": said}, record | text | how, bool(result.converged))
+    return Answer(
+        {**text, "converged": convergence(result)}, record | text | how, bool(result.converged)
+    )
 
 
 class StatusLine:

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -236,9 +236,13 @@ def _upward_axis(path: Path, last: int) -> str:
     return axes[0]
 
 
-def _models(model: Any) -> dict[str | None, BodyModel]:
+def _models(model: BodyModel | Mapping[str, BodyModel]) -> dict[str | None, BodyModel]:
     """Return the model of each gender, or one for all by the key None."""
-    models = dict(model) if isinstance(model, Mapping) else {None: model}
+    models: dict[str | None, BodyModel] = {}
+    if isinstance(model, Mapping):
+        models.update(model.items())
+    else:
+        models[None] = model
     if not models:
         raise ArgumentError("model holds no model; at least one is needed")
     first = next(iter(models.values()))

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import check_human_size, real_array, values_of
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.optional import import_optional
+
+if TYPE_CHECKING:
+    import anny
 
 _EXTRA = "anny"
 # Anny's default topology: its skin, then the inside of the mouth and the eyes.
@@ -46,7 +50,7 @@ class AnnyParameters:
     distances: np.ndarray
 
 
-def bodies_from_anny(vertices: Any) -> np.ndarray:
+def bodies_from_anny(vertices: ArrayLike) -> np.ndarray:
     """Return the vertices that Anny computes as bodies of the open model at full resolution.
 
     The skin of Anny's default topology has the triangles of the open model, vertex by vertex: the
@@ -77,8 +81,8 @@ def bodies_from_anny(vertices: Any) -> np.ndarray:
 
 
 def anny_bodies(
-    phenotypes: Mapping[str, Any],
-    pose: Any = None,
+    phenotypes: Mapping[str, ArrayLike],
+    pose: ArrayLike | None = None,
     *,
     pose_parameterization: str = "local-ref",
 ) -> np.ndarray:
@@ -134,7 +138,7 @@ def anny_bodies(
     return bodies_from_anny(output["vertices"].numpy())
 
 
-def anny_parameters(points: Any) -> AnnyParameters:
+def anny_parameters(points: ArrayLike) -> AnnyParameters:
     """Return the parameters of Anny that fit bodies of the open model, by Anny's own inverter.
 
     Needs the package ``anny`` (extra ``anny``), as `anny_bodies` does, and seconds a body.
@@ -168,7 +172,7 @@ def anny_parameters(points: Any) -> AnnyParameters:
     )
 
 
-def _load_anny() -> Any:
+def _load_anny() -> anny.Anny:
     """Return Anny with its default rig and topology, whose skin must be that of the open model."""
     model = import_optional("anny", _EXTRA).Anny(rig="anny", topology="anny")
     faces = model.faces.numpy()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,7 +115,9 @@ class Bodies:
     def __getitem__(self, index: int) -> np.ndarray: ...
     @overload
     def __getitem__(self, index: slice | Sequence[int] | np.ndarray) -> Bodies: ...
-    def __getitem__(self, index: Any) -> np.ndarray | Bodies:
+    def __getitem__(
+        self, index: int | np.integer | slice | Sequence[int] | np.ndarray
+    ) -> np.ndarray | Bodies:
         try:
             numbers = np.arange(len(self))[index]
         except (IndexError, TypeError) as error:
@@ -266,9 +268,11 @@ class Bodies:
         return replace(self, **chosen, ids=tuple(self.ids[number] for number in numbers))
 
 
-def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
+def _labels(
+    wanted: str | int | np.integer | Iterable[str | int], name: str, names: tuple[str, ...]
+) -> list[int]:
     """Return the indices of people or poses given by name or index."""
-    known: dict[Any, int] = {text: number for number, text in enumerate(names)}
+    known: dict[object, int] = {text: number for number, text in enumerate(names)}
     known |= {number: number for number in range(len(names))}
     try:
         several = [wanted] if isinstance(wanted, (str, int, np.integer)) else list(wanted)

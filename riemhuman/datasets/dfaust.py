@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from riemhuman.io.mesh_arrays import face_difference, read_only
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
 from riemhuman.retargeting.skeleton_motion import nearest_frames
+
+if TYPE_CHECKING:
+    import h5py
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
 _FACES = "faces"
@@ -40,7 +43,7 @@ class DynamicFaustMotion(Motion):
         sequence: str,
         faces: np.ndarray,
         shape: tuple[int, ...],
-        rate: Any,
+        rate: float,
     ) -> None:
         self.path, self._key = path, f"{subject}_{sequence}"
         self._n_vertices = int(faces.max()) + 1
@@ -165,7 +168,7 @@ def load_dfaust(
 
 
 def _motions(
-    chosen: list[tuple[Path, str, str]], faces: np.ndarray, rate: Any
+    chosen: list[tuple[Path, str, str]], faces: np.ndarray, rate: float
 ) -> Motions[DynamicFaustMotion]:
     """Return motions in files, of a subject and a sequence each; every file is opened once."""
     keys: dict[Path, list[str]] = {}
@@ -194,7 +197,7 @@ def _shapes(file: Path, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def _stored(contents: Any, key: str, file: Path) -> Any:
+def _stored(contents: h5py.Group, key: str, file: Path) -> h5py.Dataset | h5py.Group:
     """Return what a file itself holds under a key, unless it is much larger than its storage."""
     h5py = import_optional("h5py", "data")
     if isinstance(contents.get(key, getlink=True), h5py.HardLink):
@@ -211,14 +214,14 @@ def _stored(contents: Any, key: str, file: Path) -> Any:
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[Any]:
+def _open(path: Path) -> Iterator[h5py.File]:
     h5py = import_optional("h5py", "data")
     check_file(path)
     with format_errors(path, "an HDF5 file"), h5py.File(path, "r") as file:
         yield file
 
 
-def _read_faces(contents: Any, names: Sequence[str], file: Path) -> np.ndarray:
+def _read_faces(contents: h5py.Group, names: Sequence[str], file: Path) -> np.ndarray:
     if _FACES not in names:
         raise FileFormatError(
             f"{file} holds no dataset {_FACES!r} of triangles; found "

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -148,7 +146,9 @@ def _pose_vectors(poses: Array) -> np.ndarray:
     return Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec().reshape(n_frames, n_joints, 3)
 
 
-def one_person(betas: Any, weights: Any, n_frames: int) -> tuple[np.ndarray, np.ndarray]:
+def one_person(
+    betas: ArrayLike | None, weights: ArrayLike | None, n_frames: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
         return np.zeros(0), np.zeros(0)

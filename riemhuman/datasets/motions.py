@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array, real_number
 from riemhuman.datasets._motion_files import (
@@ -194,7 +195,7 @@ class ModelMotion(Motion):
         else:
             write_skinned_glb(file, person)
 
-    def performed_by(self, betas: Any) -> ModelMotion:
+    def performed_by(self, betas: ArrayLike) -> ModelMotion:
         """Return the motion of another person, in the same poses and places.
 
         Parameters
@@ -276,13 +277,18 @@ class Motions(tuple[M, ...]):
         return f"<Motions: {len(self)} of {len(people)} people, {len(sequences)} sequences>"
 
 
-def choose_names(wanted: Any, name: str, known: Sequence[str], source: str = "") -> tuple[str, ...]:
+def choose_names(
+    wanted: str | int | Iterable[str | int] | None,
+    name: str,
+    known: Sequence[str],
+    source: str = "",
+) -> tuple[str, ...]:
     """Return the chosen names, by default all, after checking that they are known."""
     if wanted is None:
         return tuple(known)
     try:
-        single = isinstance(wanted, (str, int, np.integer))
-        names = tuple(str(label) for label in ([wanted] if single else wanted))
+        several = [wanted] if isinstance(wanted, (str, int, np.integer)) else wanted
+        names = tuple(str(label) for label in several)
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be a list of names; found {wanted!r}") from error
     unknown = [label for label in names if label not in known]

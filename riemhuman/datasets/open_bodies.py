@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets._natural_bodies import natural_surfaces, reach, surface_noise
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.open_poses import DATA, joint_rotations, pose_vectors, read_table
+from riemhuman.datasets.open_poses import DATA, Angles, joint_rotations, pose_vectors, read_table
 from riemhuman.kernels.threads import single_threaded_libraries
 
 _RESOLUTIONS = ("full", "coarse")
@@ -156,10 +156,10 @@ def _read_model(resolution: str) -> BodyModel:
 
 def _performances(
     model: BodyModel,
-    angles: Mapping[str, Any],
+    angles: Mapping[str, Mapping[str, Angles]],
     betas: np.ndarray,
     rng: np.random.Generator,
-    touched: Mapping[str, Any] | None = None,
+    touched: Mapping[str, Mapping[str, Array]] | None = None,
 ) -> np.ndarray:
     """Return pose vectors (people, poses, J, 3), natural ones if hands touch the body."""
     shape = (len(betas), len(angles), model.n_joints, 3)

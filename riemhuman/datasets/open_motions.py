@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,7 +12,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
 from riemhuman.datasets.motions import ModelMotion, Motions, choose_names
 from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.datasets.open_poses import pose_vectors, read_table, with_both_sides
+from riemhuman.datasets.open_poses import Curve, pose_vectors, read_table, with_both_sides
 
 # Largest deviations of a performance from the motion as written.
 _TEMPO = 0.07
@@ -121,7 +120,7 @@ def load_open_motions(
     return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
 
 
-def _values(curve: Any, phases: np.ndarray) -> np.ndarray:
+def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
     """Return a curve at phases in cycles: periodic, smooth, and within its written values."""
     from scipy.interpolate import PchipInterpolator  # takes long to import
 

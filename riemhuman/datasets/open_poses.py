@@ -20,12 +20,12 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
@@ -37,6 +37,13 @@ from riemhuman.retargeting.skeletons import shortest
 DATA = Path(__file__).parent / "data"
 
 
+Curve: TypeAlias = float | Sequence[float] | Array
+"""An angle in degrees, or angles at even times of a cycle."""
+
+Angles: TypeAlias = tuple[str, *tuple[Curve, ...]]
+"""Axes of rotations, and the angle or the curve of angles about each, degrees."""
+
+
 @cache
 def read_table(name: str) -> JSONRecord:
     """Return a table of people, poses or motions of the open data sets."""
@@ -44,7 +51,7 @@ def read_table(name: str) -> JSONRecord:
     return table
 
 
-def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np.ndarray:
+def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
     """Return the rotations of all joints from the T-pose, shape (J, 3, 3), in the body's axes.
 
     Parameters
@@ -64,9 +71,9 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
     """
     rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
     for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
-        degrees = degrees if len(degrees) > 1 else degrees[0]
+        written = degrees if len(degrees) > 1 else degrees[0]
         try:
-            rotation = Rotation.from_euler(axes, degrees, degrees=True)
+            rotation = Rotation.from_euler(axes, written, degrees=True)
         except (TypeError, ValueError) as error:
             raise ArgumentError(
                 f"angles[{name!r}] must be axes and as many degrees, such as ('xz', 30, -70): "
@@ -76,11 +83,9 @@ def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np
     return rotations
 
 
-def with_both_sides(
-    angles: Mapping[str, Sequence[Any]], joint_names: Sequence[str]
-) -> dict[str, Sequence[Any]]:
+def with_both_sides(angles: Mapping[str, Angles], joint_names: Sequence[str]) -> dict[str, Angles]:
     """Return angles by joint, those of joints without a side written out for both sides."""
-    sided: dict[str, Sequence[Any]] = {}
+    sided: dict[str, Angles] = {}
     for name, value in angles.items():
         if name in joint_names:
             sided[name] = value
@@ -94,7 +99,7 @@ def with_both_sides(
     return sided
 
 
-def mirror_angles(angles: Sequence[Any]) -> tuple[Any, ...]:
+def mirror_angles(angles: Angles) -> Angles:
     """Return axes and angles, or curves, of the joint on the other side: y and z change sign."""
     axes, *degrees = angles
     mirrored = (

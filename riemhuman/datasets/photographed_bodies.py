@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.checks import check_human_size, integer_array, one_of, real_array
 from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
@@ -87,7 +88,7 @@ class PhotographedBodies:
 )
 def load_photographed_bodies(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    faces: Any,
+    faces: ArrayLike | os.PathLike[str],
     *,
     up: str | None = None,
 ) -> PhotographedBodies:
@@ -217,9 +218,9 @@ def _find_feet(points: np.ndarray, faces: np.ndarray, body: np.ndarray) -> np.nd
     return np.array(tips)[np.argsort(sums)[-2:]]
 
 
-def _files(paths: Any) -> list[Any]:
+def _files(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> list[Path]:
     several = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-    files = []
+    files: list[Path] = []
     for each in several:
         place = file_path(each)
         found = sorted(place.glob("*.npz"), key=lambda file: natural_key(file.name))
@@ -231,7 +232,7 @@ def _files(paths: Any) -> list[Any]:
     return files
 
 
-def _triangles(faces: Any) -> np.ndarray:
+def _triangles(faces: ArrayLike | os.PathLike[str]) -> np.ndarray:
     if isinstance(faces, (str, os.PathLike)):
         return load_mesh(faces)[1]
     return np.asarray(integer_array(faces, "faces", ("F", 3)))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import JSONRecord, JSONValue, Triangles
+from riemhuman.arrays import ArrayLike, JSONRecord, JSONValue
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.datasets.amass import FIELDS_READ, load_amass
@@ -31,7 +31,7 @@ from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.kinds_of_files import YES, reads
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.io.pickles import load_pickled_tree
+from riemhuman.io.pickles import Unpickled, load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
 from riemhuman.retargeting.skeleton_motion import nearest_frames
 
@@ -156,7 +156,7 @@ def _contents(used: set[str], names: set[str]) -> RecordingContents:
     return RecordingContents(*texts)
 
 
-def _leaves(content: Any, depth: int = 0) -> set[str]:
+def _leaves(content: object, depth: int = 0) -> set[str]:
     """Return the names of all fields that are no dictionaries, of people in frames and lists."""
     if isinstance(content, list):
         found = [_leaves(item, depth + 1) for item in content if isinstance(item, dict)]
@@ -188,11 +188,11 @@ def load_recording(
     *,
     frames_per_second: float | None = None,
     up: str | None = None,
-    betas: Any = None,
+    betas: ArrayLike | None = None,
     joints: Mapping[str, str | Sequence[str]] | None = None,
     person: str | None = None,
     unit: str | float | None = None,
-    faces: Any = None,
+    faces: ArrayLike | os.PathLike[str] | None = None,
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
@@ -255,7 +255,7 @@ def load_recording(
         return seen if betas is None else seen.performed_by(betas)
     if suffix in (".bvh", ".amc"):
         recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
-        options = {"betas": betas, "joints": joints, "up": up, "unit": unit}
+        options: dict[str, Any] = {"betas": betas, "joints": joints, "up": up, "unit": unit}
         return retarget(recording, model, frames_per_second=frames_per_second, **options)
     if suffix in (".trc", ".c3d"):
         load = load_trc if suffix == ".trc" else load_c3d
@@ -276,7 +276,7 @@ def load_recording(
 
 def _photographed_motion(
     path: Path,
-    faces: Triangles,
+    faces: ArrayLike | os.PathLike[str],
     model: BodyModel | None,
     frames_per_second: float,
     up: str | None,
@@ -333,7 +333,7 @@ def _video_motion(
         raise FileFormatError(f"{file}: {error}") from error
 
 
-def _known_people(file: Path, content: Any) -> list[_Person]:
+def _known_people(file: Path, content: object) -> list[_Person]:
     """Return the people in a file, of whom there must be one."""
     people = list(_people(content, ""))
     if not people and isinstance(content, dict) and "pred_vertices" in content:
@@ -350,7 +350,7 @@ def _known_people(file: Path, content: Any) -> list[_Person]:
     return people
 
 
-def _read(file: Path, suffix: str) -> Any:
+def _read(file: Path, suffix: str) -> Unpickled:
     if suffix == SMPL_ENDING:
         arrays = load_arrays(file, ())
         with format_errors(file, "an avatar of SMPL's codec"):
@@ -362,7 +362,7 @@ def _read(file: Path, suffix: str) -> Any:
     return load_pickled_tree(file)
 
 
-def _people(content: Any, name: str, depth: int = 0) -> Iterator[_Person]:
+def _people(content: object, name: str, depth: int = 0) -> Iterator[_Person]:
     """Yield the people in a dictionary, in those that it holds, and in frames of lists."""
     if not isinstance(content, dict) or depth > _DEEPEST:
         return
@@ -521,7 +521,7 @@ def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
     return chosen
 
 
-def _fields(content: Any) -> str:
+def _fields(content: object) -> str:
     """Return the names of fields, with the shapes of arrays, for a message."""
     if not isinstance(content, dict):
         return f"a {type(content).__name__}"

@@ -6,11 +6,11 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
-from riemhuman.arrays import Triangles
+from riemhuman.arrays import ArrayLike, Integers, Triangles
 from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
@@ -239,7 +239,7 @@ def load_faust(
             f"missing: {join_names(missing, 5)}; allow_missing=True loads the others"
         )
     numbers = np.array(list(files))
-    labels = {
+    labels: LabelColumns = {
         "subject": numbers // _FAUST_POSES,
         "pose": numbers % _FAUST_POSES,
         "subject_names": tuple(f"subject {i}" for i in range(_FAUST_PEOPLE)),
@@ -420,10 +420,19 @@ def no_meshes(root: Path) -> FileError:
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
+class LabelColumns(TypedDict, total=False):
+    """Labels of bodies by the names of their fields."""
+
+    subject: Integers
+    pose: Integers
+    subject_names: tuple[str, ...]
+    pose_names: tuple[str, ...]
+
+
 # More than eight arguments: those of `load_bodies`, handed on.
 def _load(
     files: Sequence[Path],
-    labels: Mapping[str, Any],
+    labels: LabelColumns,
     template: Template | str | os.PathLike[str] | None,
     *,
     align: bool,
@@ -452,21 +461,27 @@ def _load(
     return Bodies(points=points, template=template, ids=ids, **labels)
 
 
-def _label_columns(texts: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+def _label_columns(texts: Mapping[str, Sequence[str]]) -> LabelColumns:
     """Return the fields of `Bodies` for the texts of the columns of a table."""
-    columns: dict[str, Any] = {}
-    for column, cells in texts.items():
-        names = sorted(set(cells), key=natural_key)
-        columns[f"{column}_names"] = tuple(names)
-        columns[column] = np.array([names.index(text) for text in cells])
+    columns: LabelColumns = {}
+    if "subject" in texts:
+        columns["subject_names"], columns["subject"] = _numbered(texts["subject"])
+    if "pose" in texts:
+        columns["pose_names"], columns["pose"] = _numbered(texts["pose"])
     return columns
+
+
+def _numbered(cells: Sequence[str]) -> tuple[tuple[str, ...], Integers]:
+    """Return the different texts of a column, and the number of the text of each cell."""
+    names = sorted(set(cells), key=natural_key)
+    return tuple(names), np.array([names.index(text) for text in cells])
 
 
 def _load_photographed(
     folder: str | os.PathLike[str],
     labels: str | os.PathLike[str] | None,
     template: Template | str | os.PathLike[str] | None,
-    faces: Any,
+    faces: ArrayLike | os.PathLike[str],
     align: bool,
     up: str | None,
     allow_missing: bool,

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, refuse_type
 from riemhuman.datasets.motions import ModelMotion
@@ -116,7 +116,7 @@ class RetargetedMotion(ModelMotion):
             f"model were scaled by {self._size:.3f}, so that {person} has the recorded legs"
         )
 
-    def performed_by(self, betas: Any) -> RetargetedMotion:
+    def performed_by(self, betas: ArrayLike) -> RetargetedMotion:
         """Return the motion of another person, who does the same in his or her proportions.
 
         Parameters
@@ -142,7 +142,7 @@ def retarget(
     recording: SkeletonMotion,
     model: BodyModel | None = None,
     *,
-    betas: Any = None,
+    betas: ArrayLike | None = None,
     joints: Mapping[str, str] | None = None,
     up: str | None = None,
     unit: str | float | None = None,

@@ -7,10 +7,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import ArrayLike
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import check_file, format_errors, natural_key, read_text
@@ -201,7 +201,7 @@ def _read_mesh(file: Path) -> MatchedMesh:
         return MatchedMesh(points, faces, _from_zero(places, len(points), "smpl_matches"))
 
 
-def _whole_numbers(values: Any, name: str) -> np.ndarray:
+def _whole_numbers(values: ArrayLike, name: str) -> np.ndarray:
     """Return whole numbers, which MATLAB stores as floating point."""
     try:
         numbers = np.asarray(values, dtype=np.float64)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,9 @@ from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.memory import enough_memory
 from riemhuman.representation import constructor_text
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
 
 Mesh = tuple[ArrayLike, ArrayLike]
 
@@ -54,7 +57,7 @@ class Descriptor(ABC):
         """
 
     @enough_memory("the vectors of these surfaces")
-    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
         """Return the vectors of many surfaces.
 
         Parameters
@@ -106,7 +109,7 @@ def histograms(
     return np.bincount(bins.ravel(), shares.ravel(), minlength=len(values) * n_bins)
 
 
-def positive_numbers(numbers: Any, name: str) -> tuple[float, ...]:
+def positive_numbers(numbers: ArrayLike, name: str) -> tuple[float, ...]:
     """Return one positive number or more as a tuple."""
     values = real_array(numbers, name, (f"n_{name}",), batched=False)
     if values.size == 0 or values.min() <= 0:
@@ -114,11 +117,25 @@ def positive_numbers(numbers: Any, name: str) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
-def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
+@runtime_checkable
+class MeshesOnDemand(Protocol):
+    """Meshes that are read one at a time."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Mesh: ...
+
+
+Surfaces: TypeAlias = "Bodies | MeshesOnDemand | Iterable[Mesh]"
+"""Registered bodies, or meshes."""
+
+
+def meshes_of(bodies: Surfaces) -> tuple[int, Callable[[int], Mesh]]:
     """Return the number of meshes, and a function that returns the mesh of an index."""
     if hasattr(bodies, "points") and hasattr(bodies, "template"):
-        return len(bodies.points), lambda index: (bodies.points[index], bodies.template.faces)
-    meshes: Any = bodies if hasattr(bodies, "__getitem__") else list(bodies)
+        points, faces = bodies.points, bodies.template.faces
+        return len(points), lambda index: (points[index], faces)
+    meshes = bodies if isinstance(bodies, MeshesOnDemand) else list(bodies)
     if len(meshes) == 0:
         raise ArgumentError("bodies holds no surface; at least one is needed")
     return len(meshes), lambda index: meshes[index]

@@ -6,18 +6,21 @@ import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
-from riemhuman.descriptors.descriptor import Descriptor
+from riemhuman.checks import length_of, real_array
+from riemhuman.descriptors.descriptor import Descriptor, Surfaces
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.representation import Record, join_names
+
+if TYPE_CHECKING:
+    pass
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,7 +73,7 @@ class LatentVectors(Record, Descriptor):
         """
         file = file_path(path)
         suffix = suffix_of(file, (".npz", ".csv", ".npy"))
-        ids: Any
+        ids: Iterable[object]
         if suffix == ".npz":
             arrays = load_arrays(file, ["ids", "vectors"], optional=[])
             ids, vectors = arrays["ids"], arrays["vectors"]
@@ -81,9 +84,9 @@ class LatentVectors(Record, Descriptor):
             vectors = load_array(file)
             ids = range(len(vectors) if vectors.ndim else 0)
         with format_errors(file, "vectors of bodies"):
-            return cls(ids, vectors)
+            return cls(_as_ids(ids), vectors)
 
-    def select(self, ids: Iterable[Any]) -> LatentVectors:
+    def select(self, ids: Iterable[object]) -> LatentVectors:
         """Return the vectors of a data set's bodies, in its order.
 
         Parameters
@@ -110,17 +113,17 @@ class LatentVectors(Record, Descriptor):
             "returns the vectors of known bodies"
         )
 
-    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
         """Return the vectors of the bodies of a data set, by its field ``ids``.
 
         Ids of vectors that are the numbers from 0 on are the positions of the bodies instead.
         """
-        numbers = [str(number) for number in range(len(bodies))]
+        numbers = [str(number) for number in range(length_of(bodies, "bodies"))]
         by_number = set(self.ids) == set(numbers)
         return self.select(numbers if by_number else getattr(bodies, "ids", numbers)).vectors
 
 
-def _as_ids(ids: Any) -> tuple[str, ...]:
+def _as_ids(ids: Iterable[object]) -> tuple[str, ...]:
     texts = []
     for number, value in enumerate(ids):
         if isinstance(value, bytes):

@@ -6,21 +6,25 @@ import time
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import check_methods, one_of, real_array
-from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
+from riemhuman.descriptors.descriptor import Descriptor, Surfaces, meshes_of, pairwise
 from riemhuman.errors import ArgumentError
 from riemhuman.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from riemhuman.bodies import BodyModel
+    from riemhuman.bodies.fitting import ModelFit
 
 
 @dataclass(frozen=True, eq=False)
 class _ModelVectors(Descriptor):
-    model: Any
+    model: BodyModel
 
     def __post_init__(self) -> None:
         check_methods(self.model, "model", "a body model with a method fit", "fit")
@@ -29,13 +33,16 @@ class _ModelVectors(Descriptor):
         points = self._check_points(vertices, faces)
         return self._vectors(self.model.fit(points[np.newaxis]))[0]
 
-    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
         """Return the vectors of surfaces of the model's mesh, fitted together in one batch."""
         return self._vectors(self._fit(bodies))
 
     @staticmethod
     def describe_together(
-        descriptors: Sequence[_ModelVectors], bodies: Any, *, progress: bool = False
+        descriptors: Sequence[_ModelVectors],
+        bodies: Surfaces,
+        *,
+        progress: bool = False,
     ) -> tuple[list[np.ndarray], list[float]]:
         """Return vectors and seconds of several descriptors; each model is fitted once."""
         fits = {}
@@ -51,7 +58,7 @@ class _ModelVectors(Descriptor):
             seconds.append(shared + time.perf_counter() - began)
         return vectors, seconds
 
-    def _fit(self, bodies: Any) -> Any:
+    def _fit(self, bodies: Surfaces) -> ModelFit:
         count, mesh = meshes_of(bodies)
         points = np.stack([self._check_points(*mesh(i), f" of body {i}") for i in range(count)])
         return self.model.fit(points)
@@ -64,7 +71,7 @@ class _ModelVectors(Descriptor):
         return checked
 
     @abstractmethod
-    def _vectors(self, fit: Any) -> np.ndarray:
+    def _vectors(self, fit: ModelFit) -> np.ndarray:
         """Return the vector of each surface of a fit, shape (n, d)."""
 
 
@@ -86,7 +93,7 @@ class ModelShapeVectors(_ModelVectors):
     (2, 32)
     """
 
-    def _vectors(self, fit: Any) -> np.ndarray:
+    def _vectors(self, fit: ModelFit) -> np.ndarray:
         return np.asarray(fit.betas, dtype=np.float64)
 
 
@@ -137,7 +144,7 @@ class ModelPoseVectors(_ModelVectors):
             total += 4 * np.arctan2(np.minimum(gaps, sums), np.maximum(gaps, sums))
         return total
 
-    def _vectors(self, fit: Any) -> np.ndarray:
+    def _vectors(self, fit: ModelFit) -> np.ndarray:
         pose = np.asarray(fit.pose, dtype=np.float64)
         if not self.root:
             pose = pose[:, np.asarray(self.model.parents) >= 0]

@@ -6,7 +6,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import (
     Descriptor,
+    Surfaces,
     histograms,
     meshes_of,
     pairwise,
@@ -22,6 +23,9 @@ from riemhuman.descriptors.descriptor import (
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import Spectrum, spectrum
+
+if TYPE_CHECKING:
+    pass
 
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
 _ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
@@ -46,7 +50,10 @@ class SpectralDescriptor(Descriptor):
 
     @staticmethod
     def describe_together(
-        descriptors: Sequence[SpectralDescriptor], bodies: Any, *, progress: bool = False
+        descriptors: Sequence[SpectralDescriptor],
+        bodies: Surfaces,
+        *,
+        progress: bool = False,
     ) -> tuple[list[np.ndarray], list[float]]:
         """Return vectors and seconds of several descriptors; spectra are computed once."""
         count, mesh = meshes_of(bodies)

@@ -12,7 +12,7 @@ import json
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,7 +139,7 @@ class _Reader:
         if n_vertices > self._n_bytes or n_corners > _MOST_CORNERS * self._n_bytes:
             raise FileFormatError("its nodes and primitives repeat its meshes too often")
 
-    def _item(self, kind: str, number: Any) -> _Json:
+    def _item(self, kind: str, number: JSONValue) -> _Json:
         """Return a numbered part of the document."""
         items = self._document.get(kind, ())
         if isinstance(number, bool) or not isinstance(number, int):
@@ -309,7 +309,9 @@ class _Reader:
         # Strips are joined by triangles without area, which repeat a corner.
         return triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
 
-    def _accessor(self, number: Any, kind: str, where: str, *, whole: bool = False) -> np.ndarray:
+    def _accessor(
+        self, number: JSONValue, kind: str, where: str, *, whole: bool = False
+    ) -> np.ndarray:
         """Return the numbers of an accessor, shape (count, width), as floats or int64."""
         accessor = self._item("accessors", number)
         component = accessor.get("componentType")
@@ -381,7 +383,7 @@ class _Reader:
             )
         return np.ndarray((count, width), dtype, buffer, start, (stride, dtype.itemsize))
 
-    def _buffer(self, number: Any, view: _Json) -> bytes:
+    def _buffer(self, number: JSONValue, view: _Json) -> bytes:
         buffer = self._item("buffers", number) if "buffers" in self._document else {}
         uri = buffer.get("uri")
         if uri is None and number == 0 and self._binary is not None:

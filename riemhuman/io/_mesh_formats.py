@@ -14,7 +14,7 @@ from array import array
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -22,6 +22,9 @@ from numpy import ndarray
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_bytes
 from riemhuman.io.mesh_arrays import place_numbers, split_polygons
+
+if TYPE_CHECKING:
+    import plyfile
 
 Mesh = tuple[ndarray, ndarray]
 
@@ -52,7 +55,7 @@ def says_trusted(file: Path) -> bool:
     return re.search(rb"[\r\n]property[ \t]+\w+[ \t]+trusted[ \t]*[\r\n]", header) is not None
 
 
-def _read_ply(file: Path) -> Any:
+def _read_ply(file: Path) -> plyfile.PlyData:
     import plyfile  # imported here because few programs read PLY files
 
     content = read_bytes(file)
@@ -85,7 +88,7 @@ def _check_counts(content: bytes) -> bytes:
     return header
 
 
-def _columns(data: Any, names: tuple[str, ...]) -> ndarray | None:
+def _columns(data: plyfile.PlyData, names: tuple[str, ...]) -> ndarray | None:
     """Return properties of the vertices as columns; None if the vertices lack them."""
     if "vertex" not in data:
         return None
@@ -98,7 +101,7 @@ def _columns(data: Any, names: tuple[str, ...]) -> ndarray | None:
         return np.stack([rows[name] for name in names], axis=1).astype(np.float64)
 
 
-def _faces(data: Any) -> ndarray | None:
+def _faces(data: plyfile.PlyData) -> ndarray | None:
     if "face" not in data or len(data["face"].data) == 0:
         return None
     rows = data["face"].data

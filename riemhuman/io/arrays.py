@@ -12,7 +12,7 @@ import os
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import IO, Any
+from typing import IO, Literal, overload
 
 import numpy as np
 
@@ -154,7 +154,13 @@ def _header(
     return shape, dtype
 
 
-def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
+@overload
+def load_array(path: str | os.PathLike[str], *, mode: None = None) -> np.ndarray: ...
+@overload
+def load_array(path: str | os.PathLike[str], *, mode: Literal["r", "r+"]) -> np.memmap: ...
+def load_array(
+    path: str | os.PathLike[str], *, mode: Literal["r", "r+"] | None = None
+) -> np.ndarray:
     """Read the array of an .npy file, or map it into memory.
 
     Parameters

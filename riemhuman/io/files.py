@@ -15,7 +15,6 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from riemhuman.errors import (
     ArgumentTypeError,
@@ -230,7 +229,7 @@ def lock_file(file: Path, message: str) -> Iterator[None]:
         lock.release()
 
 
-def natural_key(name: str) -> tuple[list[Any], str]:
+def natural_key(name: str) -> tuple[list[str | tuple[int, str]], str]:
     """Return a sorting key that compares numbers within names as numbers."""
     # Text and numbers alternate, so that text is compared with text. A number with more digits is
     # larger; Python refuses to convert thousands of digits.

@@ -7,11 +7,10 @@ import hashlib
 import inspect
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import JSONRecord, JSONValue
 
 # Parameters that distances in closed form do not depend on.
 _SOLVERS = frozenset({"geodesic_solver", "exp_solver", "log_solver", "transport_solver", "solvers"})
@@ -25,7 +24,7 @@ def digest(array: np.ndarray) -> bytes:
     return hashlib.sha256(np.ascontiguousarray(array).data).digest()
 
 
-def describe(value: Any, _depth: int = 0) -> Any:
+def describe(value: object, _depth: int = 0) -> JSONValue:
     """Return the class, the parameters and the arrays of an object, as values that JSON keeps."""
     if value is None or type(value) in (bool, int, str):
         return value
@@ -58,7 +57,7 @@ def describe(value: Any, _depth: int = 0) -> Any:
     return described
 
 
-def _parameters(value: Any) -> JSONRecord:
+def _parameters(value: object) -> JSONRecord:
     """Return the arguments of the constructor that an object keeps as attributes."""
     try:
         names = set(inspect.signature(type(value)).parameters)

@@ -15,9 +15,10 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -35,6 +36,10 @@ MANIFEST = "manifest.json"
 _LOCK = "job.lock"
 _UNFINISHED = ".part"
 _BLOCK = 2**20  # bytes that are written at a time
+
+
+Index: TypeAlias = int | slice | tuple[int | slice, ...]
+"""Where entries of a table lie."""
 
 
 class JobFolder:
@@ -92,7 +97,7 @@ class JobFolder:
         """Return whether a table exists."""
         return (self.path / name).exists()
 
-    def make_tables(self, tables: Mapping[str, tuple[tuple[int, ...], Any]]) -> None:
+    def make_tables(self, tables: Mapping[str, tuple[tuple[int, ...], DTypeLike]]) -> None:
         """Make the tables that do not exist yet, of these shapes and types, filled with zeros."""
         missing = {}
         for name, (shape, dtype) in tables.items():
@@ -119,13 +124,12 @@ class JobFolder:
 
     def read(self, name: str) -> np.memmap:
         """Return a table as a read-only memory map."""
-        table: Any = load_array(self.path / name, mode="r")
-        return table
+        return load_array(self.path / name, mode="r")
 
-    def write(self, name: str, *entries: tuple[Any, Any]) -> None:
+    def write(self, name: str, *entries: tuple[Index, ArrayLike]) -> None:
         """Fill entries of a table, given as (index, values), and flush them to the disk."""
         # Opened each time: pages of a closed table no longer count as memory of the process.
-        table: Any = load_array(self.path / name, mode="r+")
+        table = load_array(self.path / name, mode="r+")
         with convert_errors(self.path):
             for index, values in entries:
                 table[index] = values
@@ -164,7 +168,7 @@ def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -
         os.fsync(stream.fileno())
 
 
-def _first_difference(expected: Any, actual: Any, where: str = "") -> str:
+def _first_difference(expected: JSONValue, actual: JSONValue, where: str = "") -> str:
     """Return a sentence on the first place where two descriptions differ; empty if none does."""
     if isinstance(expected, dict) and isinstance(actual, dict):
         for key in [*expected, *(key for key in actual if key not in expected)]:

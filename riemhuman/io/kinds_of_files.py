@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
-_Reader = TypeVar("_Reader", bound=Callable[..., Any])
+_Reader = TypeVar("_Reader", bound=Callable[..., object])
 
 YES = "yes"
 BY_MAP = "`TopologyMap`"
@@ -46,7 +46,7 @@ class FileKind:
     """
 
     name: str
-    reader: Callable[..., Any]
+    reader: Callable[..., object]
     reader_name: str
     endings: tuple[str, ...]
     registered: str

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -34,6 +34,11 @@ from riemhuman.io.kinds_of_files import AFTER, BY_MAP, reads
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
 from riemhuman.io.mesh_seams import check_seams, find_seams
 from riemhuman.optional import import_optional
+
+if TYPE_CHECKING:
+    import meshio
+    import pyvista
+    import trimesh
 
 _SURFACE_CELLS = ("triangle", "quad", "polygon")
 _MESHIO_SUFFIXES = (
@@ -209,7 +214,7 @@ def save_mesh(
         write_bytes(file, _WRITERS[suffix](*mesh))
 
 
-def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
+def as_arrays(mesh: object) -> tuple[ndarray, ndarray]:
     """Return the vertices and triangles of a mesh object, in its order.
 
     Parameters
@@ -232,9 +237,9 @@ def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
     if isinstance(mesh, tuple) and len(mesh) == 2:
         return check_mesh(*mesh)
     vertices = getattr(mesh, "vertices", getattr(mesh, "points", None))
-    faces = getattr(mesh, "faces", None)
-    if faces is None and isinstance(getattr(mesh, "cells", None), list):
-        faces = _triangles_of_cells(mesh.cells)
+    faces, cells = getattr(mesh, "faces", None), getattr(mesh, "cells", None)
+    if faces is None and isinstance(cells, list):
+        faces = _triangles_of_cells(cells)
     if vertices is None or faces is None:
         raise ArgumentTypeError(
             "mesh must have vertices and faces, as those of trimesh, PyVista and meshio have; "
@@ -244,7 +249,7 @@ def as_arrays(mesh: Any) -> tuple[ndarray, ndarray]:
     return check_mesh(np.asarray(vertices), _counted_triangles(faces) if faces.ndim == 1 else faces)
 
 
-def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
+def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> trimesh.Trimesh:
     """Return a trimesh.Trimesh, with vertices neither merged nor reordered.
 
     Parameters
@@ -263,7 +268,7 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     return trimesh.Trimesh(*check_mesh(vertices, faces), process=False)
 
 
-def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
+def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> pyvista.PolyData:
     """Return a pyvista.PolyData.
 
     Parameters
@@ -311,7 +316,7 @@ def _read_with_meshio(file: Path) -> Mesh:
         ) from error
 
 
-def _triangles_of_cells(cells: Any) -> ndarray:
+def _triangles_of_cells(cells: Iterable[meshio.CellBlock]) -> ndarray:
     """Return the triangles of the surface cells of a meshio mesh, block by block."""
     polygons = [
         np.asarray(p) for block in cells if block.type in _SURFACE_CELLS for p in block.data

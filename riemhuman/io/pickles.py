@@ -18,7 +18,7 @@ import warnings
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -46,7 +46,7 @@ _BYTES_OF_NUMBER = 8
 
 def load_pickled_arrays(
     path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] = ()
-) -> dict[str, Any]:
+) -> dict[str, np.ndarray | sparse.coo_array]:
     """Read the named arrays of a pickled dictionary, of chumpy too, without running anything.
 
     Parameters
@@ -86,7 +86,7 @@ def load_pickled_arrays(
         return arrays
 
 
-def load_pickled_tree(file: Path) -> Any:
+def load_pickled_tree(file: Path) -> Unpickled:
     """Return the dictionaries, lists, arrays, numbers and texts of a pickle, as joblib writes too.
 
     Nothing in it runs. Keys of dictionaries become texts, and values without numbers are left out.
@@ -99,10 +99,12 @@ def load_pickled_tree(file: Path) -> Any:
         return _Tree(len(content)).value(values)
 
 
-def pickled_tree(content: bytes, storages: Mapping[str, bytes], is_little: bool, size: int) -> Any:
+def pickled_tree(
+    content: bytes, storages: Mapping[str, bytes], is_little: bool, size: int
+) -> Unpickled:
     """Return what `load_pickled_tree` does from a pickle whose tensors are in other `storages`."""
 
-    def storage(reference: Any) -> _Record:
+    def storage(reference: object) -> _Record:
         if not (isinstance(reference, list) and len(reference) > 4 and reference[0] == "storage"):
             raise FileFormatError("holds a malformed tensor")
         kind, key = _name_of(reference[1]), str(reference[2])
@@ -134,25 +136,29 @@ def _decompress(content: bytes, limit: int) -> bytes:
 
 def _unpickle(
     content: bytes,
-    storage: Callable[[Any], _Record] | None = None,
+    storage: Callable[[object], _Record] | None = None,
     most_operations: int = _MOST_OPERATIONS,
-) -> Any:
+) -> Unpickled:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of escapes in texts of Python 2
         return _Unpickler(io.BytesIO(content), storage, most_operations).load()
+
+
+Unpickled: TypeAlias = Any
+"""What a pickle holds: plain data and records, which readers check where they use them."""
 
 
 class _Record:
     """An object of a pickle: the arguments that it was made with and its state."""
 
     kind = ""
-    arguments: Sequence[Any] = ()
-    state: Any = None
+    arguments: Sequence[Unpickled] = ()
+    state: Unpickled = None
 
-    def __init__(self, *arguments: Any) -> None:
+    def __init__(self, *arguments: Unpickled) -> None:
         self.arguments = arguments
 
-    def __setstate__(self, state: Any) -> None:
+    def __setstate__(self, state: Unpickled) -> None:
         self.state = state
 
 
@@ -184,7 +190,7 @@ _STORAGES = {
     "BoolStorage": "b1",
 }
 _KINDS |= {name: name for name in _STORAGES}
-_MAKERS: dict[str, Callable[..., Any]] = {
+_MAKERS: dict[str, Callable[..., Unpickled]] = {
     name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()
 }
 _MAKERS["_reconstructor"] = lambda kind, base, state: kind()  # as Python 2 made objects
@@ -193,14 +199,14 @@ _MAKERS["defaultdict"] = lambda *default: {}  # its items follow
 _MAKERS["_rebuild_parameter"] = lambda tensor, *arguments: tensor
 
 
-class _Operations(dict[int, Callable[[Any], None]]):
+class _Operations(dict[int, Callable[[Unpickled], None]]):
     """The operations of an unpickler, which may look up a limited number of them."""
 
-    def __init__(self, operations: dict[int, Callable[[Any], None]], most: int) -> None:
+    def __init__(self, operations: dict[int, Callable[[Unpickled], None]], most: int) -> None:
         super().__init__(operations)
         self.most = self.n_left = most
 
-    def __getitem__(self, code: int) -> Callable[[Any], None]:
+    def __getitem__(self, code: int) -> Callable[[Unpickled], None]:
         self.n_left -= 1
         if self.n_left < 0:
             raise FileFormatError(
@@ -218,19 +224,19 @@ class _Unpickler(pickle._Unpickler):
     def __init__(
         self,
         content: io.BytesIO,
-        storage: Callable[[Any], _Record] | None = None,
+        storage: Callable[[object], _Record] | None = None,
         most_operations: int = _MOST_OPERATIONS,
     ) -> None:
         super().__init__(content, encoding="latin1")
         self.dispatch = _Operations(_DISPATCH, most_operations)  # type: ignore[misc]
         self.content, self._storage = content, storage
 
-    def persistent_load(self, identifier: Any) -> _Record:
+    def persistent_load(self, identifier: object) -> _Record:
         if self._storage is None:
             raise FileFormatError("needs data that the file does not hold")
         return self._storage(identifier)
 
-    def find_class(self, module: str, name: str) -> Callable[..., Any]:
+    def find_class(self, module: str, name: str) -> Callable[..., Unpickled]:
         if name not in _MAKERS:
             raise FileFormatError(
                 f"asks for {_describe(f'{module}.{name}')}, which is refused: body models may "
@@ -241,14 +247,14 @@ class _Unpickler(pickle._Unpickler):
         return _MAKERS[name]
 
 
-def _list_of_last(count: int) -> Callable[[Any], None]:
-    def load(unpickler: Any) -> None:
+def _list_of_last(count: int) -> Callable[[Unpickled], None]:
+    def load(unpickler: Unpickled) -> None:
         unpickler.stack[-count:] = [unpickler.stack[-count:]]
 
     return load
 
 
-def _build(unpickler: Any) -> None:
+def _build(unpickler: Unpickled) -> None:
     """Give an object its state; the numbers of an array of joblib follow it in the file."""
     _PYTHON_BUILD(unpickler)
     record = unpickler.stack[-1]
@@ -283,11 +289,11 @@ _DISPATCH |= {code[0]: _DISPATCH[other[0]] for code, other in _ALIASES.items()}
 _DISPATCH |= {code[0]: _list_of_last(count) for code, count in _TUPLES.items()}
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     return value.kind if isinstance(value, _Record) else ""
 
 
-def _value(value: Any, depth: int = 0) -> Any:
+def _value(value: Unpickled, depth: int = 0) -> np.ndarray | sparse.coo_array:
     """Return an array, a sparse matrix, a chumpy object, a number, a text or a list as an array."""
     kind = _kind(value)
     if kind in ("array", "buffer", "scalar"):
@@ -317,7 +323,7 @@ class _Tree:
     def __init__(self, size: int) -> None:
         self._n_bytes, self._n_values = memory_limit(size), _MOST_VALUES
 
-    def value(self, stored: Any, depth: int = 0) -> Any:
+    def value(self, stored: Unpickled, depth: int = 0) -> Unpickled:
         """Return the plain value of a record, or None where it has none."""
         self._n_values -= 1
         if depth > _DEEPEST_TREE or self._n_values < 0:
@@ -360,7 +366,7 @@ def _tensor(record: _Record, most_bytes: int) -> np.ndarray:
 
 def _array(record: _Record) -> np.ndarray:
     """Return an array of the recorded bytes, which cannot be written to."""
-    order: Any = "C"
+    order: Unpickled = "C"
     if record.kind == "array":
         _, shape, dtype, is_fortran, data = record.state
         order = "F" if is_fortran else "C"
@@ -378,7 +384,7 @@ def _array(record: _Record) -> np.ndarray:
     return array
 
 
-def _dtype(record: Any) -> np.dtype[np.generic]:
+def _dtype(record: Unpickled) -> np.dtype[np.generic]:
     code = record.arguments[0] if _kind(record) == "dtype" else record
     if not isinstance(code, str) or not _DTYPES.fullmatch(code):
         raise FileFormatError(
@@ -387,7 +393,7 @@ def _dtype(record: Any) -> np.dtype[np.generic]:
     return np.dtype(code).newbyteorder(record.state[1] if record.state else "=")
 
 
-def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
+def _chumpy(state: dict[str, Unpickled], kind: str, depth: int) -> np.ndarray:
     """Return the value of a chumpy object, which may be a selection from another."""
     if depth == _DEEPEST_CHUMPY:
         raise FileFormatError(f"holds more than {_DEEPEST_CHUMPY} chumpy objects in another")
@@ -401,7 +407,7 @@ def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
     return selected if shape is None else selected.reshape(_value(shape, depth + 1))
 
 
-def _sparse(state: dict[str, Any]) -> sparse.coo_array:
+def _sparse(state: dict[str, Unpickled]) -> sparse.coo_array:
     """Return a matrix of compressed columns; the constructor checks its indices."""
     shape = state["_shape"] if "_shape" in state else state["shape"]
     data, rows, starts = (_array(state[name]) for name in ("data", "indices", "indptr"))
@@ -414,12 +420,12 @@ def _sparse(state: dict[str, Any]) -> sparse.coo_array:
     return sparse.coo_array(values, shape=tuple(shape))
 
 
-def _name_of(stored: Any) -> str:
+def _name_of(stored: object) -> str:
     """Return the name of a class of records."""
     return stored.__name__ if isinstance(stored, type) else ""
 
 
-def _attributes(record: _Record) -> dict[str, Any]:
+def _attributes(record: _Record) -> dict[str, np.ndarray | sparse.coo_array]:
     state = record.state
     if isinstance(state, list) and len(state) == 2 and state[1] is None:
         state = state[0]
@@ -428,7 +434,7 @@ def _attributes(record: _Record) -> dict[str, Any]:
     return state
 
 
-def _describe(value: Any) -> str:
+def _describe(value: object) -> str:
     """Return a text of the file, or the type of another value, for a message."""
     if not isinstance(value, str):
         return type(value).__name__

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
-from typing import Any
 
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import check_file, format_errors
-from riemhuman.io.pickles import pickled_tree
+from riemhuman.io.pickles import Unpickled, pickled_tree
 
 _PICKLE = "data.pkl"
 _DATA = "data/"
 _ORDER = "byteorder"
 
 
-def load_torch_tree(file: Path) -> Any:
+def load_torch_tree(file: Path) -> Unpickled:
     """Return the dictionaries, lists, tensors, numbers and texts in a file; nothing in it runs."""
     size = check_file(file)
     with format_errors(file, "a file of PyTorch"):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from copy import copy
 from itertools import islice
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from numpy import ndarray
 
@@ -16,6 +17,9 @@ from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyE
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.files import short_message
 from riemhuman.optional import import_optional
+
+if TYPE_CHECKING:
+    import distributed
 
 # Tiles sent for each thread of the cluster: one at work and others waiting, so that none is idle.
 _TILES_A_THREAD = 3
@@ -25,12 +29,24 @@ _RETRIES = 3
 _PATIENCE, _SECONDS = 4, 15
 
 
+Part = TypeVar("Part")
+PartContra = TypeVar("PartContra", contravariant=True)
+
+
+class Worker(Protocol[PartContra]):
+    """Computes parts of a job, here or on a machine of a cluster."""
+
+    def compute(
+        self, metric: RiemannianMetric, part: PartContra, /
+    ) -> ndarray | RiemhumanError: ...
+
+
 def compute_parts(
     metric: RiemannianMetric,
-    worker: Any,
-    tiles: Sequence[tuple[int, Any]],
-    client: Any | None = None,
-) -> Iterator[tuple[int, ndarray]]:
+    worker: Worker[Part],
+    tiles: Sequence[tuple[int, Part]],
+    client: distributed.Client | None = None,
+) -> Iterator[tuple[int, ndarray | RiemhumanError]]:
     """Yield the number and the values of each part of a job, as they are finished."""
     if client is None:
         yield from ((number, worker.compute(metric, tile)) for number, tile in tiles)
@@ -48,16 +64,16 @@ def compute_parts(
 
 
 def _in_turn(
-    distributed: Any,
-    client: Any,
+    distributed: ModuleType,
+    client: distributed.Client,
     metric: RiemannianMetric,
-    worker: Any,
-    tiles: Sequence[tuple[int, Any]],
-) -> Iterator[tuple[int, ndarray]]:
+    worker: Worker[Part],
+    tiles: Sequence[tuple[int, Part]],
+) -> Iterator[tuple[int, ndarray | RiemhumanError]]:
     # Sent once; the scheduler sends it again to a worker that replaces a lost one.
     sent = client.submit(copy, metric, pure=False)
     waiting = iter(tiles)
-    running: dict[Any, int] = {}
+    running: dict[Hashable, int] = {}
     n_running = _TILES_A_THREAD * max(1, sum(client.nthreads().values()))
     try:
         while True:
@@ -79,7 +95,7 @@ def _in_turn(
 
 
 @contextmanager
-def _losses(distributed: Any, client: Any) -> Iterator[None]:
+def _losses(distributed: ModuleType, client: distributed.Client) -> Iterator[None]:
     """Raise a `ClusterError` for every error that means the loss of the cluster."""
     try:
         yield
@@ -98,7 +114,11 @@ def _lost(what: str) -> ClusterError:
     return ClusterError(f"{what}; finished work is kept, and the same call goes on with it")
 
 
-def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> Any:
+def _first_finished(
+    client: distributed.Client,
+    distributed: ModuleType,
+    running: Collection[Hashable],
+) -> distributed.Future:
     """Return a finished future, or give up when the cluster has had no worker for a minute."""
     n_without_workers = 0
     while n_without_workers < _PATIENCE:
@@ -112,7 +132,7 @@ def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> 
     raise _lost(f"the cluster has had no worker for {_PATIENCE * _SECONDS} seconds")
 
 
-def _check_workers(client: Any) -> None:
+def _check_workers(client: distributed.Client) -> None:
     """Refuse workers that cannot import the library, for which the client would wait."""
     try:
         answers = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")

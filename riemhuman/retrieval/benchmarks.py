@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import class_numbers
+from riemhuman.datasets import Bodies, LabelledMeshes
 from riemhuman.descriptors import (
     AreaProjectionTransform,
     Descriptor,
@@ -21,7 +22,7 @@ from riemhuman.descriptors import (
     ShapeDNA,
     WaveKernelSignature,
 )
-from riemhuman.descriptors.descriptor import meshes_of
+from riemhuman.descriptors.descriptor import Surfaces, meshes_of
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -35,6 +36,7 @@ from riemhuman.geometry import (
     ElasticMetric,
     GaugeInvariantMetric,
     GeneralElasticMetric,
+    RiemannianMetric,
     RotationMetric,
     SobolevMetric,
     SRNFMetric,
@@ -63,6 +65,10 @@ TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
 TITLES[AMONG_OTHERS] = "How, among other people?"
 _COLUMNS = {"nn": "NN", "first_tier": "FT", "second_tier": "ST", "mean_average_precision": "mAP"}
 _LABELS = {"shape": "subject", "pose": "pose"}
+
+
+Representation: TypeAlias = "RiemannianMetric | Descriptor"
+"""What compares bodies: a metric of registered surfaces, or vectors that describe meshes."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +101,12 @@ class BenchmarkRecord:
 
 
 def benchmark(
-    bodies: Any,
-    representations: Mapping[str, Any] | None = None,
+    bodies: Bodies | LabelledMeshes,
+    representations: Mapping[str, Representation] | None = None,
     *,
     learned: bool = False,
     progress: bool = False,
-    task: Callable[[str], AbstractContextManager[Any]] = nullcontext,
+    task: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
 
@@ -181,7 +187,7 @@ def benchmark(
     return records
 
 
-def table_metrics(bodies: Any) -> dict[str, Any]:
+def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
     """Return the metrics of retrieval tables by name."""
     if not _is_registered(bodies):
         raise ArgumentTypeError(
@@ -199,7 +205,7 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     }
 
 
-def representations(bodies: Any) -> dict[str, Any]:
+def representations(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
     """Return all representations that apply to a data set, in the order of tables.
 
     The model of the open bodies also generated them: its fits recover the vectors almost exactly,
@@ -216,7 +222,7 @@ def representations(bodies: Any) -> dict[str, Any]:
     >>> list(rh.retrieval.representations(rh.datasets.load_open_bodies("coarse")))[2]
     'area metric'
     """
-    descriptors: dict[str, Any] = {
+    descriptors: dict[str, Representation] = {
         "APT": AreaProjectionTransform(),
         "ShapeDNA": ShapeDNA(),
         "HKS": HeatKernelSignature(),
@@ -232,7 +238,7 @@ def representations(bodies: Any) -> dict[str, Any]:
     with suppress(ArgumentError):
         chosen[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
     model = getattr(bodies, "model", None)
-    if hasattr(model, "fit"):
+    if model is not None and hasattr(model, "fit"):
         chosen["model shape vector"] = ModelShapeVectors(model)
         chosen["model pose vector"] = ModelPoseVectors(model)
         chosen["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
@@ -242,13 +248,13 @@ def representations(bodies: Any) -> dict[str, Any]:
     return chosen | of_extensions(bodies)
 
 
-def _is_registered(bodies: Any) -> bool:
+def _is_registered(bodies: Surfaces) -> TypeGuard[Bodies]:
     return hasattr(bodies, "points") and hasattr(bodies, "template")
 
 
-def of_extensions(bodies: Any) -> dict[str, Any]:
+def of_extensions(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
     """Return the representations that other packages register, see `riemhuman.extensions`."""
-    metrics: dict[str, Any] = {}
+    metrics: dict[str, Representation] = {}
     if _is_registered(bodies):
         space = AlignedSurfaces(bodies.template, equip=False)
         metrics = {name: metric(space) for name, metric in extensions("metrics").items()}
@@ -265,7 +271,9 @@ class _CodeDescriptor(Descriptor):
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         return self._of(np.asarray(vertices)[None])[0]
 
-    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
+        if not _is_registered(bodies):
+            raise ArgumentTypeError("codes of networks need bodies that are registered")
         return self._of(bodies.points)
 
     def _of(self, points: np.ndarray) -> np.ndarray:
@@ -275,7 +283,8 @@ class _CodeDescriptor(Descriptor):
 
 def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
     """Return the codes of the networks that ship, for tables."""
-    networks: list[Any] = [IntrinsicExtrinsicCodes.load_pretrained(template)]
+    networks: list[ShapePoseCodes | IntrinsicExtrinsicCodes]
+    networks = [IntrinsicExtrinsicCodes.load_pretrained(template)]
     with suppress(ArgumentError):  # of another triangulation
         networks.append(ShapePoseCodes.load_pretrained(template))
     return {
@@ -285,10 +294,10 @@ def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
     }
 
 
-def _learned_distances(bodies: Any) -> dict[str, np.ndarray]:
+def _learned_distances(bodies: Bodies | LabelledMeshes) -> dict[str, np.ndarray]:
     """Return distances learned from labels, by task, from people to whom they were not fitted."""
     subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
-    if subject is None or len(np.unique(subject)) < 5:
+    if not _is_registered(bodies) or subject is None or len(np.unique(subject)) < 5:
         return {}
     space = AlignedSurfaces(bodies.template, equip=False)
     metrics = {
@@ -303,10 +312,13 @@ def _learned_distances(bodies: Any) -> dict[str, np.ndarray]:
 
 
 def described_together(
-    representations: Mapping[str, Any], bodies: Any, *, progress: bool = False
+    representations: Mapping[str, Representation],
+    bodies: Bodies | LabelledMeshes,
+    *,
+    progress: bool = False,
 ) -> dict[str, Described]:
     """Compute the vectors of descriptors that share a costly step, such as spectra."""
-    kinds: dict[Any, dict[str, Any]] = {}
+    kinds: dict[Callable[..., tuple[list[np.ndarray], list[float]]], dict[str, Representation]] = {}
     for name, representation in representations.items():
         if hasattr(representation, "describe_together"):
             kinds.setdefault(representation.describe_together, {})[name] = representation
@@ -323,7 +335,9 @@ def described_together(
 
 
 def timed_distances(
-    representation: Any, bodies: Any, described: Described | None = None
+    representation: Representation,
+    bodies: Bodies | LabelledMeshes,
+    described: Described | None = None,
 ) -> tuple[np.ndarray, tuple[float, float]]:
     """Return all distances within a set of bodies, and the seconds for a body and for a pair."""
     n_bodies = len(bodies)

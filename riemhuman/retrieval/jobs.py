@@ -15,12 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import DTypeLike
 
-from riemhuman.arrays import Array, ArrayLike, JSONRecord
+from riemhuman.arrays import Array, JSONRecord, PointsLike
 from riemhuman.checks import length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
@@ -31,7 +32,7 @@ from riemhuman.io.fingerprint import describe, digest
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.kernels.threads import slices, thread_count
 from riemhuman.progress import ProgressBar
-from riemhuman.retrieval._cluster import compute_parts
+from riemhuman.retrieval._cluster import Worker, compute_parts
 from riemhuman.solvers.path_comparison import (
     PairsOfPoints,
     PathDistances,
@@ -39,6 +40,9 @@ from riemhuman.solvers.path_comparison import (
     row_of_path,
 )
 from riemhuman.solvers.paths import solve_pairs
+
+if TYPE_CHECKING:
+    import distributed
 
 _RESULT, _UNFINISHED_RESULT = "D.npy", "D.unfinished.npy"
 _ROWS, _DONE, _DIGESTS, _POINTS = "rows.npy", "done.npy", "digests.npy", "points.npy"
@@ -69,13 +73,13 @@ Tile = tuple[slice, slice]
 
 def pairwise_job(
     metric: RiemannianMetric,
-    points: Sequence[Any] | ndarray,
+    points: PointsLike,
     folder: str | os.PathLike[str],
     *,
     precision: str = "single",
     memory: int = 2**30,
     n_jobs: int | None = None,
-    client: Any | None = None,
+    client: distributed.Client | None = None,
     progress: bool = False,
 ) -> np.memmap:
     r"""Compute all distances within a set of points into a file, or resume an earlier run.
@@ -137,7 +141,8 @@ def pairwise_job(
         tiles = tiles_of(n_points, layout["tile"])
         blocks = list(slices(n_points, layout["block"]))
         arrays = _by_file(features, first)
-        tables: dict[str, tuple[tuple[int, ...], Any]] = {_DIGESTS: ((len(blocks), 32), np.uint8)}
+        tables: dict[str, tuple[tuple[int, ...], DTypeLike]]
+        tables = {_DIGESTS: ((len(blocks), 32), np.uint8)}
         complete = job.exists(_RESULT)
         if complete:
             tables[_RESULT] = ((n_points, n_points), np.float64)
@@ -165,18 +170,17 @@ def pairwise_job(
             _compute(job, metric, reader, tiles, client, progress)
             job.rename(_UNFINISHED_RESULT, _RESULT)
         job.remove(_DONE, *arrays)
-        result: Any = job.read(_RESULT)
-        return result
+        return job.read(_RESULT)
 
 
 def path_job(
     solver: GeodesicSolver,
     metric: RiemannianMetric,
-    points: Sequence[Any] | ndarray,
+    points: PointsLike,
     folder: str | os.PathLike[str],
     *,
     n_jobs: int | None = None,
-    client: Any | None = None,
+    client: distributed.Client | None = None,
     progress: bool = False,
 ) -> PathDistances:
     r"""Find paths between all pairs of a set of points, or resume an earlier run.
@@ -265,7 +269,7 @@ def _by_file(features: tuple[ndarray, ...], points: ndarray) -> dict[str, ndarra
     return {f"features_{k}.npy": array for k, array in enumerate(features)} | {_POINTS: points}
 
 
-def checked_part(metric: RiemannianMetric, points: Any, part: slice, name: str) -> ndarray:
+def checked_part(metric: RiemannianMetric, points: PointsLike, part: slice, name: str) -> ndarray:
     """Return a range of points after checking them."""
     where = f"{name}[{part.start}:{part.stop}]"
     some = metric.check_points(points[part], where)
@@ -280,7 +284,7 @@ class _PointsOfJob:
 
     job: JobFolder
     metric: RiemannianMetric
-    points: ArrayLike
+    points: PointsLike
     precision: str
     n_jobs: int | None
 
@@ -344,7 +348,18 @@ def _try_paths(
         _compare(job, "the length of a path", rows[pair, :2], again[0, :2], _ROUNDING_OF_PATHS)
 
 
-def _spread(items: Sequence[Any], most: int) -> list[Any]:
+T = TypeVar("T")
+Part = TypeVar("Part")
+PartContra = TypeVar("PartContra", contravariant=True)
+
+
+class JobWorker(Worker[PartContra], Protocol[PartContra]):
+    """Computes parts of a job, and writes them."""
+
+    def write(self, job: JobFolder, part: PartContra, values: ndarray, /) -> None: ...
+
+
+def _spread(items: Sequence[T], most: int) -> list[T]:
     """Return a handful of items, evenly spaced."""
     places = np.linspace(0, len(items) - 1, min(most, len(items))).astype(int)
     return [items[place] for place in np.unique(places)]
@@ -366,9 +381,9 @@ def _compare(
 def _compute(
     job: JobFolder,
     metric: RiemannianMetric,
-    worker: TileReader | PathFinder,
-    parts: Sequence[Any],
-    client: Any | None,
+    worker: JobWorker[Part],
+    parts: Sequence[Part],
+    client: distributed.Client | None,
     progress: bool,
 ) -> list[RiemhumanError]:
     """Compute and write the unfinished parts, and return errors of some."""
@@ -380,7 +395,6 @@ def _compute(
     with ProgressBar(
         total=len(parts), initial=n_finished, desc="Parts of the job", disable=not progress
     ) as bar:
-        values: Any
         for number, values in compute_parts(metric, worker, [(k, parts[k]) for k in todo], client):
             if isinstance(values, RiemhumanError):
                 errors.append(values)
@@ -443,7 +457,7 @@ class PathFinder:
     def write(job: JobFolder, block: slice, rows: ndarray) -> None:
         job.write(_ROWS, (block, rows))
 
-    def compute(self, metric: RiemannianMetric, block: slice) -> Any:
+    def compute(self, metric: RiemannianMetric, block: slice) -> ndarray | RiemhumanError:
         """Return a row of numbers for each pair, or an error."""
         pairs = PairsOfPoints(self.points)[block]
         try:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import Array, PointsLike
 from riemhuman.checks import integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
@@ -192,7 +192,7 @@ class NearestNeighbors(Estimator):
         self.exact_share_ = n_exact / max(1, n_queries * n_points)
         return (distances, indices) if return_distance else indices
 
-    def _fit_projection(self, X: Any) -> Projection | None:
+    def _fit_projection(self, X: PointsLike) -> Projection | None:
         """Return the projection to principal components of a sample, if there are to be bounds."""
         unused = self.algorithm == "brute" or (self.algorithm == "auto" and len(X) < _FEW)
         if unused or self.n_components == 0 or not self.metric.has_lower_bound_coordinates:
@@ -204,7 +204,7 @@ class NearestNeighbors(Estimator):
         points = np.concatenate([checked_part(self.metric, X, part, "X") for part in parts])
         return Projection.fit(in_blocks(coordinates, points), self.n_components)
 
-    def _rows_of(self, X: ArrayLike, part: slice) -> list[ndarray]:
+    def _rows_of(self, X: PointsLike, part: slice) -> list[ndarray]:
         """Return coordinates that bound distances, none without a projection, and features."""
         points = checked_part(self.metric, X, part, "X")
         coordinates = np.empty((len(points), 0))
@@ -213,7 +213,7 @@ class NearestNeighbors(Estimator):
         return [coordinates, *self.metric.features(points, n_jobs=self.n_jobs)]
 
     def _search(
-        self, part: slice, X: ArrayLike | None, k: int, candidates: ndarray | None
+        self, part: slice, X: PointsLike | None, k: int, candidates: ndarray | None
     ) -> Iterator[tuple[ndarray, ndarray, int]]:
         """Yield k distances, the numbers of the points, and that of comparisons, of some queries.
 
