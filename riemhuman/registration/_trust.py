@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -49,11 +50,22 @@ def find_seen(
     return seen
 
 
+class Overlaps(NamedTuple):
+    """Matched vertices that lie where another matched part of the body is.
+
+    At a seam, where a calf is folded onto a thigh, the other part is near on one side only; where
+    one limb is fitted to the scan of another, it is all around.
+    """
+
+    near: np.ndarray
+    around: np.ndarray
+
+
 def find_overlaps(
     template: Template, points: np.ndarray, matched: np.ndarray, settings: TrustSettings
-) -> np.ndarray:
+) -> Overlaps:
     """Return which matched vertices lie in the same place as another matched part of the body."""
-    overlaps = np.zeros(len(points), dtype=bool)
+    overlaps = Overlaps(*np.zeros((2, len(points)), dtype=bool))
     matched_numbers = np.flatnonzero(matched)
     if not len(matched_numbers):
         return overlaps
@@ -68,11 +80,22 @@ def find_overlaps(
     close = np.isfinite(distances)
     near[~close] = 0
     gaps = points[matched_numbers][near] - points[matched_numbers, np.newaxis]
-    close &= np.abs(np.einsum("nkx,nx->nk", gaps, normals)) < settings.along_metres
+    heights = np.einsum("nkx,nx->nk", gaps, normals)
+    close &= np.abs(heights) < settings.along_metres
     rest = template.vertices[matched_numbers]
     apart = np.linalg.norm(rest[near] - rest[:, np.newaxis], axis=-1) > settings.apart_metres
     alike = np.einsum("nkx,nx->nk", normals[near], normals) > 0.5
-    overlaps[matched_numbers] = (apart & alike & close).any(axis=1)
+    others = apart & alike & close
+    sideways = gaps - heights[:, :, np.newaxis] * normals[:, np.newaxis]
+    lengths = np.linalg.norm(sideways, axis=-1)
+    directions = sideways / np.maximum(lengths, 1e-12)[:, :, np.newaxis]
+    counts = np.maximum(others.sum(axis=1), 1)
+    towards = np.linalg.norm((directions * others[:, :, np.newaxis]).sum(axis=1), axis=1) / counts
+    same_place = (others & (lengths < settings.same_place * farthest)).any(axis=1)
+    overlaps.near[matched_numbers] = others.any(axis=1)
+    overlaps.around[matched_numbers] = others.any(axis=1) & (
+        same_place | (towards < settings.one_sided)
+    )
     return overlaps
 
 

@@ -103,12 +103,12 @@ def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
     matched = visible & near & (fit.matches.reliable > settings.least_reliable)
     # Hands that lie on the body are thin enough to be where it is, though they are right.
     overlaps = find_overlaps(template, fit.points, matched & ~parts.on_hands, settings)
-    lost = find_lost_limbs(parts, fit.points, matched, overlaps, settings)
+    lost = find_lost_limbs(parts, fit.points, matched, overlaps.near, settings)
     if lost.any():
         chosen = matched & ~parts.on_hands & ~lost
         overlaps = find_overlaps(template, fit.points, chosen, settings)
     seen = find_seen(template, fit.points, matched, search.scan, settings) & visible & ~lost
-    return _Parts(matched, overlaps, lost, seen)
+    return _Parts(matched, overlaps.around, lost, seen)
 
 
 def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) -> FitQuality:

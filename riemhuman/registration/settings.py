@@ -793,6 +793,11 @@ class TrustSettings:
         They are this near along their normals, metres.
     overlap_metres : tuple of float
         They are as near as neighbours in the mesh, between these limits, metres.
+    one_sided : float
+        Another part is on one side, as at a seam, if the mean of the unit vectors towards it is
+        longer.
+    same_place : float
+        It is in the same place if it is nearer than this share of that distance.
     n_neighbours : int
         Vertices that are compared for that.
     n_samples : int
@@ -836,6 +841,8 @@ class TrustSettings:
     apart_metres: float = 0.15
     along_metres: float = 0.012
     overlap_metres: tuple[float, float] = (0.015, 0.045)
+    one_sided: float = 0.75
+    same_place: float = 0.3
     n_neighbours: int = 30
     n_samples: int = 3000
     farthest_miss: float = 0.12
@@ -866,6 +873,8 @@ class TrustSettings:
             limb_elsewhere=self.limb_elsewhere,
             least_near_of_limb=self.least_near_of_limb,
             largest_overlap=self.largest_overlap,
+            one_sided=self.one_sided,
+            same_place=self.same_place,
             far_share=self.far_share,
             shared_limb=self.shared_limb,
             least_reliable=self.least_reliable,

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from scanned_people import result_of_one_search, settings_with
+from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._trust import FitQuality, find_seen, join_reasons
+from riemhuman.registration._trust import FitQuality, find_overlaps, find_seen, join_reasons
 from riemhuman.registration._trust import find_doubts as find_doubts_of
 from riemhuman.registration.settings import TrustSettings
 
@@ -94,3 +95,26 @@ def test_a_body_the_wrong_way_round_is_refused():
     result = result_of_one_search(registration, scan.points)
     assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
     assert not result.trusted
+
+
+@pytest.mark.parametrize("limb", ["leg", "forearm"])
+def test_a_limb_on_another_is_all_around_it(model, limb):
+    joints, moved = {
+        "leg": (("hip", "knee"), ["hip", "knee", "ankle", "toes"]),
+        "forearm": (("elbow", "wrist"), ["elbow", "wrist"]),
+    }[limb]
+    names = list(model.joint_names)
+    points = rh.datasets.load_open_bodies("coarse")[0]
+    places = model.joint_regressor @ points
+    first, second = (
+        np.array([places[names.index(f"{side}_{joint}")] for joint in joints])
+        for side in ("left", "right")
+    )
+    columns = [names.index(f"right_{joint}") for joint in moved]
+    chosen = model.weights[:, columns].sum(axis=1) > 0.5
+    rotation, _ = Rotation.align_vectors(np.diff(first, axis=0), np.diff(second, axis=0))
+    together = points.copy()
+    together[chosen] = rotation.apply(points[chosen] - second[0]) + first[0]
+    overlaps = find_overlaps(model.template, together, np.ones(len(points), dtype=bool), SETTINGS)
+    assert overlaps.around.mean() > 2 * SETTINGS.largest_overlap
+    assert not (overlaps.around & ~overlaps.near).any()
