@@ -27,6 +27,7 @@ __all__ = [
     "NamedArrays",
     "PairsLike",
     "Points",
+    "PointsByNumber",
     "PointsLike",
     "PointsOnDemand",
     "PointsOrBatches",
@@ -67,6 +68,12 @@ class PointsOnDemand(Protocol):
     def __len__(self) -> int: ...
 
     def __getitem__(self, part: int | slice, /) -> NDArray[np.float64]: ...
+
+
+class PointsByNumber(Protocol):
+    """Points that are read one at a time."""
+
+    def __getitem__(self, number: int, /) -> NDArray[np.float64]: ...
 
 
 PointsLike: TypeAlias = NDArray[np.float64] | Sequence[object] | PointsOnDemand

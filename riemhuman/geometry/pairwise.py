@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, PointsLike
+from riemhuman.arrays import Array, PointsByNumber, PointsLike
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
@@ -65,8 +65,8 @@ def squared_dist_rectangle(
     metric: RiemannianMetric,
     features_a: Features,
     features_b: Features,
-    points_a: PointsLike,
-    points_b: PointsLike,
+    points_a: PointsLike | PointsByNumber,
+    points_b: PointsLike | PointsByNumber,
     n_jobs: int | None = None,
 ) -> Array:
     """Return all squared distances between two sets, those of close pairs in double precision.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike, PointsByNumber, PointsLike, PointsOnDemand
 from riemhuman.checks import length_of, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
@@ -16,7 +17,7 @@ from riemhuman.geometry.pairwise import Features, squared_dist_rectangle
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._travel import ground_places, surface_space
 
-Motion = Any
+Motion: TypeAlias = Array | PointsOnDemand
 """An array (n_frames, V, 3), or anything with a length whose slices are such arrays."""
 
 FEWER_FRAMES = "take every second frame of the motions, or coarser bodies"
@@ -79,7 +80,9 @@ def rotate_upright(frames: ndarray, angles: ndarray) -> ndarray:
     return np.stack([cosines * x - sines * z, frames[..., 1], sines * x + cosines * z], axis=-1)
 
 
-def surfaces_between(space: Any, start: ndarray, end: ndarray, times: ndarray) -> ndarray:
+def surfaces_between(
+    space: AlignedSurfaces, start: ndarray, end: ndarray, times: ndarray
+) -> ndarray:
     """Return the surfaces between two at times in [0, 1], where limbs keep their length."""
     surfaces = np.empty((len(times), *space.shape))
     surfaces[times == 0.0], surfaces[times == 1.0] = start, end
@@ -105,7 +108,7 @@ def frame_count(motion: Motion, name: str = "motion", minimum: int = 1) -> int:
     return n_frames
 
 
-def check_motions(motions: Any, name: str = "motions") -> None:
+def check_motions(motions: object, name: str = "motions") -> None:
     """Raise an error if there is no motion, or a single one instead of a list."""
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
         raise ArgumentError(
@@ -116,7 +119,7 @@ def check_motions(motions: Any, name: str = "motions") -> None:
         raise ArgumentError(f"{name} must contain at least one motion; found none")
 
 
-def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndarray:
+def _checked_frames(space: Manifold, frames: ArrayLike, first: int, name: str) -> ndarray:
     values = values_of(frames, name)
     if values.ndim != 3:
         raise ArgumentError(f"{name} must have shape (n_frames, V, 3); found {values.shape}")
@@ -162,7 +165,7 @@ class Frames:
     """What distances need of some frames: features, the frames themselves, and travel."""
 
     features: Features
-    points: Any
+    points: PointsLike | PointsByNumber
     travel: ndarray | None = None
 
 
@@ -186,7 +189,7 @@ class FrameDistances:
         travel: TravelChannel | None = None,
         precision: str = "single",
     ) -> None:
-        self._metric: Any = metric
+        self._metric = metric
         self._heading = heading
         self._travel = travel
         self._precision = precision

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy import ndarray
 
@@ -19,7 +17,7 @@ _SMOOTHED = 0.25
 _SHARE_OF_HEIGHT = 0.5
 
 
-def frame_rate(motion: Any, given: float | None, name: str) -> float:
+def frame_rate(motion: object, given: float | None, name: str) -> float:
     """Return the frames a second of a motion: those given, or those of a recording."""
     if given is not None:
         return given

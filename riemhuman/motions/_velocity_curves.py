@@ -18,7 +18,7 @@ among equally spaced positions on every side.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy import ndarray
@@ -26,7 +26,15 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from riemhuman.errors import NotDefinedError
-from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric
+from riemhuman.geometry import (
+    EbinMetric,
+    FlatMetric,
+    NormalFieldMetric,
+    ProductManifold,
+    ProductMetric,
+    RiemannianMetric,
+    RotationFieldMetric,
+)
 from riemhuman.kernels.compilation import compiled
 from riemhuman.motions._frames import Motion, frame_runs
 
@@ -48,17 +56,19 @@ _CUT_OFF = 4.0
 class TransportedVelocities:
     """Velocities of motions, transported to the fields of one reference surface."""
 
-    def __init__(self, metric: Any, reference: ndarray, *, heading: bool = True) -> None:
+    def __init__(
+        self, metric: RiemannianMetric, reference: ndarray, *, heading: bool = True
+    ) -> None:
         if not metric.has_target_metric:
             raise NotDefinedError(
                 f"rate-invariant distances need a metric of fields with log and transport, such as "
                 f"ElasticMetric, RotationMetric or SRNFMetric; found {type(metric).__name__}"
             )
-        self._metric: Any = metric
+        self._metric = metric
         self._heading = heading
-        self._fields: Any = metric.target_metric
+        self._fields = metric.target_metric
         self._base = metric.map(reference)
-        if self._fields.space.factors:
+        if isinstance(self._fields, ProductMetric):
             metrics = [factor.metric for factor in self._fields.space.factors]
             factors = zip(metrics, self._parts(self._base), self._fields.weights, strict=True)
             self._charts = [_chart(metric, base, weight) for metric, base, weight in factors]
@@ -85,13 +95,15 @@ class TransportedVelocities:
             rows.append(np.concatenate([chart(part) for chart, part in parts], axis=1))
         return np.concatenate(rows)
 
-    def _parts(self, fields: ndarray) -> Any:
+    def _parts(self, fields: ndarray) -> Sequence[ndarray]:
         """Return fields or vectors in each factor of their space."""
         space = self._fields.space
-        return space.project_from_product(fields) if space.factors else [fields]
+        if isinstance(space, ProductManifold):
+            return space.project_from_product(fields)
+        return [fields]
 
 
-def _chart(metric: Any, base: ndarray, weight: float) -> Any:
+def _chart(metric: RiemannianMetric, base: ndarray, weight: float) -> Callable[[ndarray], ndarray]:
     """Return a function from tangent vectors at a point to orthonormal coordinates."""
     if not isinstance(metric, (EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric)):
         raise NotDefinedError(

@@ -17,7 +17,6 @@ Aleksandrov spaces", Geometriae Dedicata 133, 2008).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -161,7 +160,13 @@ def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float
 
 
 @compiled
-def _match_frames(costs: Any, steps: Any, lengths: Any, tables: Any, places: Any) -> None:
+def _match_frames(
+    costs: ndarray,
+    steps: ndarray,
+    lengths: ndarray,
+    tables: tuple[ndarray, ndarray],
+    places: ndarray,
+) -> None:
     n, m = costs.shape
     sums, before = tables
     sums[0, 0] = 0.0
@@ -181,8 +186,14 @@ def _match_frames(costs: Any, steps: Any, lengths: Any, tables: Any, places: Any
         place = before[k, place]
 
 
+PlaceTables = tuple[tuple[ndarray, ...], tuple[ndarray, ...], ndarray]
+"""Numbers, whole numbers and weights of the places that are tried."""
+
+
 @compiled
-def _move_places(falls: Any, steps: Any, within: Any, places: Any, tables: Any) -> float:
+def _move_places(
+    falls: ndarray, steps: ndarray, within: ndarray, places: ndarray, tables: PlaceTables
+) -> float:
     """Move places to nearby ones with the least sum, ever closer together, and return it."""
     (tried, spread, at_begin, at_end, sums), (firsts, before), weights = tables
     n, count = tried.shape
@@ -240,7 +251,13 @@ def _apart(step: float, chord: float, product: float) -> float:
 
 
 @compiled
-def _between(within: Any, firsts: Any, weights: Any, place: Any, next_place: Any) -> float:
+def _between(
+    within: ndarray,
+    firsts: ndarray,
+    weights: ndarray,
+    place: tuple[int, int],
+    next_place: tuple[int, int],
+) -> float:
     """Return the squared distance between two places, interpolated between frames."""
     k, p = place
     h, q = next_place

@@ -29,7 +29,11 @@ from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.motions._frames import Motion, frame_runs
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
-from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarping
+from riemhuman.motions.time_warping import (
+    DynamicTimeWarping,
+    MotionDistance,
+    VelocityTimeWarping,
+)
 
 if TYPE_CHECKING:
     from riemhuman.datasets.open_motions import OpenMotion
@@ -133,7 +137,7 @@ def compare_representations(
     space = AlignedSurfaces(model.template, equip=False)
     space.metric = pose = ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
     shared: dict[str, Any] = {"n_components": _COMPONENTS, "n_jobs": -1}
-    measures: dict[str, Any] = {
+    measures: dict[str, GramHankel | MotionDistance] = {
         "Hankel matrices of currents": GramHankel(space),
         "time warping, SRNF": DynamicTimeWarping(SRNFMetric(space), **shared),
         "time warping, pose metric": DynamicTimeWarping(pose, **shared),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -91,9 +90,7 @@ class MotionSearch:
         if self.shortest * lengths[0] > 1.0:
             longest_run = math.ceil(1.0 / self.shortest)
         first = 0
-        bar: Any = ProgressBar(
-            total=lengths[1], desc="Frames", disable=not self.progress, unit="frame"
-        )
+        bar = ProgressBar(total=lengths[1], desc="Frames", disable=not self.progress, unit="frame")
         with bar:
             for run in frame_runs(self.metric.space, motion, heading=self.heading):
                 costs = frames.squared(wanted, frames.of_run(run))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -73,7 +73,7 @@ class MotionSpace(Manifold):
         times = np.linspace(0.0, 1.0, self.n_times)[:, None, None]
         return stack_samples((1.0 - times) * start + times * end, n_samples)
 
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
+    def check_point(self, point: object, name: str = "point") -> ndarray:
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
     def resample(
@@ -168,7 +168,7 @@ class RateDependentMetric(RiemannianMetric):
 
     def __init__(
         self,
-        space: Any,
+        space: MotionSpace,
         metric: RiemannianMetric | None = None,
         geodesic_solver: GeodesicSolver | None = None,
     ) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
@@ -236,7 +236,7 @@ class MotionMean(Estimator):
         return self
 
     @property
-    def _metric(self) -> Any:
+    def _metric(self) -> RiemannianMetric:
         return self.metric or ElasticMetric(self.space.frames, a=1.0, lam=1.0, c=1.0)
 
     def _means(self, aligned: ndarray) -> ndarray:
@@ -339,7 +339,8 @@ class MotionComponents(Estimator):
             Coordinates along the first m components; the others are 0.
         """
         scores = real_array(X, "X", ("n", "n_components"), batched=False)
-        product: Any = self._pca.space
+        product = self._pca.space
+        assert isinstance(product, ProductManifold)
         solver = NearestSurface()
         motions = np.empty((len(scores), *self.mean_.shape))
         for motion, images in zip(motions, self._pca.inverse_transform(scores), strict=True):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import refuse_type
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
 from riemhuman.motions._velocity_curves import TransportedVelocities, best_matching, even_segments
@@ -77,7 +77,7 @@ class RateInvariantMetric(MotionDistance):
     def __init__(
         self,
         space: MotionSpace,
-        metric: Any = None,
+        metric: RiemannianMetric | None = None,
         *,
         heading: bool = False,
         n_components: int | None = None,

@@ -75,7 +75,7 @@ class MotionDistance(ABC):
 
     def __init__(
         self,
-        metric: Any,
+        metric: RiemannianMetric,
         *,
         heading: bool = False,
         n_components: int | None = None,
@@ -171,7 +171,7 @@ class FrameWarping(MotionDistance):
 
     def __init__(
         self,
-        metric: Any,
+        metric: RiemannianMetric,
         *,
         heading: bool = False,
         travel_weight: float = 0.0,
