@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,9 @@ from riemhuman.arrays import Array
 _KEYS = ("A", "b1", "B", "b2", "C", "L", "b3")
 
 
-def network(parameters: Mapping[str, Any], name: str, x: Any, backend: ModuleType = np) -> Any:
+def network(
+    parameters: Mapping[str, Array], name: str, x: Array, backend: ModuleType = np
+) -> Array:
     """Return the outputs (..., n_out) of a network with a residual block and a linear part."""
     # y = L x + C h + b₃, h = g + σ(B g + b₂), g = σ(A x + b₁), with names such as "shape.A".
     A, b1, B, b2, C, L, b3 = (parameters[f"{name}.{key}"] for key in _KEYS)
@@ -36,7 +37,7 @@ def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str,
     return {f"{name}.{key}": shape for key, shape in shapes.items()}
 
 
-def cloud_features(parameters: Mapping[str, Any], x: Any, backend: ModuleType = np) -> Any:
+def cloud_features(parameters: Mapping[str, Array], x: Array, backend: ModuleType = np) -> Array:
     """Return the largest value of each feature over the points of clouds (n, n_points, 3)."""
     for layer in range(3):
         x = x @ parameters[f"cloud.W{layer}"] + parameters[f"cloud.b{layer}"]

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -134,7 +133,7 @@ class Parts:
         features: Array,
         backend: ModuleType = np,
         operator: ArrayLike | None = None,
-        matrices: Callable[[Array], object] = rotation_matrix,
+        matrices: Callable[[Array], Array] = rotation_matrix,
     ) -> Array:
         """Return the surfaces (n, V, 3) with given features (n, 9 K), by NumPy or PyTorch."""
         count = self.n_parts
@@ -148,7 +147,7 @@ class Parts:
         means = backend.swapaxes(rotations @ stretches, 2, 3).reshape(n_bodies, 3 * count, 3)
         return (self.operator if operator is None else operator) @ means
 
-    def _chain(self, transforms: Any, backend: ModuleType) -> Any:
+    def _chain(self, transforms: Array, backend: ModuleType) -> Array:
         chained = [transforms[:, part] for part in range(self.n_parts)]
         for part in self.order[1:]:
             chained[part] = chained[self.parents[part]] @ chained[part]
@@ -173,7 +172,7 @@ class Parts:
         return sums / sums.sum()
 
 
-def gradients(template: Template, points: ndarray, used: Any = slice(None)) -> ndarray:
+def gradients(template: Template, points: ndarray, used: ndarray | slice = slice(None)) -> ndarray:
     """Return the deformation gradients of triangles, shape (n, F, 3, 3)."""
     operator = template.differential_operator
     f_u, f_v = (part[..., used, :] for part in partial_derivatives(points, operator))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.learned._codes import PairedCodes
@@ -111,7 +112,7 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         return np.exp(network(self.parameters_, "spectrum", intrinsic) + self._spectrum)
 
     @staticmethod
-    def _encode(parameters: Any, clouds: Any, backend: ModuleType = np) -> Any:
+    def _encode(parameters: Mapping[str, Array], clouds: Array, backend: ModuleType = np) -> Array:
         return network(parameters, "codes", cloud_features(parameters, clouds, backend), backend)
 
     def _sizes(self) -> dict[str, tuple[int, int]]:

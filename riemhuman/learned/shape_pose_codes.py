@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import ModuleType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy import sparse
 
+from riemhuman.arrays import Array
 from riemhuman.errors import ArgumentError
 from riemhuman.learned._codes import PairedCodes
 from riemhuman.learned._correspondence import Correspondence
@@ -117,7 +119,9 @@ class ShapePoseCodes(PairedCodes):
         mixed = [self.split(of_people)[0], self.split(of_poses)[1]]
         return self.inverse_transform(np.concatenate(mixed, axis=1))
 
-    def _encode(self, parameters: Any, features: Any, backend: ModuleType = np) -> list[Any]:
+    def _encode(
+        self, parameters: Mapping[str, Array], features: Array, backend: ModuleType = np
+    ) -> list[Array]:
         n_rotations = 3 * self.n_parts
         return [
             network(parameters, "shape", features[:, n_rotations:], backend),
@@ -125,7 +129,7 @@ class ShapePoseCodes(PairedCodes):
         ]
 
     @staticmethod
-    def _decode(parameters: Any, codes: Any, backend: ModuleType = np) -> Any:
+    def _decode(parameters: Mapping[str, Array], codes: Array, backend: ModuleType = np) -> Array:
         features = [network(parameters, name, codes, backend) for name in ("turns", "stretches")]
         return backend.concatenate(features, 1)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.distance import cdist
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import class_numbers, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
@@ -210,7 +210,7 @@ class LearnedMetric(Transformer):
         return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, float(shrinkage)
 
 
-def _whitened(metric: Any, mean: ndarray, components: ndarray, points: Any) -> Any:
+def _whitened(metric: RiemannianMetric, mean: ndarray, components: ndarray, points: Array) -> Array:
     return anp.dot(metric.lower_bound_coordinates(points) - mean, components.T)
 
 
