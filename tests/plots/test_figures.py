@@ -57,7 +57,7 @@ def test_nothing_lies_behind_the_drawing():
     svg, png = small_figure()
     assert "fill: #ffffff" not in svg
     pixels = imread(io.BytesIO(png))
-    assert pixels.shape[:2] == (225, 300)
+    assert pixels.shape[:2] == (450, 600)
     assert pixels[0, 0].tolist() == [1, 1, 1, 1]
 
 

@@ -133,6 +133,7 @@ def unit_sphere():
     return vertices, np.array(faces)
 
 
+@pytest.mark.slow
 def test_eyeballs_are_named_and_move_with_the_head(people, full, monkeypatch):
     bodies, others, faces, _ = people
     head = full.joints()[full.joint_names.index("head")] + [0.0, 0.09, 0.05]
