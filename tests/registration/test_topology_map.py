@@ -181,6 +181,7 @@ def with_eyeballs(body, faces, head):
     return np.concatenate(vertices), np.concatenate(faces)
 
 
+@pytest.mark.slow
 def test_maps_between_symmetric_meshes_commute_with_mirroring(full, monkeypatch, tmp_path):
     """The open model's own mesh with eyeballs, turned unevenly, and an uneven registration."""
     monkeypatch.setattr(_topology_weights, "_N_PEOPLE", 8)
@@ -236,6 +237,7 @@ def to_coarse(people, full):
         return made_from(others[0], faces, bodies[0], rh.datasets.load_open_model("coarse"), patch)
 
 
+@pytest.mark.slow
 def test_a_coarse_model_shows_a_finer_mesh(to_coarse, people, full):
     """Flat triangles miss it by 2.8 mm in the mean; so do there and back (asked: 1 mm)."""
     bodies, others, *_ = people
