@@ -133,7 +133,7 @@ def recording_contents(
     --------
     >>> rh.datasets.load_open_motions("coarse")[0].save("dance.npz")
     >>> rh.datasets.recording_contents("dance.npz").used[:2]
-    ('betas', 'gender')
+    ('betas', 'gender (model to choose)')
     """
     file = file_path(path)
     suffix = suffix_of(file, (".npz", SMPL_ENDING, ".pkl", ".pickle", ".joblib", ".pt", ".pth"))
