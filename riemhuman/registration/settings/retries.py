@@ -1,0 +1,60 @@
+"""Settings by which scans are searched again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from riemhuman.registration.settings._checks import check_amounts, check_counts, check_shares
+
+
+@dataclass(frozen=True)
+class RetrySettings:
+    """When a scan is searched again, or as that of half a body.
+
+    Attributes
+    ----------
+    least_matched_half : float
+        Half a body is tried if a smaller share of the other half matches: a view from one side
+        matches nearly half of the legs, legs fitted to the trunk about a third.
+    clearly_near : float
+        Where a smaller share of the scan is near the body, it is refused for good reason: its arms
+        and hands are left as they are, and another search is a quick one.
+    n_near : int
+        About the number of points by which that is decided.
+    most_matched_half : float
+        Of a refused body, half a one is tried where a smaller share of the other half matches.
+    near_of_half : float
+        A whole body fitted to half a one is near to at least this share of it.
+    retry_gain : float
+        What the log-likelihood gains where another search leads to another body.
+    warm_loss : float
+        A scan whose log-likelihood falls by more than this below that of the moment before is
+        searched from scratch.
+    agreement : float
+        If a smaller share of the estimated normals agrees with the body, their signs are ignored.
+
+    Examples
+    --------
+    >>> rh.registration.RetrySettings().warm_loss
+    0.25
+    """
+
+    least_matched_half: float = 0.4
+    clearly_near: float = 0.85
+    n_near: int = 500
+    most_matched_half: float = 0.6
+    near_of_half: float = 0.9
+    retry_gain: float = 0.05
+    warm_loss: float = 0.25
+    agreement: float = 0.85
+
+    def __post_init__(self) -> None:
+        check_amounts(retry_gain=self.retry_gain, warm_loss=self.warm_loss)
+        check_counts(n_near=self.n_near)
+        check_shares(
+            least_matched_half=self.least_matched_half,
+            clearly_near=self.clearly_near,
+            most_matched_half=self.most_matched_half,
+            near_of_half=self.near_of_half,
+            agreement=self.agreement,
+        )

@@ -1,0 +1,106 @@
+"""Settings by which limbs are doubted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from riemhuman.registration.settings._checks import (
+    check_amounts,
+    check_counts,
+    check_lists,
+    check_shares,
+)
+
+
+@dataclass(frozen=True)
+class RivalSettings:
+    """When a limb is not trusted because something else explains its points almost as well.
+
+    Attributes
+    ----------
+    least_margin : float
+        Another explanation must be farther from the scan than the fit by this share of the fit's
+        distance.
+    hand_margin : float
+        The same for another pose of the hand, whose fingers alone are compared.
+    most_hand_excess : float
+        Fingers are not trusted if their points are farther from the nearest pose of the hand than
+        those on the same arm from the arm, by this factor of the mean.
+    least_usual_metres : float
+        A smaller mean distance on the arm counts as this one: hands have finer detail, metres.
+    head_margin : float
+        The same share for another rotation of the head.
+    head_turns : tuple of tuple of float
+        Angles about the axes to the left and up by which other heads start, degrees.
+    elbow_swings : tuple of float
+        Angles about the line from shoulder to wrist by which other elbows start, degrees.
+    least_swung : float
+        Elbows nearer to this line have no other side, metres.
+    across : tuple of float
+        Distances into what a hand touches at which other hands start, metres.
+    most_farther : float
+        Rivals whose mean distance from points of the scan is this multiple of the fit's after the
+        first steps are left out.
+    n_compared : int
+        About the number of points by which heads and arms are compared.
+    n_compared_first : int
+        Every k-th of them is compared after the first steps.
+    displaced_metres : float
+        Vertices that a rival moves by more are not trusted, metres.
+    least_displaced : float
+        A rival matters if it displaces this share of a forearm and hand.
+    touching_metres : float
+        Vertices this near to another limb touch it, metres.
+    most_touching : float
+        Hands that touch with more than this share of one's vertices hide each other's fingers.
+    crossing_share : float
+        Limbs that touch with a larger share of their vertices are tried exchanged.
+    exchanged_metres : float
+        Points farther away belong to other parts of the body, metres.
+
+    Examples
+    --------
+    >>> rh.registration.RivalSettings().least_margin
+    0.35
+    """
+
+    least_margin: float = 0.35
+    hand_margin: float = 0.10
+    most_hand_excess: float = 2.3
+    least_usual_metres: float = 0.0015
+    head_margin: float = 0.10
+    head_turns: tuple[tuple[float, float], ...] = ((0, 60), (0, -60), (35, 0), (-35, 0))
+    elbow_swings: tuple[float, ...] = (60.0, -60.0, 120.0, -120.0, 180.0)
+    least_swung: float = 0.03
+    across: tuple[float, ...] = (0.05, 0.11)
+    most_farther: float = 4.0
+    n_compared: int = 500
+    n_compared_first: int = 3
+    displaced_metres: float = 0.03
+    least_displaced: float = 0.05
+    touching_metres: float = 0.015
+    most_touching: float = 0.10
+    crossing_share: float = 0.02
+    exchanged_metres: float = 0.03
+
+    def __post_init__(self) -> None:
+        check_amounts(
+            least_margin=self.least_margin,
+            hand_margin=self.hand_margin,
+            most_hand_excess=self.most_hand_excess,
+            least_usual_metres=self.least_usual_metres,
+            head_margin=self.head_margin,
+            least_swung=self.least_swung,
+            most_farther=self.most_farther,
+            n_compared=self.n_compared,
+            displaced_metres=self.displaced_metres,
+            touching_metres=self.touching_metres,
+            exchanged_metres=self.exchanged_metres,
+        )
+        check_counts(n_compared_first=self.n_compared_first)
+        check_lists(elbow_swings=self.elbow_swings, across=self.across)
+        check_shares(
+            least_displaced=self.least_displaced,
+            most_touching=self.most_touching,
+            crossing_share=self.crossing_share,
+        )

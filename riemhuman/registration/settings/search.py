@@ -1,0 +1,136 @@
+"""Settings of the search over starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from riemhuman.checks import whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.registration.settings._checks import check_amounts, check_counts
+
+
+@dataclass(frozen=True)
+class SearchRound:
+    """One round of the search over starts.
+
+    Attributes
+    ----------
+    n_model : int
+        Points of the body.
+    n_scan : int
+        Points of the scan.
+    sigmas : tuple of float
+        First and last standard deviation of the soft assignment, metres.
+    n_steps : int
+        Steps from the first to the last; 0 only evaluates the likelihood.
+    n_best : int
+        Candidates that are kept.
+
+    Examples
+    --------
+    >>> rh.registration.SearchRound(250, 400, (0.2, 0.1), n_steps=5, n_best=24).n_steps
+    5
+    """
+
+    n_model: int
+    n_scan: int
+    sigmas: tuple[float, float]
+    n_steps: int
+    n_best: int
+
+    def __post_init__(self) -> None:
+        check_counts(n_model=self.n_model, n_scan=self.n_scan, n_best=self.n_best)
+        whole_number(self.n_steps, "n_steps", minimum=0)
+        first, last = self.sigmas
+        check_amounts(first_sigma=first, last_sigma=last)
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """The search over headings, start poses and directions up.
+
+    Attributes
+    ----------
+    poses : tuple of str, optional
+        Names of the start poses; None stands for all that the model has.
+    n_headings : int
+        Headings from which each pose starts, evenly spread over 360°.
+    headings : tuple of int, optional
+        Those of them that are tried, by number from the front; None stands for all.
+    tries_arms : bool
+        Whether the arms of the likeliest body are tried in the positions of all start poses.
+    rounds : tuple of SearchRound
+        The first two are one schedule, in which unlikely starts are dropped early.
+    arm_rounds : tuple of SearchRound
+        Rounds for a body with another arm.
+    warm_rounds : tuple of SearchRound
+        Rounds from a known body, as a moment before.
+    fine_round : SearchRound
+        The round after all others, of the model at nearly full resolution.
+    n_shifts : int
+        Steps by which the visible part of a start comes to the centre of the scan.
+    up_margin : float
+        A direction up is tried fully if its log-likelihood is at most this much below the best.
+    same_metres : float
+        Candidates nearer to a better one, in root mean square distance, are dropped, metres.
+    arm_gain : float
+        What the log-likelihood gains where another arm is right: more than it differs between fits.
+    warm_betas_precision : float
+        Inverse variance of the shape coefficients for a scan of the same person a moment later.
+    still_hands : float
+        Inverse variance of the coefficients of hands, which stay relaxed in the search.
+
+    Examples
+    --------
+    >>> rh.registration.SearchSettings(poses=("a", "sit")).poses
+    ('a', 'sit')
+    """
+
+    poses: tuple[str, ...] | None = None
+    n_headings: int = 6
+    headings: tuple[int, ...] | None = None
+    tries_arms: bool = True
+    rounds: tuple[SearchRound, ...] = (
+        SearchRound(250, 400, (0.20, 0.164), 2, 96),
+        SearchRound(250, 400, (0.134, 0.09), 3, 24),
+        SearchRound(500, 800, (0.09, 0.04), 6, 6),
+        SearchRound(1000, 1500, (0.04, 0.015), 9, 3),
+    )
+    arm_rounds: tuple[SearchRound, SearchRound] = (
+        SearchRound(250, 400, (0.12, 0.05), 5, 4),
+        SearchRound(1000, 1500, (0.04, 0.015), 5, 1),
+    )
+    warm_rounds: tuple[SearchRound, ...] = (
+        SearchRound(500, 800, (0.08, 0.04), 5, 1),
+        SearchRound(1000, 1500, (0.03, 0.015), 4, 1),
+    )
+    fine_round: SearchRound = SearchRound(3000, 5000, (0.015, 0.006), 5, 1)
+    n_shifts: int = 8
+    up_margin: float = 0.15
+    same_metres: float = 0.03
+    arm_gain: float = 0.02
+    warm_betas_precision: float = 4.0
+    still_hands: float = 1e6
+
+    def __post_init__(self) -> None:
+        check_counts(n_headings=self.n_headings, n_shifts=self.n_shifts)
+        check_amounts(
+            up_margin=self.up_margin,
+            same_metres=self.same_metres,
+            arm_gain=self.arm_gain,
+            warm_betas_precision=self.warm_betas_precision,
+            still_hands=self.still_hands,
+        )
+        if len(self.rounds) < 2:
+            raise ArgumentError(f"rounds must be two or more; found {len(self.rounds)}")
+        if len(self.arm_rounds) != 2:
+            raise ArgumentError(f"arm_rounds must be two; found {len(self.arm_rounds)}")
+        if self.poses is not None and not self.poses:
+            raise ArgumentError("poses must name at least one start pose, or be None; found none")
+        if self.headings is not None:
+            numbers = range(self.n_headings)
+            if not self.headings or any(number not in numbers for number in self.headings):
+                raise ArgumentError(
+                    f"headings must be numbers from 0 to {self.n_headings - 1}; found "
+                    f"{self.headings!r}"
+                )
