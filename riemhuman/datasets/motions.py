@@ -313,7 +313,7 @@ class MeshMotion(Motion):
 
 
 @reads(
-    "a folder of folders of meshes, one a motion",
+    "a folder of motions, each a folder of meshes",
     "datasets.load_mesh_motions",
     MESH_ENDINGS,
     registered=YES,

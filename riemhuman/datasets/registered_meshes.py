@@ -250,7 +250,7 @@ def load_faust(
 
 # More than eight arguments: each keyword states a fact that files of meshes leave open.
 @reads(
-    "meshes of one topology, not the open model's",
+    "meshes of one topology other than the open model's",
     "datasets.load_bodies",
     MESH_ENDINGS,
     registered=YES,

@@ -375,7 +375,7 @@ POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
 """Suffixes of the files that `load_points` reads."""
 
 reads(
-    "a mesh of SMPL, SMPL-X, MHR, Anny or another topology",
+    "a mesh with the topology of SMPL, SMPL-X, MHR, Anny or another",
     "load_mesh",
     MESH_SUFFIXES,
     registered=BY_MAP,
