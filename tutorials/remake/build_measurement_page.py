@@ -21,36 +21,38 @@ _AGREES = 0.5  # standard deviations among adults
 
 _HEAD = """# Measurements and what others call them
 
-`rh.measurements.open_measurements("full")` holds the standing measurements below,
+`rh.measurements.open_measurements("full")` holds the standing measurements below, and
 `open_measurements("full", pose="seated")` those of people who sit with their forearms forward. A
-name after ≈ is of a measurement that differs, as the remark says; [tutorial
-11](11_measurements.ipynb) shows how to take them.
+name after ≈ belongs to a similar measurement; the remark says how it differs. [Tutorial
+11](11_measurements.ipynb) shows how to take measurements.
 
-Where the standards differ, there is a measurement for each:
+If the standards differ, there is a measurement for each:
 
 - **Waist.** `waist girth` is the natural waist of ISO 8559-1 (between the lowest rib and the iliac
   crest), the narrowest level. ANSUR II and SMPL-Anthropometry measure at the navel: `waist girth
   (omphalion)`. CAESAR's waist is where people wear their trousers. Breadth, depth, height and back
   length exist at both levels.
-- **Chest.** `chest girth` is level at the bust points, as ISO 8559-1, ISO 7250-1 and ANSUR II
-  measure it. CAESAR also has a girth at the scye, under the arms, which is not here.
-- **Thigh.** `thigh girth` is 3 cm below the crotch and across the bone, so that it does not change
-  when the leg moves; ISO 8559-1 and ANSUR II measure level, at the fold of the buttock.
+- **Chest.** `chest girth` is measured horizontally at the bust points, as in ISO 8559-1,
+  ISO 7250-1 and ANSUR II. CAESAR also has a girth at the scye, under the arms, which riemhuman
+  does not have.
+- **Thigh.** `thigh girth` is measured 3 cm below the crotch and across the bone, so that it does
+  not change when the leg moves. ISO 8559-1 and ANSUR II measure horizontally, at the fold of the
+  buttock.
 - **Calf and ankle.** `calf girth` is where the calf of the mean body is thickest, `ankle girth`
-  where its leg is thinnest above the malleoli (ANSUR II's ankle); ISO 8559-1 also has an ankle
-  girth over the malleoli, which is not here.
-- **Arm.** Girths are of the hanging arm, as in ISO 8559-1; those of ANSUR II are of the flexed
+  where its leg is thinnest above the malleoli (ANSUR II's ankle). ISO 8559-1 also has an ankle
+  girth over the malleoli, which riemhuman does not have.
+- **Arm.** Girths are measured on the hanging arm, as in ISO 8559-1; ANSUR II measures the flexed
   arm.
 
-*ISO* names the standard, ISO 8559-1 of 2017 or ISO 7250-1 of 2008, without its numbers of clauses.
+*ISO* gives the standard, ISO 8559-1 of 2017 or ISO 7250-1 of 2008, without clause numbers.
 *Level* is the height of the plane or place on the mean body, in per cent of its stature. *Women*
 and *men* say by how many millimetres (kilograms) the mean woman and man of the open body model
-measure more than those of ANSUR II; {agree} of {count} agree to half a standard deviation among
-adults for both. The coarse model is a polyhedron inside the full one, so that girths of its limbs
-are some centimetres less. The seated body is the model's: its knees bend above the epicondyles,
-and its skin loses depth at buttocks and kneecaps, so that its thighs are short and thick. For the
-seated measurements of a person, `predict_measurements(values, sex)` is nearer: it predicts all
-measurements from a few, with standard deviations, and makes no body. `python
+exceed those of ANSUR II; for {agree} of {count} measurements, both agree to within half a standard
+deviation among adults. The coarse model is a polyhedron inside the full one, so the girths of its
+limbs are a few centimetres smaller. The seated body is that of the model: its knees bend above the
+epicondyles, and its skin loses depth at buttocks and kneecaps, so its thighs are short and thick.
+For the seated measurements of a person, `predict_measurements(values, sex)` is more accurate: it
+predicts all measurements from a few, with standard deviations, without making a body. `python
 tutorials/remake/build_statistics.py ANSUR --check` prints how well measurements predict each
 other.
 
