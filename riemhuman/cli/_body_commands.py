@@ -13,6 +13,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
+from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -286,6 +287,7 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     cli.FILES,
     cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))"),
     cli.template("the first mesh", "to align with"),
+    UNITS,
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
@@ -305,8 +307,8 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     with inputs.mesh_folder(options, dict(zip(names, points, strict=True)), faces) as folder:
         page = folder / "aligned.html"
         rh.plots.save_picture(page, points, faces, titles, title="Aligned meshes")
-    said = ["root mean square distances from the template, in metres:"]
-    said += [f"{distance:.6f}  {name}" for name, distance in zip(names, distances, strict=True)]
+    said = ["root mean square distances from the template:"]
+    said += _gap_lines(names, distances.tolist(), options)
     return cli.Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})
 
 
@@ -324,6 +326,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     cli.MODEL,
     cli.ANY_SCALE,
     cli.UNIT,
+    UNITS,
     cli.PICTURE,
 )
 def _fit(options: argparse.Namespace) -> cli.Answer:
@@ -352,13 +355,23 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
         titles = [title for file in files for title in (file.stem, f"{file.stem}, model")]
         title = "Meshes, each beside its model"
         rh.plots.save_picture(options.picture, bodies, surfaces.faces, titles, title=title)
-    means = [1000.0 * float(fit.mean_distance) for fit in fits]
+    means = [float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
     said = ["mean distances between mesh and model:"]
-    for name, mean, done in zip(names, means, converged, strict=True):
-        said.append(f"{mean:8.3f} mm  {name}{'' if done else '  (did not converge)'}")
-    record = {"files": files, "mean_distance_mm": means, "converged": converged}
+    lines = _gap_lines(names, means, options)
+    for line, done in zip(lines, converged, strict=True):
+        said.append(f"{line}{'' if done else '  (did not converge)'}")
+    millimetres = [1000.0 * mean for mean in means]
+    record = {"files": files, "mean_distance_mm": millimetres, "converged": converged}
     return cli.Answer("\n".join(said), record, trusted=all(converged))
+
+
+def _gap_lines(
+    names: Sequence[str], gaps: Sequence[float], options: argparse.Namespace
+) -> list[str]:
+    """Return a line for each file: a distance between surfaces, and the file's name."""
+    texts = [rh.measurements.readable_gap(gap, options.units) for gap in gaps]
+    return [f"{text:>10}  {name}" for text, name in zip(texts, names, strict=True)]
 
 
 def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> BodyModel:

@@ -11,6 +11,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
+from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -496,6 +497,7 @@ def _map_page(
     ),
     cli.path_option("--scans", "FOLDER", "also show the scans registered into this folder"),
     cli.flag("--quick", "a smaller report, in half a minute"),
+    UNITS,
 )
 def _report(options: argparse.Namespace) -> cli.Answer:
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
@@ -505,6 +507,7 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     if motions:
         with options.task("Basis of Dynamic FAUST"):
             basis = rh.DeformationBasis.from_motions(motions, _N_COMPONENTS, progress=options.bars)
-    settings = {"quick": options.quick, "scans": options.scans, "progress": options.task}
+    settings = {"quick": options.quick, "scans": options.scans, "units": options.units}
+    settings["progress"] = options.task
     page = rh.report.make_report(options.output, bodies=bodies, basis=basis, **settings)
     return cli.Answer(str(page), {"output": page})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
-from riemhuman.cli._readable_units import SHORT_UNITS
+from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 
 # Of a path, in its folder.
 _PATH_FILE = "path.npz"
+# Of sizes in an answer: lengths, an area and a volume.
+_POWERS = {"extents": 1, "largest_extents": 1, "area": 2, "volume": 3}
 # Of an archive of any number of arrays.
 _MOST_LISTED = 100
 
@@ -180,31 +182,50 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
     cli.path_option("file", "FILE", "file or folder"),
+    UNITS,
 )
 def _info(options: argparse.Namespace) -> cli.Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
-    return cli.Answer(_with_units(facts), facts)
+    return cli.Answer(_with_units(facts, options.units), facts)
 
 
-def _with_units(facts: JSONRecord) -> JSONRecord:
-    """Return facts for people: the sizes of a mesh or scan with the unit that they suggest."""
+def _with_units(facts: JSONRecord, system: str) -> JSONRecord:
+    """Return facts for people: sizes in the units that they read, by the unit that is likely."""
+    from riemhuman.checks import UNITS as UNITS_OF_FILES
+
     if "extents" in facts and "unit" in facts:  # of points, which are read in metres
-        unit = f"{facts['unit']}, by its size"
-        return facts | {"extents": f"{_lengths(facts['extents'])} m", "unit": unit}
+        said = f"{facts['unit']}, by its size"
+        return facts | {"extents": _size("extents", facts["extents"], 1.0, system), "unit": said}
     if "unit_guess" not in facts:
         return facts
     guess = facts["unit_guess"]
-    unit = SHORT_UNITS.get(guess, "units")
-    said = facts | {"unit_guess": f"{guess}; the file names none"}
-    said["extents"] = f"{_lengths(facts['extents'])} {unit}"
-    said["area"] = f"{facts['area']:.4g} {unit}²"
-    if facts["volume"] is not None:
-        said["volume"] = f"{facts['volume']:.4g} {unit}³"
-    return said
+    sizes = {name: facts[name] for name in _POWERS if facts.get(name) is not None}
+    if guess in UNITS_OF_FILES:
+        shown = {
+            name: _size(name, size, UNITS_OF_FILES[guess], system) for name, size in sizes.items()
+        }
+    else:  # no unit, or either of two
+        powers = ("", "", "²", "³")
+        shown = {
+            name: f"{_numbers(size)} units{powers[_POWERS[name]]}" for name, size in sizes.items()
+        }
+    return facts | shown | {"unit_guess": f"{guess}; the file names none"}
 
 
-def _lengths(lengths: Sequence[float]) -> str:
-    return ", ".join(f"{length:.4g}" for length in lengths)
+def _size(name: str, size: float | Sequence[float], per_metre: float, system: str) -> str:
+    """Return lengths, an area or a volume of a file in the units that people read."""
+    import numpy as np
+
+    power = _POWERS[name]
+    unit = rh.measurements.readable_unit(("", "m", "m²", "m³")[power], system)
+    values = np.atleast_1d(size) / per_metre**power * unit.scale
+    return f"{', '.join(f'{value:,.{unit.digits}f}' for value in values)} {unit.name}"
+
+
+def _numbers(size: float | Sequence[float]) -> str:
+    import numpy as np
+
+    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(size))
 
 
 def _facts(file: Path) -> JSONRecord:
@@ -254,7 +275,6 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> JSONRecord:
     """Return counts, sizes (in the unit of the file) and defects of a mesh by name."""
     import numpy as np
 
-    from riemhuman.checks import likely_units
     from riemhuman.io.mesh_arrays import place_numbers
     from riemhuman.surfaces.measures import vertex_components
 
@@ -269,7 +289,6 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> JSONRecord:
     areas = rh.surfaces.triangle_areas(vertices, faces)
     sides = [vertices[faces[:, k]] - vertices[faces[:, k - 1]] for k in range(3)]
     longest_squared = np.max([np.einsum("fx,fx->f", side, side) for side in sides], axis=0)
-    units = " or ".join(likely_units(max(extents)))
     seams = rh.io.find_seams(vertices, faces)
     return {
         "vertices": len(vertices),
@@ -291,9 +310,15 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> JSONRecord:
         "volume": float(rh.surfaces.signed_volume(vertices, faces))
         if is_closed and oriented
         else None,
-        "unit_guess": units or "none: no human body has this size",
+        "unit_guess": _likely_unit(max(extents)),
         "usable_as_template": _use_as_template(vertices, faces, seams),
     }
+
+
+def _likely_unit(extent: float) -> str:
+    from riemhuman.checks import likely_units
+
+    return " or ".join(likely_units(extent)) or "none: no human body has this size"
 
 
 def _edge_uses(faces: ndarray) -> tuple[ndarray, bool]:
@@ -342,6 +367,7 @@ def _folder_facts(folder: Path) -> JSONRecord:
         "seams_joined": 0 if meshes.seams is None else len(meshes.seams.edge_pairs),
         "triangles": len(meshes.faces),
         "largest_extents": np.ptp(points, axis=1).max(axis=0),
+        "unit_guess": _likely_unit(np.ptp(points, axis=1).max()),
     }
 
 

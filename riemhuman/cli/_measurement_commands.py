@@ -178,6 +178,10 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "area_distance": people.distance,
         "usual_area_distances": vars(people.usual),
     }
+    gaps = [
+        rh.measurements.readable_gap(1e-3 * end, options.units)
+        for end in (float(outward.min()), float(outward.max()))
+    ]
     width = max(map(len, result.names))
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
     for name, unit, before, after, change, threshold, is_significant in rows:
@@ -192,7 +196,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
             f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; "
             f"expect about {result.expected_by_chance:.1f} false alarms among {len(rows)}"
         ),
-        f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
+        f"surface moved outward by {gaps[0]} to {gaps[1]}",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
     return cli.Answer("\n".join(said), record)
@@ -216,15 +220,6 @@ def _view_differences(
             rh.plots.figures.save_figure(figure, options.view)
 
 
-_SHEET_UNITS = cli.choice(
-    "--units",
-    "units of the sheets: centimetres, litres and kilograms, or inches and pounds; tables keep "
-    "metres and kilograms",
-    "cm",
-    "in",
-)
-
-
 @cli.command(
     "sheet",
     "a sheet for each person: measurements, percentiles, changes",
@@ -245,7 +240,7 @@ _SHEET_UNITS = cli.choice(
     ),
     inputs.MEASURED_MODEL,
     cli.UNIT,
-    _SHEET_UNITS,
+    UNITS,
 )
 def _sheet(options: argparse.Namespace) -> cli.Answer:
     cli.check_needs(options, "--definitions", "--model NPZ")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _terminal as terminal
+from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, RiemhumanError
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ _UP = cli.option(
     cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
     cli.flag("--sheet", "also write each person's sheet: measurements, percentiles, pictures"),
     cli.option("--sex", "of the person, for the sheet of one scan", choices=("woman", "man")),
+    UNITS,
     cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
 )
 def _register(options: argparse.Namespace) -> cli.Answer:
@@ -125,8 +127,9 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
     text = (
-        f"{1000 * median:.1f} mm from the scan in the median, {100 * share:.0f} % of the vertices "
-        f"matched; scan in {result.unit}, body in metres{_details(options, [result])}"
+        f"{rh.measurements.readable_gap(median, options.units)} from the scan in the median, "
+        f"{100 * share:.0f} % of the vertices matched; scan in {result.unit}, body in metres"
+        f"{_details(options, [result])}"
     )
     return cli.Answer(text, record, trusted=result.trusted)
 
@@ -143,7 +146,11 @@ def _write_sheet(model: BodyModel, result: RegisteredScan, options: argparse.Nam
     places = {place.suffix: place for place in _sheet_files(options)}
     with options.task("Sheet"), files_together(places) as temporary:
         sheet = rh.report.sheet(
-            result, model=model, name=options.scans.stem, sex=options.sex or "adult"
+            result,
+            model=model,
+            name=options.scans.stem,
+            sex=options.sex or "adult",
+            units=options.units,
         )
         for place in temporary.values():
             sheet.save(place)
@@ -187,7 +194,7 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
     how = {"sequence": options.sequence, "keep_axes": options.keep_axes, "progress": options.bars}
     records = rh.registration.register_folder(registration, options.scans, options.output, **how)
     with options.task("Page"):
-        page = rh.report.scan_page(options.output)
+        page = rh.report.scan_page(options.output, units=options.units)
     for record in records:
         _note_message(record.name, record)
     if options.sheet:
@@ -197,6 +204,7 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
             options.output / "sheets",
             labels=labels if labels.is_file() else None,
             measurements=rh.measurements.Measurements(registration.model),
+            units=options.units,
             replace_output=True,
             progress=options.task,
         )

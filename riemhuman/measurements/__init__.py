@@ -31,7 +31,7 @@ from riemhuman.measurements.people import (
 )
 from riemhuman.measurements.populations import average_adult, percentiles
 from riemhuman.measurements.posture import posture_angles
-from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
+from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.measurements.visits import (
     VisitComparison,
     compare_visits,
@@ -71,6 +71,7 @@ __all__ = [
     "person_distance",
     "posture_angles",
     "predict_measurements",
+    "readable_gap",
     "readable_unit",
     "usual_distances",
 ]

@@ -63,6 +63,13 @@ READABLE_UNITS: Mapping[str, Mapping[str, ReadableUnit]] = {
 }
 
 
+# Of gaps between surfaces, which are small.
+_GAP_UNITS: Mapping[str, ReadableUnit] = {
+    "cm": ReadableUnit("mm", 1000.0, 1),
+    "in": ReadableUnit("in", _INCHES, 3),
+}
+
+
 def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
     """Return the unit in which people read a value; one that is not known stays as it is.
 
@@ -80,3 +87,27 @@ def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
     """
     one_of(system, "system", tuple(READABLE_UNITS))
     return READABLE_UNITS[system].get(unit, ReadableUnit(unit, 1.0, 4))
+
+
+def readable_gap(metres: float, system: str = "cm") -> str:
+    """Return a small distance, such as that of a scan from its body, with its unit.
+
+    Parameters
+    ----------
+    metres : float
+    system : {"cm", "in"}
+        Millimetres, or inches.
+
+    Examples
+    --------
+    >>> rh.measurements.readable_gap(0.0024), rh.measurements.readable_gap(0.0024, "in")
+    ('2.4 mm', '0.094 in')
+    """
+    unit = gap_unit(system)
+    return f"{unit.text(metres)} {unit.name}"
+
+
+def gap_unit(system: str) -> ReadableUnit:
+    """Return the unit of `readable_gap`."""
+    one_of(system, "system", tuple(_GAP_UNITS))
+    return _GAP_UNITS[system]

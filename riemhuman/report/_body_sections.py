@@ -16,6 +16,7 @@ from riemhuman.measurements import (
     MeasurementSet,
     in_standard_pose,
     open_measurements,
+    readable_unit,
 )
 from riemhuman.plots import (
     describe_stress,
@@ -31,7 +32,7 @@ from riemhuman.plots import (
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.maps import LARGEST_STRESS
 from riemhuman.plots.result_plots import FEWEST_CLASSES
-from riemhuman.report._page import Section, fill
+from riemhuman.report._page import Section, fill, gap_format
 from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
 from riemhuman.report._storage import Computed, Step
 from riemhuman.retrieval import scores
@@ -231,26 +232,34 @@ def measurement_section(report: Report) -> Section | None:
     if definitions is None:
         return None
     step, faces = _measure(report, definitions), bodies.template.faces
-    means = step.record["means"]
-    shown = [
-        (name, f"{name}, {unit}", ".1f" if unit == "kg" else ".3f")
-        for name, unit in step.record["units"].items()
-        if name in _SHOWN_MEASUREMENTS
-    ]
-    strip, along = None, step.arrays.get("along")
+    means, si_units, system = step.record["means"], step.record["units"], report.units
+    shown = []
+    for name in (name for name in si_units if name in _SHOWN_MEASUREMENTS):
+        unit = readable_unit(si_units[name], system)
+        shown.append((name, f"{name}, {unit.name}", ".1f", "", unit.scale))
+    strip, values_along, along = None, "", step.arrays.get("along")
     if along is not None:
         strip = output.figure(
             "shape-along-waist", plot_path, along, faces, size=(4.0, 2.4), height=720
         )
+        length = readable_unit("m", system)
+        low, middle, high = (f"{length.scale * v:.1f}" for v in step.record["along_values"])
+        values_along = f"{low}, {middle} and {high} {length.name}"
     html = fill(
         "measurements",
+        gap=gap_format(system),
         most_poses=_MOST_POSES,
-        people=output.table("measurements", means),
+        people=output.table("measurements", means, si_units),
         columns=[("person", "Person"), *shown],
-        lines=output.figure("measurement-lines", _draw_lines, step.arrays["straight"][0], faces),
+        lines=output.figure(
+            "measurement-lines", _draw_lines, step.arrays["straight"][0], faces, system=system
+        ),
         person=means[0]["person"],
-        spread=output.table("measurement-spread", step.record["spreads"]),
+        spread=output.table(
+            "measurement-spread", step.record["spreads"], {"median": "m", "worst": "m"}
+        ),
         along=_ALONG,
+        values_along=values_along,
         strip=strip,
         regression=step.record,
     )
@@ -274,7 +283,7 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
         arrays = {"straight": np.array([points[0] for points in straight])}
         names = measurements.names
         units = dict(zip(names, measurements.units, strict=True))
-        by_name = zip(units.items(), 1000.0 * np.transpose(spreads), strict=True)
+        by_name = zip(units.items(), np.transpose(spreads), strict=True)
         record: JSONRecord = {
             "units": units,
             "means": [
@@ -311,5 +320,7 @@ def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: l
     return figure
 
 
-def _draw_lines(surface: ndarray, faces: ndarray) -> Figure:
-    return plot_measurements(Measurements(Template(surface, faces)), surface, pose="as is")
+def _draw_lines(surface: ndarray, faces: ndarray, *, system: str) -> Figure:
+    return plot_measurements(
+        Measurements(Template(surface, faces)), surface, pose="as is", system=system
+    )

@@ -6,7 +6,7 @@ import base64
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ import PIL.Image
 from riemhuman.arrays import JSONValue
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_text
+from riemhuman.measurements.readable_units import gap_unit
 from riemhuman.plots.figures import figure_files, new_figure
 from riemhuman.plots.viewer import page_scripts, page_styles, web_file, web_templates
 from riemhuman.report._storage import Computed, ResultStore
@@ -80,23 +81,37 @@ class Image:
 
 @dataclass(frozen=True)
 class Table:
-    """The rows of a table on the page and in a CSV file; NaN and None are missing values."""
+    """The rows of a table on the page and in a CSV file; NaN and None are missing values.
+
+    Values are in SI units, which the CSV file names; the page shows some in those of people.
+    """
 
     name: str
     rows: Sequence[Mapping[str, JSONValue]]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def heading(self, key: str) -> str:
+        """Return the heading of a column in the CSV file."""
+        return f"{key} ({self.units[key]})" if key in self.units else key
 
     def csv(self) -> str:
-        """Return the CSV file: a line of keys, and a line per row, numbers with all digits."""
+        """Return the CSV file: a line of headings, and a line per row, numbers with all digits."""
         keys = [*self.rows[0]]
-        return csv_text([keys, *([written(row[key]) for key in keys] for row in self.rows)])
+        rows = ([written(row[key]) for key in keys] for row in self.rows)
+        return csv_text([[self.heading(key) for key in keys], *rows])
 
     def values(self, key: str) -> list[Any]:
         """Return the values of a column that are not missing."""
         return [row[key] for row in self.rows if not is_missing(row.get(key))]
 
-    def having_values(self, columns: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-        """Return the columns that have a value, with empty texts for what they leave out."""
-        return [(*column, "", "")[:4] for column in columns if self.values(column[0])]
+    def having_values(
+        self, columns: Sequence[tuple[str | float, ...]]
+    ) -> list[tuple[str | float, ...]]:
+        """Return the columns that have a value: key, title, format, which is best, and scale."""
+        defaults = ("", "", "", "", 1.0)
+        return [
+            (*column, *defaults[len(column) :]) for column in columns if self.values(str(column[0]))
+        ]
 
     def is_best(self, row: int, key: str, best: str) -> bool:
         """Return whether a row has the highest or the lowest of several values."""
@@ -105,9 +120,11 @@ class Table:
         return len(values) > 1 and bool(self.rows[row][key] == limit)
 
 
-def _shown(value: object, form: str) -> str:
+def _shown(value: Any, form: str, scale: float = 1.0) -> str:
     if is_missing(value):
         return "–"
+    if scale != 1.0:
+        value = scale * value
     return format(value, form).replace("-", "−") if form else str(value)
 
 
@@ -118,6 +135,12 @@ def written(value: Any) -> Any:
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     return value.item() if isinstance(value, np.generic) else value
+
+
+def gap_format(units: str) -> dict[str, str | float]:
+    """Return the name, the format and the scale of gaps between surfaces, for templates."""
+    unit = gap_unit(units)
+    return {"name": unit.name, "form": f".{unit.digits}f", "scale": unit.scale}
 
 
 def is_missing(value: Any) -> bool:
@@ -183,8 +206,13 @@ class Output:
         source = f"data:image/svg+xml,{quoted}"
         return Image(source, round(float(width)), round(float(height)), name)
 
-    def table(self, name: str, rows: Sequence[Mapping[str, JSONValue]]) -> Table:
-        """Return a table, which is also written to its file."""
-        table = Table(name, rows)
+    def table(
+        self,
+        name: str,
+        rows: Sequence[Mapping[str, JSONValue]],
+        units: Mapping[str, str] | None = None,
+    ) -> Table:
+        """Return a table, which is also written to its file; units are those of columns."""
+        table = Table(name, rows, units or {})
         write_text(self.folder / "tables" / f"{name}.csv", table.csv())
         return table

@@ -25,7 +25,7 @@ from riemhuman.plots import (
     view_path,
 )
 from riemhuman.plots.figures import MEAN, SKIN, new_figure
-from riemhuman.report._page import Section, fill
+from riemhuman.report._page import Section, fill, gap_format
 from riemhuman.report._report import (
     PATH_WEIGHTS,
     POSE_WEIGHTS,
@@ -72,6 +72,7 @@ Row = JSONRecord
 _PIXELS = 720  # height of a body, which figures scale down
 _MEAN_WIDTH = 8.0  # inches
 _COUNTS = {4: "Four", 5: "Five"}
+_DEVIATION_UNITS = {"mean_deviation": "m", "max_deviation": "m"}
 
 
 def difference_section(report: Report) -> Section | None:
@@ -185,7 +186,9 @@ def comparison_section(report: Report) -> Section | None:
     if pair is None:
         return None
     step = _comparison(report, pair)
-    rows, from_straight = step.record["rows"], step.record["rows_from_straight"]
+    rows, from_straight = (
+        [_in_metres(row) for row in step.record[key]] for key in ("rows", "rows_from_straight")
+    )
     names = _drawn(step)
     count, title = _COUNTS[len(names)], f"{len(names)} paths between the same two bodies"
     shown = {name: step.arrays[name] for name in names}
@@ -196,13 +199,21 @@ def comparison_section(report: Report) -> Section | None:
         names=names,
         viewer=viewer.fragment("comparison-view"),
         ends=[name_of(bodies, number) for number in pair],
-        rows=report.output.table("comparison", rows),
-        from_straight=report.output.table("comparison-from-straight", from_straight),
+        gap=gap_format(report.units),
+        rows=report.output.table("comparison", rows, _DEVIATION_UNITS),
+        from_straight=report.output.table(
+            "comparison-from-straight", from_straight, _DEVIATION_UNITS
+        ),
         basis=report.basis[1],
         plan=report.plan,
         **_findings(rows, from_straight),
     )
     return Section("comparison", f"{count} paths from one pose to another", f"{count} paths", html)
+
+
+def _in_metres(row: Row) -> Row:
+    """Return the row of a path with its deviations in metres, as tables hold lengths."""
+    return row | {key: 1e-3 * row[key] for key in _DEVIATION_UNITS}
 
 
 def _drawn(step: Step) -> list[str]:

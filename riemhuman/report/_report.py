@@ -128,6 +128,7 @@ class Report:
     output: Output
     representations: Mapping[str, JSONValue]
     given_basis: DeformationBasis | None = None
+    units: str = "cm"
 
     def metric(self, weights: Weights) -> ElasticMetric:
         a, lam, c = weights

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
+from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
 from riemhuman.report._sheet_pictures import (
     LARGEST_CHANGE,
@@ -176,7 +176,7 @@ def content_of(
         about=" · ".join(_about(subject)),
         when=subject.visit,
         badge=badge(subject),
-        trust=_trust(subject, values),
+        trust=_trust(subject, values, units),
         units=units,
         length_unit=readable_unit("m", units).name,
         headline=_headline(values, units),
@@ -228,7 +228,7 @@ def _about(subject: SheetSubject) -> list[str]:
     return [part for part in parts if part]
 
 
-def _trust(subject: SheetSubject, values: SheetValues) -> str:
+def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     """Return whether and where to trust the body, in words."""
     message = subject.message.rstrip(".")
     sentence = _capital(message)
@@ -253,7 +253,8 @@ def _trust(subject: SheetSubject, values: SheetValues) -> str:
         )
     if np.isfinite(subject.median_distance):
         said.append(
-            f"The scan is {1000 * subject.median_distance:.1f} mm from the body in the median, and "
+            f"The scan is {readable_gap(subject.median_distance, units)} from the body in the "
+            "median, and "
             f"{100 * subject.matched_share:.0f} % of the body has a counterpart in the scan."
         )
     return " ".join(said)
@@ -410,7 +411,7 @@ def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText 
         picture,
         units,
         "The body at this visit, coloured by how far the surface moved",
-        f"From blue (inward) to red (outward), {1000 * LARGEST_CHANGE:.0f} mm at the ends.",
+        f"From blue (inward) to red (outward), {readable_gap(LARGEST_CHANGE, units)} at the ends.",
     )
     warning = f"The two visits are {values.doubt}." if values.doubt else ""
     return ChangesText(values.since, tuple(texts), figure, note, warning)

@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.arrays import JSONRecord
+from riemhuman.checks import one_of
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
+from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots import figure_style
 from riemhuman.registration import read_records
@@ -73,6 +75,7 @@ def make_report(
     basis: DeformationBasis | None = None,
     quick: bool = False,
     scans: str | os.PathLike[str] | None = None,
+    units: str = "cm",
     progress: Progress = nullcontext,
 ) -> Path:
     """Repeat the experiments of the paper's sections 5 and 6, and write a report.
@@ -96,6 +99,9 @@ def make_report(
     scans : path_like, optional
         Output folder of `riemhuman.registration.register_folder`; the page shows its scans, the
         worst first.
+    units : {"cm", "in"}
+        Units of the page: centimetres, kilograms and litres, or inches and pounds; tables in CSV
+        files are in SI units.
     progress : callable
         Takes the name of a task; returns a context manager that is open during the task.
 
@@ -103,20 +109,21 @@ def make_report(
     --------
     >>> page = rh.report.make_report("report", quick=True)  # doctest: +SKIP
     """
+    one_of(units, "units", tuple(READABLE_UNITS))
     check_folder(output)
     import_matplotlib(extra="report")
     import_optional("sklearn.manifold", "report")
     started = _now()
     bodies = _bodies_to_report(bodies, basis, quick, progress)
     compared = {**table_metrics(bodies), **(of_extensions if quick else representations)(bodies)}
-    first = [] if scans is None else [scan_section(read_records(scans))]
+    first = [] if scans is None else [scan_section(read_records(scans), units=units)]
     folder = open_folder(output)
     digest, results = fingerprint(bodies), folder / "results"
     common = {**_identity(), "bodies": digest}
     store = ResultStore(results, common, progress)
     files = Output(folder, ResultStore(results / "figures", common, progress))
     plan = QUICK if quick else Plan()
-    report = Report(bodies, plan, store, files, compared, basis)
+    report = Report(bodies, plan, store, files, compared, basis, units)
     with figure_style():
         made = [section for make in _SECTIONS if (section := make(report)) is not None]
     sizes = _sizes(bodies)

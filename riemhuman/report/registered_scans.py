@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 
 from riemhuman.io.files import convert_errors, write_text
+from riemhuman.measurements import readable_gap
 from riemhuman.plots.figures import VALUE_COLORS, value_colors
 from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
 from riemhuman.plots.scan_views import view_scan
@@ -25,7 +27,7 @@ _VIEWS = "views"  # folder of the pages of scans over their bodies
 _UNMATCHED, _MATCHED = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
 
 
-def scan_page(folder: str | os.PathLike[str]) -> Path:
+def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
     """Write a page that shows the registered scans of a folder, ``index.html`` in it.
 
     Each scan also has a page on which it can be turned and cut over its body, in the folder
@@ -35,6 +37,8 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     ----------
     folder : path_like
         The output of `riemhuman.registration.register_folder`.
+    units : {"cm", "in"}
+        Millimetres or inches for distances.
 
     Examples
     --------
@@ -47,7 +51,7 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
         "Registered scans",
         "Each scan and its registered body, the worst first.",
         [(str(len(records)), "scans"), (str(trusted), "trusted")],
-        [scan_section(records, views)],
+        [scan_section(records, views, units)],
         "",
     )
     place = Path(folder) / "index.html"
@@ -70,7 +74,9 @@ def _write_views(folder: Path, records: Sequence[ScanRecord]) -> dict[str, str]:
     return views
 
 
-def scan_section(records: Sequence[ScanRecord], views: Mapping[str, str] | None = None) -> Section:
+def scan_section(
+    records: Sequence[ScanRecord], views: Mapping[str, str] | None = None, units: str = "cm"
+) -> Section:
     """Return the section of a page that shows registered scans in the order of their records.
 
     Parameters
@@ -78,6 +84,7 @@ def scan_section(records: Sequence[ScanRecord], views: Mapping[str, str] | None 
     records : sequence of ScanRecord
     views : mapping of str to str, optional
         Addresses of the pages of scans over their bodies, by names of scans.
+    units : {"cm", "in"}
     """
     html = fill(
         "scans",
@@ -88,7 +95,8 @@ def scan_section(records: Sequence[ScanRecord], views: Mapping[str, str] | None 
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
         colors=VALUE_COLORS,
-        millimetres=round(1000 * _LARGEST_METRES),
+        gap=partial(readable_gap, system=units),
+        largest=_LARGEST_METRES,
     )
     return Section("scans", "Scans and their bodies", "Scans", html)
 

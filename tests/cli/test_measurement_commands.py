@@ -179,6 +179,15 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     shown = [float(number) for number in line.split()[1:5]]
     stored = [100 * float(row[key]) for key in ("before", "after", "change", "threshold")]
     np.testing.assert_allclose(shown, stored, atol=0.0051)
+    outward = json.loads(run(*changes, "--json").out)["outward_millimetres"]
+    for system, size in {"cm": 1.0, "in": 25.4}.items():
+        said = run(*changes, "--units", system).out
+        (line,) = [line for line in said.splitlines() if line.startswith("surface moved outward")]
+        low, unit, _, high, _ = line.split("by ")[1].split()
+        assert unit == {"cm": "mm", "in": "in"}[system]
+        assert [float(low), float(high)] == pytest.approx(
+            [outward["least"] / size, outward["most"] / size], abs=0.051 / size
+        )
 
 
 @pytest.mark.filterwarnings("always:no PDF:UserWarning")

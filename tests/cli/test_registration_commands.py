@@ -54,6 +54,10 @@ def test_bodies_are_written_upright_or_where_the_scans_are(run, scan, fitted, bo
     options = ("--coarse", "--keep-axes", "--force")
     finished = run("register", scan, "-o", tmp_path / "body.ply", *options)
     assert "2.0 mm from the scan in the median, 100 % of the vertices matched" in finished.out
+    assert (
+        "0.079 in from the scan"
+        in run("register", scan, "-o", tmp_path / "body.ply", *options, "--units", "in").out
+    )
     np.testing.assert_allclose(rh.load_mesh(tmp_path / "body.ply")[0], bodies.points[3], atol=1e-6)
 
 
@@ -87,7 +91,7 @@ def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkey
         ]
 
     monkeypatch.setattr(rh.registration, "register_folder", register_folder)
-    monkeypatch.setattr(rh.report, "scan_page", lambda folder: folder / "index.html")
+    monkeypatch.setattr(rh.report, "scan_page", lambda folder, units: folder / "index.html")
     options = ("-o", tmp_path / "bodies", "--coarse", "--sequence")
     finished = run("register", tmp_path, *options)
     assert finished.code == 1  # as for one scan
@@ -201,7 +205,7 @@ def test_sheets_of_a_folder_of_scans(run, refused, scan, tmp_path, monkeypatch):
         return output / "index.html"
 
     monkeypatch.setattr(rh.registration, "register_folder", lambda *given, **settings: [])
-    monkeypatch.setattr(rh.report, "scan_page", lambda folder: folder / "index.html")
+    monkeypatch.setattr(rh.report, "scan_page", lambda folder, units: folder / "index.html")
     monkeypatch.setattr(rh.report, "make_sheets", make_sheets)
     scans = tmp_path / "scans"
     scans.mkdir()

@@ -141,11 +141,33 @@ def test_every_number_is_that_of_its_table(page, folder):
         assert attributes["value"] == value
         plain = shown.replace("−", "-")
         digits = len(plain.rstrip("%").partition(".")[2])
-        scale = 100 if plain.endswith("%") else 1
+        scale = 100 if plain.endswith("%") else float(attributes.get("data-scale", 1))
         assert float(plain.rstrip("%")) == pytest.approx(
             scale * float(value), abs=0.500001 * 10**-digits
         )
     assert {"retrieval-shape", "retrieval-pose", "comparison", "geodesics", "mean"} <= set(tables)
+
+
+def test_people_read_centimetres_and_tables_name_their_si_units(page, folder):
+    """A stature is 100 times as many centimetres as metres, a spread 1000 times as many mm."""
+    for table, column, scale, low, high in (
+        ("measurements", "stature (m)", 100, 140, 210),
+        ("measurements", "body mass (kg)", 1, 40, 150),
+        ("measurement-spread", "median (m)", 1000, 0, 50),
+        ("comparison", "mean_deviation (m)", 1000, 0, 200),
+    ):
+        cells = [
+            (attributes, float(shown))
+            for attributes, shown in page.data
+            if (attributes["data-table"], attributes["data-column"]) == (table, column)
+        ]
+        assert cells, column
+        for attributes, shown in cells:
+            assert shown == pytest.approx(scale * float(attributes["value"]), abs=0.0501)
+            assert low <= shown <= high
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    for heading in ("stature, cm", "body mass, kg", "Median person, mm", "mm from model"):
+        assert f">{heading}</th>" in text
 
 
 def test_results_are_those_of_the_library(folder, nine_bodies):
@@ -277,7 +299,7 @@ def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     assert [row["name"] for row in rows] == [
         *("linear", "rotating start", "SRNF", "Sobolev, a2 = 0.001", "ours (1, 1, 0)")
     ]
-    assert {row["mean_deviation"] for row in rows} == {""}
+    assert {row["mean_deviation (m)"] for row in rows} == {""}
     # One person alone has two bodies, so there is nothing to retrieve or to map.
     assert {"retrieval", "maps", "sweep"}.isdisjoint(a.get("id") for _, a in page.elements)
     assert not list((tmp_path / "r" / "tables").glob("retrieval-*.csv"))

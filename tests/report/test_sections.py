@@ -69,6 +69,8 @@ def test_scans_have_one_badge_of_three_and_no_likelihood():
     assert "likelihood" not in html
     assert "2.52" not in html
     assert "2 of 3 scans are registered and trusted; 1 of them shows only part" in html
+    assert "20.0 mm and more" in html
+    assert "0.787 in and more" in scan_section(records, units="in").html
 
 
 def test_best_weights_are_those_of_the_rows():
@@ -88,5 +90,5 @@ def test_people_have_their_measurements(report_page, nine_bodies):
     assert [row["person"] for row in rows] == [nine_bodies.subject_names[k] for k in (0, 5, 8)]
     own = Measurements(nine_bodies.model, ["waist girth"])
     values = own.measure(nine_bodies.points[:2], pose="standard").values  # of two poses
-    assert float(rows[0]["waist girth"]) == pytest.approx(float(values.mean()), abs=1e-6)
+    assert float(rows[0]["waist girth (m)"]) == pytest.approx(float(values.mean()), abs=1e-6)
     assert "Girths, lengths and volumes" in report_page.read_text(encoding="utf-8")
