@@ -21,7 +21,7 @@ from riemhuman.checks import joint_shape, one_of, real_array, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
-from riemhuman.io.kinds_of_files import BY_DEFINITIONS, YES, reads
+from riemhuman.io.kinds_of_files import BY_DEFINITIONS, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.memory import check_memory, enough_memory
@@ -377,12 +377,14 @@ class BodyModel(Unchanging):
 
 
 reads(
-    "models: SMPL, SMPL-H, SMPL-X, STAR, SMAL",
-    "BodyModel.from_file",
-    (".npz", ".pkl", ".pickle"),
-    registered=YES,
-    measured=BY_DEFINITIONS,
-    written=(".npz",),
+    FileKind(
+        "models: SMPL, SMPL-H, SMPL-X, STAR, SMAL",
+        "BodyModel.from_file",
+        (".npz", ".pkl", ".pickle"),
+        registered=YES,
+        measured=BY_DEFINITIONS,
+        written=(".npz",),
+    )
 )(BodyModel.from_file)
 
 

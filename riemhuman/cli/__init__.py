@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 from collections.abc import Sequence
 from functools import partial
 
@@ -90,6 +91,7 @@ def _run(given: Sequence[str]) -> int:
     options.bars = not options.quiet and sys.stderr.isatty()
     options.task, options.written, options.files = partial(terminal.task, options), [], {}
     compilation_time.tell(terminal.say_compilation if options.bars else None)
+    start = time.perf_counter()
     words = f"{options.parser.prog}: {options.summary}" if options.bars else ""
     try:
         with terminal.short_warnings() as unconverged, terminal.status.of_command(words):
@@ -97,7 +99,7 @@ def _run(given: Sequence[str]) -> int:
                 check(options)
             answer = _answer(options)
     except Exception as error:
-        if terminal.was_interrupted():  # libraries in C report an interruption as they like
+        if terminal.was_interrupted(start):  # libraries in C report an interruption as they like
             raise KeyboardInterrupt from error
         if getattr(options, "debug", False):
             raise

@@ -179,9 +179,9 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def was_interrupted() -> bool:
-    """Return whether `interrupt` has been called: some libraries replace its exception."""
-    return bool(_interruptions)
+def was_interrupted(since: float) -> bool:
+    """Return whether `interrupt` was called since then: some libraries replace its exception."""
+    return any(moment >= since for moment in _interruptions)
 
 
 def tolerate_ascii() -> None:

@@ -20,7 +20,7 @@ from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors
-from riemhuman.io.kinds_of_files import YES, reads
+from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.retargeting.body_size import model_of_size
 from riemhuman.retargeting.joint_names import model_joints
@@ -93,13 +93,15 @@ class AmassMotion(ModelMotion):
 
 
 @reads(
-    "AMASS",
-    "datasets.load_amass",
-    (".npz",),
-    registered=YES,
-    measured=YES,
-    is_motion=True,
-    written=WRITTEN_MOTIONS,
+    FileKind(
+        "AMASS",
+        "datasets.load_amass",
+        (".npz",),
+        registered=YES,
+        measured=YES,
+        is_motion=True,
+        written=WRITTEN_MOTIONS,
+    )
 )
 def load_amass(
     path: str | os.PathLike[str],

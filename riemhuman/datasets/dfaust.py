@@ -17,7 +17,7 @@ from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit, memory_size
 from riemhuman.io.files import check_file, file_path, format_errors
-from riemhuman.io.kinds_of_files import BY_MAP, YES, reads
+from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference, read_only
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
@@ -77,13 +77,15 @@ class DynamicFaustMotion(Motion):
 
 
 @reads(
-    "Dynamic FAUST",
-    "datasets.load_dfaust",
-    (".hdf5", ".h5"),
-    registered=YES,
-    measured=BY_MAP,
-    is_motion=True,
-    written=(".glb",),
+    FileKind(
+        "Dynamic FAUST",
+        "datasets.load_dfaust",
+        (".hdf5", ".h5"),
+        registered=YES,
+        measured=BY_MAP,
+        is_motion=True,
+        written=(".glb",),
+    )
 )
 def load_dfaust(
     path: str | os.PathLike[str],

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from riemhuman.checks import real_number
 from riemhuman.datasets._marker_skeletons import Markers, skeleton_of
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
@@ -39,7 +40,8 @@ _COLUMNS_BEFORE = 2
 # Of C3D files: the second byte, the length of the header, and the processors with the highest byte
 # first.
 _C3D_SIGN, _C3D_BLOCK, _C3D_BIG_ENDIAN = 0x50, 512, 86
-# ezc3d reads some damaged files without an end: it has at least so long, on the slowest machine.
+# ezc3d reads some damaged files without an end: by default it has so long, and for so many bytes
+# a second more, on the slowest machine.
 _C3D_SECONDS, _C3D_BYTES_A_SECOND = 20.0, 1e6
 
 
@@ -94,6 +96,7 @@ def load_c3d(
     *,
     unit: str | float | None = None,
     joints: Mapping[str, str | Sequence[str]] | None = None,
+    timeout: float | None = None,
 ) -> SkeletonMotion:
     """Read a recording of markers in a C3D file, as motion capture laboratories write it.
 
@@ -108,6 +111,8 @@ def load_c3d(
         See `load_trc`.
     joints : mapping of str to str or to sequence of str, optional
         See `load_trc`.
+    timeout : float, optional
+        Seconds after which the file counts as damaged; by default 20, and one for each megabyte.
 
     Raises
     ------
@@ -121,13 +126,15 @@ def load_c3d(
     >>> recording = rh.datasets.load_c3d("walk.c3d")  # doctest: +SKIP
     """
     metres = None if unit is None else metres_in(unit)
+    if timeout is not None:
+        timeout = real_number(timeout, "timeout", minimum=0.0, strict=True)
     file = file_path(path)
     suffix_of(file, (".c3d",))
     content = read_bytes(file)
     if len(content) < _C3D_BLOCK or content[1] != _C3D_SIGN:
         raise FileFormatError(f"{file}: damaged, or not a C3D file")
     n_frames = _declared_frames(content)
-    points = _copied_points(file)
+    points = _copied_points(file, timeout)
     positions, names = points["positions"], points["names"].tolist()
     if len(positions) < n_frames:
         raise FileFormatError(
@@ -144,7 +151,7 @@ def load_c3d(
         return skeleton_of(markers, joints)
 
 
-def _copied_points(file: Path) -> dict[str, np.ndarray]:
+def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
     """Return what `_c3d_points` copies from a file, in a process that damaged files may end."""
     import_optional("ezc3d", "recordings")
     script = Path(__file__).with_name("_c3d_points.py")
@@ -152,12 +159,12 @@ def _copied_points(file: Path) -> dict[str, np.ndarray]:
         target = Path(folder) / "points.npz"
         # -P: modules beside the script are none of its own.
         command = [sys.executable, "-P", str(script), str(file.absolute()), str(target)]
-        seconds = _C3D_SECONDS + file.stat().st_size / _C3D_BYTES_A_SECOND
+        seconds = timeout or _C3D_SECONDS + file.stat().st_size / _C3D_BYTES_A_SECOND
         try:
             done = subprocess.run(command, capture_output=True, check=False, timeout=seconds)
         except subprocess.TimeoutExpired:
             raise FileFormatError(
-                f"{file}: damaged, or not a C3D file: it was not read within {seconds:.0f} s"
+                f"{file}: damaged, or not a C3D file: it was not read within {seconds:g} s"
             ) from None
         if done.returncode or not target.exists():
             lines = done.stderr.decode(errors="replace").strip().splitlines()

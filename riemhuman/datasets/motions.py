@@ -29,7 +29,7 @@ from riemhuman.datasets.registered_meshes import (
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
 from riemhuman.io import save_glb
 from riemhuman.io.files import file_path, natural_key, suffix_of
-from riemhuman.io.kinds_of_files import BY_MAP, YES, reads
+from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices
@@ -313,13 +313,15 @@ class MeshMotion(Motion):
 
 
 @reads(
-    "a folder of motions, each a folder of meshes",
-    "datasets.load_mesh_motions",
-    MESH_ENDINGS,
-    registered=YES,
-    measured=BY_MAP,
-    is_motion=True,
-    written=(".glb",),
+    FileKind(
+        "a folder of motions, each a folder of meshes",
+        "datasets.load_mesh_motions",
+        MESH_ENDINGS,
+        registered=YES,
+        measured=BY_MAP,
+        is_motion=True,
+        written=(".glb",),
+    )
 )
 def load_mesh_motions(
     folder: str | os.PathLike[str],

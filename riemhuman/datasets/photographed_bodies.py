@@ -16,7 +16,7 @@ from riemhuman.checks import check_human_size, integer_array, one_of, real_array
 from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import file_path, format_errors, natural_key
-from riemhuman.io.kinds_of_files import AFTER, BY_MAP, reads
+from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.kernels.surface import unit_vectors
@@ -79,12 +79,14 @@ class PhotographedBodies:
 
 
 @reads(
-    "bodies of SAM 3D Body, with `faces=`",
-    "datasets.load_photographed_bodies",
-    (".npz",),
-    registered=BY_MAP,
-    measured=AFTER,
-    written=WRITTEN_SUFFIXES,
+    FileKind(
+        "bodies of SAM 3D Body, with `faces=`",
+        "datasets.load_photographed_bodies",
+        (".npz",),
+        registered=BY_MAP,
+        measured=AFTER,
+        written=WRITTEN_SUFFIXES,
+    )
 )
 def load_photographed_bodies(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],

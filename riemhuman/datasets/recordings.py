@@ -29,7 +29,7 @@ from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
-from riemhuman.io.kinds_of_files import YES, reads
+from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import Unpickled, load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
@@ -174,13 +174,15 @@ def _leaves(content: object, depth: int = 0) -> set[str]:
 
 # More than eight arguments: each keyword states a fact that some kind of file leaves open.
 @reads(
-    "skeletons, markers, and people in videos",
-    "datasets.load_recording",
-    RECORDING_ENDINGS,
-    registered=YES,
-    measured=YES,
-    is_motion=True,
-    written=WRITTEN_MOTIONS,
+    FileKind(
+        "skeletons, markers, and people in videos",
+        "datasets.load_recording",
+        RECORDING_ENDINGS,
+        registered=YES,
+        measured=YES,
+        is_motion=True,
+        written=WRITTEN_MOTIONS,
+    )
 )
 def load_recording(
     path: str | os.PathLike[str],

@@ -16,7 +16,7 @@ from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import convert_errors, file_path, natural_key
-from riemhuman.io.kinds_of_files import BY_MAP, YES, reads
+from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
@@ -182,12 +182,14 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 @reads(
-    "MPI FAUST",
-    "datasets.load_faust",
-    (".ply",),
-    registered=YES,
-    measured=BY_MAP,
-    written=WRITTEN_SUFFIXES,
+    FileKind(
+        "MPI FAUST",
+        "datasets.load_faust",
+        (".ply",),
+        registered=YES,
+        measured=BY_MAP,
+        written=WRITTEN_SUFFIXES,
+    )
 )
 def load_faust(
     folder: str | os.PathLike[str],
@@ -250,12 +252,14 @@ def load_faust(
 
 # More than eight arguments: each keyword states a fact that files of meshes leave open.
 @reads(
-    "meshes of one topology other than the open model's",
-    "datasets.load_bodies",
-    MESH_ENDINGS,
-    registered=YES,
-    measured=BY_MAP,
-    written=WRITTEN_SUFFIXES,
+    FileKind(
+        "meshes of one topology other than the open model's",
+        "datasets.load_bodies",
+        MESH_ENDINGS,
+        registered=YES,
+        measured=BY_MAP,
+        written=WRITTEN_SUFFIXES,
+    )
 )
 def load_bodies(
     folder: str | os.PathLike[str],

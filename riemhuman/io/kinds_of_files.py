@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 _Reader = TypeVar("_Reader", bound=Callable[..., object])
@@ -14,60 +14,13 @@ BY_SCAN = "`ScanRegistration`"
 BY_DEFINITIONS = "with `--definitions`"
 AFTER = "once registered"
 
-_KINDS: dict[str, FileKind] = {}
+KINDS: dict[str, FileKind] = {}
+"""What readers have declared so far, by name."""
 
 
 @dataclass(frozen=True)
 class FileKind:
     """What can be done with files of one kind.
-
-    Attributes
-    ----------
-    name : str
-        What the files are.
-    reader : callable
-    reader_name : str
-        Its public name in `riemhuman`.
-    endings : tuple of str
-        Endings that it reads.
-    registered : str
-        What puts the files into correspondence, or "yes".
-    measured : str
-        When girths and lengths are known.
-    is_motion : bool
-        Whether the reader returns motions.
-    written : tuple of str
-        Endings that what was read is written to.
-
-    Examples
-    --------
-    >>> [kind.endings for kind in rh.io.file_kinds() if kind.name == "AMASS"]
-    [('.npz',)]
-    """
-
-    name: str
-    reader: Callable[..., object]
-    reader_name: str
-    endings: tuple[str, ...]
-    registered: str
-    measured: str
-    is_motion: bool
-    written: tuple[str, ...]
-
-
-def reads(
-    name: str,
-    reader_name: str,
-    endings: tuple[str, ...],
-    *,
-    registered: str,
-    measured: str,
-    is_motion: bool = False,
-    written: tuple[str, ...] = (),
-) -> Callable[[_Reader], _Reader]:
-    """Declare which files a reader reads, for `file_kinds` and ``riemhuman formats``.
-
-    A reader of your own appears there once its module is imported.
 
     Parameters
     ----------
@@ -85,6 +38,33 @@ def reads(
         Whether the reader returns motions.
     written : tuple of str
         Endings that what was read is written to.
+    reader : callable, optional
+        The reader, once it is declared by `reads`.
+
+    Examples
+    --------
+    >>> [kind.endings for kind in rh.io.file_kinds() if kind.name == "AMASS"]
+    [('.npz',)]
+    """
+
+    name: str
+    reader_name: str
+    endings: tuple[str, ...]
+    registered: str
+    measured: str
+    is_motion: bool = False
+    written: tuple[str, ...] = ()
+    reader: Callable[..., object] | None = None
+
+
+def reads(kind: FileKind) -> Callable[[_Reader], _Reader]:
+    """Declare which files a reader reads, for `file_kinds` and ``riemhuman formats``.
+
+    A reader of your own appears there once its module is imported.
+
+    Parameters
+    ----------
+    kind : FileKind
 
     Returns
     -------
@@ -93,15 +73,13 @@ def reads(
 
     Examples
     --------
-    >>> own = rh.io.reads("files of my scanner", "my_package.load", (".bin",),
-    ...                   registered="`ScanRegistration`", measured="once registered")
-    >>> load = own(np.fromfile)  # doctest: +SKIP
+    >>> kind = rh.io.FileKind("files of my scanner", "my_package.load", (".bin",),
+    ...                       registered="`ScanRegistration`", measured="once registered")
+    >>> load = rh.io.reads(kind)(np.fromfile)  # doctest: +SKIP
     """
 
     def declare(reader: _Reader) -> _Reader:
-        _KINDS[name] = FileKind(
-            name, reader, reader_name, endings, registered, measured, is_motion, written
-        )
+        KINDS[kind.name] = replace(kind, reader=reader)
         return reader
 
     return declare
@@ -115,4 +93,4 @@ def file_kinds() -> tuple[FileKind, ...]:
     >>> any(kind.is_motion for kind in rh.io.file_kinds())
     True
     """
-    return tuple(sorted(_KINDS.values(), key=lambda kind: kind.name.lower()))
+    return tuple(sorted(KINDS.values(), key=lambda kind: kind.name.lower()))

@@ -30,7 +30,7 @@ from riemhuman.io.files import (
     suffix_of,
     write_bytes,
 )
-from riemhuman.io.kinds_of_files import AFTER, BY_MAP, reads
+from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
 from riemhuman.io.mesh_arrays import check_mesh, split_polygons
 from riemhuman.io.mesh_seams import check_seams, find_seams
 from riemhuman.optional import import_optional
@@ -375,10 +375,12 @@ POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
 """Suffixes of the files that `load_points` reads."""
 
 reads(
-    "a mesh with the topology of SMPL, SMPL-X, MHR, Anny or another",
-    "load_mesh",
-    MESH_SUFFIXES,
-    registered=BY_MAP,
-    measured=AFTER,
-    written=WRITTEN_SUFFIXES,
+    FileKind(
+        "a mesh with the topology of SMPL, SMPL-X, MHR, Anny or another",
+        "load_mesh",
+        MESH_SUFFIXES,
+        registered=BY_MAP,
+        measured=AFTER,
+        written=WRITTEN_SUFFIXES,
+    )
 )(load_mesh)

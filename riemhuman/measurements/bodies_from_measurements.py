@@ -31,6 +31,7 @@ from itertools import product
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
@@ -94,6 +95,9 @@ class ProbableBody:
         Names of values that do not fit the others in at most 1 of 100 people, the worst first.
     improbability : float
         Mahalanobis distance of the body from the mean adult of the sex.
+    cost : float
+        Half the sum that is minimised: the square of `improbability`, and those of what the body
+        misses of given and predicted values, over their standard deviations.
     converged : bool
         Whether the search converged.
     message : str
@@ -115,6 +119,7 @@ class ProbableBody:
     z_scores: dict[str, float]
     contradictory: tuple[str, ...]
     improbability: float
+    cost: float
     converged: bool
     message: str
 
@@ -126,6 +131,7 @@ def model_from_measurements(
     tolerances: Mapping[str, float] | None = None,
     resolution: str = "full",
     max_iter: int = 100,
+    start: ArrayLike | None = None,
 ) -> ProbableBody:
     """Return the most probable body of the open model with these measurements.
 
@@ -146,10 +152,12 @@ def model_from_measurements(
         Resolution of the model.
     max_iter : int
         Largest number of steps.
+    start : array, shape (B,), optional
+        Shape coefficients of the body from which the search starts, by default the mean adult.
 
     Notes
     -----
-    Searches from other bodies end within a thousandth of the same sum of squares.
+    Searches from other bodies end within a thousandth of the same `cost`.
 
     Examples
     --------
@@ -175,7 +183,10 @@ def model_from_measurements(
     wanted = np.array([goals[name] for name in measurements.names])
     allowed = np.array([spread[name] for name in measurements.names])
     is_given = np.array([name in given for name in measurements.names])
-    search = _nearest_betas(measurements, sexes, wanted, allowed, is_given, max_iter)
+    assert standing.model is not None
+    n_betas = standing.model.n_betas
+    first = None if start is None else real_array(start, "start", (n_betas,), batched=False)
+    search = _nearest_betas(measurements, sexes, wanted, allowed, is_given, max_iter, first)
     measured = measurements.measure(search.points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
     misses = {name: value - given[name] for name, value in in_body.items()}
@@ -197,6 +208,7 @@ def model_from_measurements(
         z_scores=prediction.scores,
         contradictory=prediction.contradictory,
         improbability=search.improbability,
+        cost=search.cost,
         converged=search.converged,
         message="; ".join(remarks),
     )

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.checks import UNITS, check_resolution, is_human_size, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
-from riemhuman.io.kinds_of_files import AFTER, BY_SCAN, reads
+from riemhuman.io.kinds_of_files import AFTER, BY_SCAN, FileKind, reads
 from riemhuman.io.meshes import POINT_SUFFIXES, WRITTEN_SUFFIXES, as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
@@ -61,12 +61,14 @@ class Scan:
 
 
 @reads(
-    "a raw scan",
-    "registration.load_scan",
-    POINT_SUFFIXES,
-    registered=BY_SCAN,
-    measured=AFTER,
-    written=WRITTEN_SUFFIXES,
+    FileKind(
+        "a raw scan",
+        "registration.load_scan",
+        POINT_SUFFIXES,
+        registered=BY_SCAN,
+        measured=AFTER,
+        written=WRITTEN_SUFFIXES,
+    )
 )
 def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     """Read a scan from a file, in metres.

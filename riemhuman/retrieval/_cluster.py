@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 _TILES_A_THREAD = 3
 # How often a tile is tried again after an error, such as a file system that failed for a moment.
 _RETRIES = 3
-# A cluster is lost after this many checks in a row without a worker, this many seconds apart.
-_PATIENCE, _SECONDS = 4, 15
+# A cluster is lost after this many checks in a row without a worker.
+_PATIENCE = 4
 
 
 Part = TypeVar("Part")
@@ -84,7 +84,7 @@ def _in_turn(
                 running[future] = number
             if not running:
                 return
-            future = _first_finished(client, distributed, running)
+            future = first_finished(client, distributed, running)
             values = future.result()
             yield running.pop(future), values
             future.release()
@@ -114,22 +114,26 @@ def _lost(what: str) -> ClusterError:
     return ClusterError(f"{what}; finished work is kept, and the same call goes on with it")
 
 
-def _first_finished(
+def first_finished(
     client: distributed.Client,
     distributed: ModuleType,
     running: Collection[Hashable],
+    seconds: float = 15.0,
 ) -> distributed.Future:
-    """Return a finished future, or give up when the cluster has had no worker for a minute."""
+    """Return a finished future, or give up when the cluster has had no worker for a minute.
+
+    It is looked at every so many seconds.
+    """
     n_without_workers = 0
     while n_without_workers < _PATIENCE:
         try:
             finished = distributed.wait(
-                list(running), timeout=_SECONDS, return_when="FIRST_COMPLETED"
+                list(running), timeout=seconds, return_when="FIRST_COMPLETED"
             )
             return next(iter(finished.done))
         except TimeoutError:
             n_without_workers = 0 if client.nthreads() else n_without_workers + 1
-    raise _lost(f"the cluster has had no worker for {_PATIENCE * _SECONDS} seconds")
+    raise _lost(f"the cluster has had no worker for {_PATIENCE * seconds:g} seconds")
 
 
 def _check_workers(client: distributed.Client) -> None:

@@ -41,7 +41,6 @@ _LOST = 1e-3
 
 # Of the linear equations for derivatives.
 _TOLERANCE = 1e-9
-_MAX_ITER = 1000
 _OUT_OF_ITERATIONS = 7  # as SciPy counts reasons to stop
 
 # Which of the three points a shift moves: the last one, or both sides of the start.
@@ -214,6 +213,8 @@ class DiscreteExponential(ExpSolver):
         path: Points,
         tangent_vec: TangentVectors,
         covectors: TangentVectors,
+        *,
+        max_iter: int = 1000,
     ) -> tuple[Array, Array]:
         r"""Return the derivatives of a function of a path by its initial velocity and point.
 
@@ -230,7 +231,10 @@ class DiscreteExponential(ExpSolver):
             Its initial velocity.
         covectors : array, shape (n_nodes, \*shape)
             Derivatives of the function with respect to the points of the path.
+        max_iter : int
+            Largest number of iterations of each linear equation.
         """
+        max_iter = whole_number(max_iter, "max_iter", minimum=1)
         if self.basis is not None or not metric.space.is_surface_space:
             raise NotDefinedError(
                 "derivatives of the discrete exponential are those of surfaces with all "
@@ -243,14 +247,14 @@ class DiscreteExponential(ExpSolver):
         for last in range(len(path) - 1, 1, -1):
             # z = 2y − x + s.
             points = path[last - 2 : last + 1]
-            by_x, by_y, by_z = _without_shift(metric, points, covectors[last], _LAST)
+            by_x, by_y, by_z = _without_shift(metric, points, covectors[last], _LAST, max_iter)
             covectors[last - 2] += by_x - by_z
             covectors[last - 1] += by_y + 2.0 * by_z
         displacement = tangent_vec / (len(path) - 1)
         start, first = path[:2]
         # x = y − d + s and z = y + d + s.
         points = np.stack([first - 2.0 * displacement, start, first])
-        by_x, by_y, by_z = _without_shift(metric, points, covectors[1], _SIDES)
+        by_x, by_y, by_z = _without_shift(metric, points, covectors[1], _SIDES, max_iter)
         return (by_z - by_x) / (len(path) - 1), covectors[0] + by_x + by_y + by_z
 
     def _walk(
@@ -320,7 +324,11 @@ class _Walk:
 
 
 def _without_shift(
-    metric: RiemannianMetric, points: Points, covector: TangentVectors, moved: Array
+    metric: RiemannianMetric,
+    points: Points,
+    covector: TangentVectors,
+    moved: Array,
+    max_iter: int,
 ) -> Array:
     """Return derivatives by x, y and z of a function of z, where s solves the equation."""
     # With the equation's multiplier μ, g(z) − μ ∂E/∂y does not depend on s to first order.
@@ -339,7 +347,7 @@ def _without_shift(
         return change
 
     factor = metric_factor(metric, points[1][None], 1.0)
-    multiplier = _least_squares(factor, by_shift, along_shift, covector)
+    multiplier = _least_squares(factor, by_shift, along_shift, covector, max_iter)
     derivatives = -along(middle(multiplier))
     derivatives[2] += covector
     return derivatives
@@ -350,6 +358,7 @@ def _least_squares(
     matrix: Callable[[Array], Array],
     transposed: Callable[[Array], Array],
     right: Array,
+    max_iter: int,
 ) -> Array:
     """Return the shortest least-squares solution of A x = b, in variables of the factor."""
     # Motions that the metric does not measure are in the kernels of A and of its transpose.
@@ -371,11 +380,11 @@ def _least_squares(
         atol=_TOLERANCE,
         btol=_TOLERANCE,
         conlim=0.0,
-        maxiter=_MAX_ITER,
+        maxiter=max_iter,
     )
     if reason == _OUT_OF_ITERATIONS:
         warn(
-            f"the derivative of the exponential is not exact: {_MAX_ITER} iterations do not solve "
+            f"the derivative of the exponential is not exact: {max_iter} iterations do not solve "
             "its equation",
             ConvergenceWarning,
         )

@@ -90,13 +90,14 @@ class DeformationBasis:
         n_components: int = 100,
         step: int = 10,
         *,
+        memory: int = 2**28,
         progress: bool = False,
     ) -> DeformationBasis:
         """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} in motions.
 
         Frames are taken from each motion m at 0, τ, 2τ, … (section 4 of the paper), and need not
-        fit in memory. The components are exact up to 256 MiB of deformations; beyond, these are
-        merged in their order.
+        fit in memory. The components are exact if the deformations fit in `memory`; beyond, these
+        are merged in their order.
 
         Parameters
         ----------
@@ -107,9 +108,13 @@ class DeformationBasis:
         n_components : int
         step : int
             Number of frames τ from the first to the second frame of a deformation.
+        memory : int
+            Bytes of deformations that are kept at once, by default 256 MiB, but always three for
+            each component.
         progress : bool
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
+        memory = whole_number(memory, "memory", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
         first = next(pairs)
         largest = 0.0
@@ -121,7 +126,9 @@ class DeformationBasis:
                 yield (end - start).ravel()
 
         n_features = first[0].size
-        values, rows, n_samples, total = singular_rows(deformations(), n_components, n_features)
+        values, rows, n_samples, total = singular_rows(
+            deformations(), n_components, n_features, memory
+        )
         noise = np.finfo(np.float64).eps * largest * (np.sqrt(n_samples) + np.sqrt(n_features))
         resolution = max(n_samples, n_features) * np.finfo(np.float64).eps
         rank = int(np.sum(values > resolution * values.max() + noise))
@@ -390,20 +397,16 @@ def _iterate(items: Any, name: str) -> Iterator[Any]:
         ) from error
 
 
-# Rows are collected up to this size before they are merged.
-_BUFFER_BYTES = 2**28
-
-
 def singular_rows(
-    rows: Iterable[np.ndarray], n_components: int, n_features: int
+    rows: Iterable[np.ndarray], n_components: int, n_features: int, memory: int = 2**28
 ) -> tuple[np.ndarray, np.ndarray, int, float]:
     """Return the strongest singular values S and S Vᵀ of rows, their number and sum of squares.
 
-    The rows A = U S Vᵀ of a full buffer are replaced by half as many, the strongest rows of S Vᵀ.
-    Each such merge lowers AᵀA, in the spectral norm, by the square of the largest singular value
-    that it drops, and keeps at least 1.5 K larger ones.
+    Rows are collected up to `memory` bytes. The rows A = U S Vᵀ of a full buffer are replaced by
+    half as many, the strongest rows of S Vᵀ. Each such merge lowers AᵀA, in the spectral norm, by
+    the square of the largest singular value that it drops, and keeps at least 1.5 K larger ones.
     """
-    fitting = _BUFFER_BYTES // (8 * n_features)
+    fitting = memory // (8 * n_features)
     n_buffered = max(3 * n_components, min(fitting, 2 * n_features))
     if n_buffered > fitting:
         check_memory(

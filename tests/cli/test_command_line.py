@@ -106,7 +106,7 @@ def test_interruption_while_results_are_written(run, scans, monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("riemhuman.cli._text", interrupt)
+    monkeypatch.setattr(sys.stdout, "write", interrupt)
     finished = run("info", scans / "body_0.ply")
     assert (finished.code, finished.out, finished.err) == (130, "", "riemhuman: interrupted\n")
 
@@ -278,10 +278,14 @@ def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
         except KeyboardInterrupt as error:
             raise ImportError("a bad install") from error
 
-    monkeypatch.setattr(terminal, "_interruptions", [])
-    monkeypatch.setattr("riemhuman.load_mesh", fail)
-    finished = run("info", scans / "body_0.ply")
+    with monkeypatch.context() as patch:
+        patch.setattr("riemhuman.load_mesh", fail)
+        finished = run("info", scans / "body_0.ply")
     assert (finished.code, finished.err) == (130, "riemhuman: interrupted\n")
+    # A later run of the same process is not interrupted.
+    finished = run("info", scans / "missing.ply")
+    assert finished.code == 2
+    assert "there is no file" in finished.err
 
 
 def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeypatch):

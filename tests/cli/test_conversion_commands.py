@@ -9,7 +9,6 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.cli import main
-from riemhuman.registration import topology_map
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +20,7 @@ def smpl_map(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
     rh.save_mesh(folder / "body.ply", coarse[0], coarse.template.faces)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(topology_map, "_register", lambda *options: known)
+        patch.setattr(rh.registration.ScanRegistration, "solve", lambda *options: known)
         assert main(["make-map", str(folder / "body.ply"), "-o", str(folder / "map.npz")]) == 0
     return folder / "map.npz"
 

@@ -43,10 +43,14 @@ def test_files_are_written_back(kind, bodies, tmp_path):
 
 
 def test_a_reader_of_ones_own_is_in_the_table(run, monkeypatch):
-    monkeypatch.setattr(kinds_of_files, "_KINDS", dict(kinds_of_files._KINDS))
-    options = {"registered": "`ScanRegistration`", "measured": "once registered"}
+    monkeypatch.setattr(kinds_of_files, "KINDS", dict(kinds_of_files.KINDS))
+    kind = rh.io.FileKind(
+        *("files of my scanner", "my_package.load", (".bin",)),
+        registered="`ScanRegistration`",
+        measured="once registered",
+    )
 
-    @rh.io.reads("files of my scanner", "my_package.load", (".bin",), **options)
+    @rh.io.reads(kind)
     def load(path):
         return path
 

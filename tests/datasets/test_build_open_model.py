@@ -68,14 +68,13 @@ class LinearFitter(adult_people.PeopleFitter):
         return [1.7, 72.0, 0.9] + parameters @ self._slopes_of_all
 
 
-def test_people_get_bodies_with_their_measurements(generator, monkeypatch):
-    monkeypatch.setattr(adult_people, "_N_PEOPLE", 60)
+def test_people_get_bodies_with_their_measurements(generator):
     rng = np.random.default_rng(3)
     tables = {}
     for sex in adult_people.SEXES:
         rows = people(80, LinearFitter.names, rng) * [1000.0, 10.0, 1000.0]
         tables[sex] = dict(zip(LinearFitter.names, rows.T, strict=True))
-    adults = LinearFitter(generator).fit(tables, seed=4)
+    adults = LinearFitter(generator).fit(tables, seed=4, n_people=60)
     assert 110 < len(adults.is_woman) <= 120
     assert 50 < adults.is_woman.sum() <= 60
     np.testing.assert_array_less(np.abs(adults.given[:, 0] - adults.is_woman), 0.15)

@@ -17,7 +17,6 @@ from riemhuman.geometry import (
     RiemannianMetric,
     SRNFMetric,
     VectorSpace,
-    pairwise,
 )
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
@@ -108,7 +107,7 @@ def test_triangles_without_area():
 
 
 @each_metric
-def test_bits_do_not_depend_on_threads_blocks_or_company(weights, monkeypatch):
+def test_bits_do_not_depend_on_threads_blocks_or_company(weights):
     metric, points = metric_of(TEMPLATE, weights), surfaces(TEMPLATE, 9, rng=9)
     points[5] = points[4] + 1e-7 * points[3]
     whole = metric.dist_pairwise(points)
@@ -121,10 +120,19 @@ def test_bits_do_not_depend_on_threads_blocks_or_company(weights, monkeypatch):
         np.testing.assert_array_equal(
             metric.cdist(points[:4], points, n_jobs=2, memory=memory), whole[:4]
         )
-    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 2)
-    np.testing.assert_array_equal(metric.dist_pairwise(points), whole)
-    monkeypatch.setattr("riemhuman.geometry.pairwise._CLOSE_BLOCK", 1)
-    np.testing.assert_array_equal(metric.dist_pairwise(points), whole)
+    # Blocks of two points.
+    np.testing.assert_array_equal(metric.dist_pairwise(points, n_jobs=5), whole)
+
+
+@each_metric
+def test_bits_do_not_depend_on_how_many_pairs_are_close(weights):
+    """Close pairs are computed again sixteen points at a time: here twenty, and one by one."""
+    metric, points = metric_of(TEMPLATE, weights), surfaces(TEMPLATE, 20, rng=11)
+    points = np.concatenate([points, points * (1 + 1e-9)])
+    whole = metric.dist_pairwise(points)
+    for first in range(0, 40, 7):
+        rows = metric.cdist(points[first : first + 1], points)
+        np.testing.assert_array_equal(rows[0], whole[first])
 
 
 # Points and memory.
@@ -298,14 +306,14 @@ def test_surfaces_beyond_double_precision_are_refused(exponent):
             call()
 
 
-def test_a_wrong_point_is_named_by_its_block_once(monkeypatch):
-    monkeypatch.setattr(pairwise, "_BLOCK", 2)
+def test_a_wrong_point_is_named_by_its_block_once():
     case = CASES["all sphere"]
+    assert len(case.points) == 4
     for wrong in (0.0, np.nan):
         points = case.points.copy()
         points[3] = wrong
         with pytest.raises(ArgumentError) as caught:
-            case.metric.dist_pairwise(points)
+            case.metric.dist_pairwise(points, n_jobs=2)  # two points a thread
         assert str(caught.value).count("points[2:4]") == 1
         with pytest.raises(ArgumentError) as caught:
             case.metric.dist_pairwise(points[2:])

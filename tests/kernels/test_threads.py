@@ -14,12 +14,6 @@ from riemhuman.kernels import threads
 from riemhuman.kernels.threads import in_tiles, slices
 
 
-@pytest.fixture(params=[False, True], ids=["alone", "threaded"])
-def threaded(request, monkeypatch):
-    monkeypatch.setattr(threads, "_is_large", lambda rows: request.param)
-    return request.param
-
-
 @pytest.mark.parametrize("size", [0, 1, 3, 10, 1001])
 @pytest.mark.parametrize("threaded", [False, True])
 def test_chunks_are_in_order_and_cover_everything(size, threaded):
@@ -43,17 +37,19 @@ def test_one_thread_is_the_calling_one():
         assert (ran == {threading.get_ident()}) == (n_threads == 1)
 
 
-def test_products_of_long_rows(threaded, monkeypatch):
-    monkeypatch.setattr(threads, "_IN_CACHE", 100)
+@pytest.mark.parametrize("length", [1001, 100_003], ids=["alone", "threaded"])
+def test_products_of_long_rows(length):
+    """From half a million numbers on in threads, whose parts are multiplied part by part."""
     rng = np.random.default_rng(1)
-    rows, coefficients = rng.standard_normal((7, 1001)), rng.standard_normal((5, 7))
+    rows, coefficients = rng.standard_normal((7, length)), rng.standard_normal((5, 7))
     combined = threads.combine_rows(coefficients, rows)
     np.testing.assert_allclose(combined, coefficients @ rows, rtol=1e-13, atol=1e-13)
     paired = threads.pair_with_rows(combined, rows)
-    np.testing.assert_allclose(paired, combined @ rows.T, rtol=1e-12, atol=1e-12)
-    matrix = sparse.random_array((1001, 1001), density=0.01, rng=rng, format="csr")
+    np.testing.assert_allclose(paired, combined @ rows.T, rtol=1e-12, atol=1e-9)
+    numbers = np.arange(length)
+    matrix = sparse.csr_array((rng.standard_normal(length), (numbers, rng.permutation(numbers))))
     form = threads.quadratic_form(matrix, rows)
-    np.testing.assert_allclose(form, rows @ matrix @ rows.T, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(form, rows @ matrix @ rows.T, rtol=1e-12, atol=1e-9)
 
 
 def blas_threads():

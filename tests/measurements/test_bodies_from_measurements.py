@@ -13,7 +13,6 @@ from riemhuman.measurements import (
     nearest_body,
     predict_measurements,
 )
-from riemhuman.measurements import bodies_from_measurements as module
 from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements.bodies_from_measurements import adults, predict
 
@@ -85,23 +84,25 @@ TALL["waist girth (omphalion)"] = 1.08
 @pytest.mark.parametrize(
     ("wanted", "sex"), [(TALL, "woman"), ({"stature": 1.8, "body mass": 80.0}, "man")]
 )
-def test_searches_from_other_bodies_end_at_the_same_cost(wanted, sex, monkeypatch):
+def test_searches_from_other_bodies_end_at_the_same_cost(wanted, sex):
     """Breadths and girths have kinks, beside which steps of Gauss and Newton alone stop."""
     rng = np.random.default_rng(0)
-    search, found = module._nearest_betas, []
-
-    def from_another(*arguments):
-        start = found[0].betas + 0.5 * rng.standard_normal(32) if found else None
-        found.append(search(*arguments, start=start))
-        return found[-1]
-
-    monkeypatch.setattr(module, "_nearest_betas", from_another)
-    for _ in range(4):
-        assert model_from_measurements(wanted, sex, resolution="coarse").converged
-    costs = np.array([one.cost for one in found])
+    person = model_from_measurements(wanted, sex, resolution="coarse")
+    people = [person]
+    for _ in range(3):
+        start = person.betas + 0.5 * rng.standard_normal(len(person.betas))
+        people.append(model_from_measurements(wanted, sex, resolution="coarse", start=start))
+    assert all(person.converged for person in people)
+    costs = np.array([person.cost for person in people])
     # Gauss-Newton steps alone end 0.13 and 0.09 apart.
     assert np.ptp(costs) < 3e-4 * costs.min()
-    assert max(np.abs(one.betas - found[0].betas).max() for one in found) < 0.25
+    assert max(np.abs(other.betas - person.betas).max() for other in people) < 0.25
+
+
+def test_starts_have_a_coefficient_for_each_direction():
+    for start in (np.zeros(5), np.zeros((2, 32)), np.full(32, np.nan)):
+        with pytest.raises(ArgumentError, match="start"):
+            model_from_measurements({"stature": 1.7}, resolution="coarse", start=start)
 
 
 def test_kinks_are_followed():

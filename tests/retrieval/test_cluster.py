@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
-import riemhuman.retrieval._cluster
 import riemhuman.retrieval.jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
 from riemhuman.retrieval import pairwise_job, path_job
+from riemhuman.retrieval._cluster import first_finished
 from riemhuman.retrieval.jobs import TileReader
 from riemhuman.solvers import LinearPath, path_distances
 
@@ -84,17 +84,18 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
                     close()
                 yield found
 
-        def closing_first(*arguments):
-            if calls.append(arguments) or len(calls) == 3:
+        def closing_first(*arguments, **options):
+            calls.append(arguments)
+            if len(calls) == 3:
                 close()
-            return first_finished(*arguments)
+            return wait(*arguments, **options)
 
         calls, in_turn = [], riemhuman.retrieval.jobs.compute_parts
-        first_finished = riemhuman.retrieval._cluster._first_finished
+        wait = distributed.wait
         if moment == "tiles":
             monkeypatch.setattr(riemhuman.retrieval.jobs, "compute_parts", closing)
         else:
-            monkeypatch.setattr(riemhuman.retrieval._cluster, "_first_finished", closing_first)
+            monkeypatch.setattr(distributed, "wait", closing_first)
         with pytest.raises(ClusterError, match="the same call goes on with it"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
         monkeypatch.undo()
@@ -128,16 +129,14 @@ class Deserted:
         return {}
 
 
-def test_a_cluster_without_workers_is_given_up(monkeypatch):
-    monkeypatch.setattr(riemhuman.retrieval._cluster, "_SECONDS", 0.05)
-
+def test_a_cluster_without_workers_is_given_up():
     class Never:
         @staticmethod
         def wait(futures, timeout, return_when):
             raise TimeoutError
 
-    with pytest.raises(ClusterError, match="no worker for"):
-        riemhuman.retrieval._cluster._first_finished(Deserted(), Never, ["future"])
+    with pytest.raises(ClusterError, match=r"no worker for 0\.2 seconds"):
+        first_finished(Deserted(), Never, ["future"], seconds=0.05)
 
 
 def hide():

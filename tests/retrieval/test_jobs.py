@@ -334,13 +334,8 @@ def test_slices_of_another_length_are_refused(tmp_path):
 # Paths.
 
 PATH_METRIC = ElasticMetric(AlignedSurfaces(sphere_template(), equip=False), 1.0, 0.1, 0.1)
-PATH_POINTS = surfaces(sphere_template(), 5, rng=1)
+PATH_POINTS = surfaces(sphere_template(), 9, rng=1)  # 36 pairs, in blocks of 16
 SOLVER = PathStraightening(n_nodes=4)
-
-
-@pytest.fixture(autouse=True)
-def small_blocks(monkeypatch):
-    monkeypatch.setattr(riemhuman.retrieval.jobs, "_PAIRS", 3)
 
 
 @pytest.fixture(scope="module")
@@ -374,20 +369,20 @@ def test_goes_on_where_it_was_stopped(expected, tmp_path, monkeypatch):
     monkeypatch.setattr(finder, "compute", lambda *call: (asked.append(call[-1]), find(*call))[1])
     assert_same(path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path), expected)
     # The first and the last finished pair are solved again, to be compared.
-    assert [block.start for block in asked] == [0, 3, 0, 3, 6, 9]
+    assert [block.start for block in asked] == [0, 16, 0, 16, 32]
 
 
 def test_a_pair_that_is_refused_loses_no_other_block(tmp_path):
     points = PATH_POINTS.copy()
     first, second, _ = PATH_METRIC.space.template.faces[0]
-    points[4, first] = points[4, second]
-    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[4\]: .*but for 3 of 4"):
+    points[1, first] = points[1, second]
+    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[1\]: .*but for 1 of 3"):
         path_job(PoissonPath(4), PATH_METRIC, points, tmp_path, n_jobs=2)
     lengths = np.load(tmp_path / "rows.npy")[:, 0]
-    expected = path_distances(PoissonPath(4), PATH_METRIC, points[:4]).lengths
-    np.testing.assert_array_equal(lengths[:3], expected[0, 1:])
-    # Pairs of the last point are in all blocks but the first.
-    np.testing.assert_array_equal(lengths[3:], 0.0)
+    expected = path_distances(PoissonPath(4), PATH_METRIC, points[2:]).lengths
+    # All pairs of this point are in the first block, with one pair of others.
+    np.testing.assert_array_equal(lengths[:16], 0.0)
+    np.testing.assert_array_equal(lengths[16:], expected[np.triu_indices(7, 1)][1:])
 
 
 def test_another_job_of_paths_is_refused(tmp_path):

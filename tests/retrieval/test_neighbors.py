@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from cases import cases_that, name_of, sphere_template, surfaces
 
-import riemhuman.retrieval.neighbors
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
@@ -106,15 +105,15 @@ def test_points_with_neighbors_are_compared_with_few(name):
 
 
 @pytest.mark.parametrize("name", ["pose", "shape"])
-def test_bounds_are_used_where_they_save_work(name, monkeypatch):
+def test_bounds_are_used_where_they_save_work(name):
     """Few points, and points that bounds do not separate, are compared with all others."""
-    monkeypatch.setattr(riemhuman.retrieval.neighbors, "_FEW", 100)
-    points = groups(sphere_template())
-    neighbors = NearestNeighbors(METRICS[name], 3).fit(points[:99])
+    points = np.concatenate([groups(sphere_template(), rng) for rng in range(9)])
+    neighbors = NearestNeighbors(METRICS[name], 3).fit(points[:999])
     neighbors.kneighbors(points[:2])
     assert neighbors.exact_share_ == 1.0
     neighbors.fit(points)
-    assert_same(neighbors.kneighbors(), by_all_distances(METRICS[name], None, points, 3))
+    expected = by_all_distances(METRICS[name], points[:60], points, 3)
+    assert_same(neighbors.kneighbors(points[:60]), expected)
     assert (neighbors.exact_share_ < 0.5) == (name == "pose")
 
 
@@ -181,20 +180,21 @@ def test_candidates_change_the_work_and_not_the_answer(n_jobs):
 
 CLOSE = surfaces(sphere_template(), 24, rng=5)
 CLOSE[[3, 17, 19]] = CLOSE[[23, 16, 0]] * (1 + 1e-9)
+FURTHER = surfaces(sphere_template(), 66, rng=7)
 NEAR_CLOSE = np.concatenate([surfaces(sphere_template(), 4, rng=6), CLOSE[[5, 22]] * (1 + 1e-9)])
 
 
 @pytest.mark.parametrize("name", ["shape", "srnf"])
-@pytest.mark.parametrize(("size", "algorithm"), [(1, "index"), (3, "brute"), (7, "index")])
-def test_blocks(name, size, algorithm, monkeypatch):
-    metric = METRICS[name]
-    for name in ("_BLOCK", "_FIRST", "_BATCH"):
-        monkeypatch.setattr(riemhuman.retrieval.neighbors, name, size)
-    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(CLOSE)
-    assert_same(neighbors.kneighbors(), by_all_distances(metric, None, CLOSE, 4))
-    assert_same(neighbors.kneighbors(NEAR_CLOSE), by_all_distances(metric, NEAR_CLOSE, CLOSE, 4))
-    everyone = neighbors.kneighbors(NEAR_CLOSE, len(CLOSE))
-    assert_same(everyone, by_all_distances(metric, NEAR_CLOSE, CLOSE, len(CLOSE)))
+@pytest.mark.parametrize("n_points", [24, 90])
+@pytest.mark.parametrize("algorithm", ["index", "brute"])
+def test_blocks(name, n_points, algorithm):
+    """Of 64 queries, which look at 8 points first, and at 32 at a time."""
+    metric, points = METRICS[name], np.concatenate([CLOSE, FURTHER])[:n_points]
+    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm).fit(points)
+    assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 4))
+    assert_same(neighbors.kneighbors(NEAR_CLOSE), by_all_distances(metric, NEAR_CLOSE, points, 4))
+    everyone = neighbors.kneighbors(NEAR_CLOSE, n_points)
+    assert_same(everyone, by_all_distances(metric, NEAR_CLOSE, points, n_points))
 
 
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)

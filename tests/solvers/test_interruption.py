@@ -2,7 +2,7 @@
 
 import threading
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 
 import bodies_in_motion as bodies
@@ -25,6 +25,7 @@ from riemhuman.solvers import (
     NearestSurface,
     PathStraightening,
     PoleLadder,
+    SegmentEnergy,
     Status,
     TangentPCA,
 )
@@ -189,25 +190,42 @@ def check_result(name, result):
     assert np.all(np.isfinite(getattr(result, solution)))
 
 
-def test_finished_starts_are_kept():
-    """The result is that of the best start so far, not of the last."""
-    metric, ends = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0), bodies.swung_arms(4)
-    solver = BasisPath(bodies.basis(5), 4)
-    energies = []
-    descend = BasisPath._descend
+@dataclass(frozen=True)
+class WatchedEnergy(SegmentEnergy):
+    """The energy, whose values are noted until the user presses Ctrl-C at one of them."""
 
-    def counted(search, *arguments):
-        if len(energies) == 1:
+    last: int = 0
+    values: list[float] = field(default_factory=list)
+
+    def value_and_gradient(self, metric, path):
+        if len(self.values) + 1 == self.last:
             raise KeyboardInterrupt
-        energies.append(descend(search, *arguments).energy)
-        return descend(search, *arguments)
+        value, gradient = super().value_and_gradient(metric, path)
+        self.values.append(value)
+        return value, gradient
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(BasisPath, "_descend", counted)
-        patch.setattr(BasisPath, "_starts", lambda *given: [np.linspace(*ends, 4)] * 2)
+
+def test_finished_starts_are_kept():
+    """An arm may turn either way: the result is that of the best start so far, not of the last.
+
+    That a start has converged, as far as the comparison goes, is not the end.
+    """
+    metric, ends = ElasticMetric(bodies.space(), 0.0, 0.0, 1.0), bodies.swung_arms(7)
+    watched = WatchedEnergy()
+    BasisPath(bodies.basis(5), 11, energy=watched).solve(metric, *ends)
+    values = watched.values
+    second = int(np.argmax(np.diff(values))) + 1
+    assert 0 < second < len(values) - 1
+    for last in range(second + 1, len(values)):
+        solver = BasisPath(bodies.basis(5), 11, energy=WatchedEnergy(last))
         with pytest.raises(Interrupted) as caught:
             solver.solve(metric, *ends)
-    assert caught.value.result.energy == pytest.approx(energies[0])
+        result = caught.value.result
+        assert result.status is Status.INTERRUPTED
+        assert result.energy == pytest.approx(min(values[:second]), rel=1e-12)
+        assert result.n_iterations == len(result.energies) - 1
+        assert result.energies[-1] == pytest.approx(result.energy)
+        assert metric.energy(result.path) == pytest.approx(result.energy, rel=1e-10)
 
 
 def test_threads_end_with_the_main_one():

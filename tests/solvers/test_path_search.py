@@ -1,7 +1,6 @@
 """Searches for paths of least energy: what they reach, where they start, how they stop."""
 
 import warnings
-from dataclasses import replace
 
 import autograd.numpy as anp
 import bodies_in_motion as bodies
@@ -34,12 +33,10 @@ from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,
     FiniteDifferenceEnergy,
-    Interrupted,
     LinearPath,
     PathStraightening,
     PoissonPath,
     SegmentEnergy,
-    Status,
 )
 from riemhuman.solvers.path_search import refine_path
 from riemhuman.solvers.paths import linear_path
@@ -274,7 +271,7 @@ class Hill(RiemannianMetric):
         )
 
 
-def test_a_start_that_costs_more_may_end_lower(monkeypatch):
+def test_a_start_that_costs_more_may_end_lower():
     """A smooth way around the hill on its broad side, and a rough one on the other."""
     metric, times = Hill(VectorSpace((2,), equip=False)), np.linspace(0.0, 1.0, 11)
     smooth, rough = (np.stack([times, y * np.sin(np.pi * times)], axis=-1) for y in (0.8, -0.4))
@@ -282,8 +279,7 @@ def test_a_start_that_costs_more_may_end_lower(monkeypatch):
     assert metric.energy(smooth) < metric.energy(rough)
     solver = PathStraightening()
     one_way = solver.solve(metric, smooth[0], smooth[-1], initial_path=smooth)
-    monkeypatch.setattr(PathStraightening, "_starts", lambda *arguments: [smooth, rough])
-    result = solver.solve(metric, smooth[0], smooth[-1])
+    result = solver._best_of(metric, [smooth, rough], [])
     assert result.converged
     assert result.energy < 0.9 * one_way.energy
     assert result.path[5, 1] < 0.0 < one_way.path[5, 1]
@@ -418,37 +414,6 @@ def test_drift_costs_nothing(make):
     assert removed.energy == kept.energy
     assert np.abs(kept.path - removed.path).max() > 1e-6
     np.testing.assert_allclose(removed.path, metric.remove_drift(kept.path), atol=1e-12)
-
-
-class Interrupting(FiniteDifferenceEnergy):
-    """An energy during which the user presses Ctrl-C at the k-th gradient."""
-
-    counts = [0, 0]  # noqa: RUF012
-
-    def value_and_gradient(self, metric, path):
-        self.counts[0] += 1
-        if self.counts[0] == self.counts[1]:
-            raise KeyboardInterrupt
-        return super().value_and_gradient(metric, path)
-
-
-def test_interruption_while_starts_are_compared(monkeypatch):
-    """The first start has converged as far as the comparison goes; that is not the end."""
-    case, energy = CASES["half-plane, inner product"], Interrupting()
-    solver = PathStraightening(n_nodes=5, energy=energy)
-    straight = linear_path(*case.points[:2], 5)
-    detour = straight + np.array([0.0, 1.0, 1.0, 1.0, 0.0])[:, None]
-    energy.counts[:] = 0, -1
-    replace(solver, tolerance=1e-3)._descend(case.metric, straight)
-    energy.counts[:] = 0, energy.counts[0] + 2
-    monkeypatch.setattr(PathStraightening, "_starts", lambda *arguments: [straight, detour])
-    with pytest.raises(Interrupted) as caught:
-        solver.solve(case.metric, *case.points[:2])
-    result = caught.value.result
-    assert result.status is Status.INTERRUPTED
-    assert result.n_iterations == len(result.energies) - 1
-    assert result.energies[-1] == pytest.approx(result.energy)
-    np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-10)
 
 
 # What they refuse.

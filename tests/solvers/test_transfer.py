@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from unittest import mock
-
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
@@ -384,18 +382,17 @@ def test_waves_of_the_skin_stay_with_their_owner():
 def test_bends_of_joints_come_back():
     """As heat hardly flows across joints: where it did, the knee was 12.6 mm off.
 
-    So it is for a person of mean build; of five others none is off by half as much as it was.
+    So it is for a person of mean build, and of five others none is off by half as much.
     """
     knee = bodies.pose(left_hip=(-80, 0, 0), left_knee=(90, 0, 0))
 
-    def missed(betas, bone_smoothing=10.0):
+    def missed(betas):
         shape, pose = bodies.model()(betas=betas, pose=np.stack([bodies.pose(), knee]))
-        return error(PoseTransfer(bodies.space(), bone_smoothing).solve(shape, pose), pose)
+        return error(PoseTransfer(bodies.space()).solve(shape, pose), pose)
 
     people = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))
     people = np.concatenate([np.zeros_like(people[:1]), people])
     found = [missed(betas) for betas in people]
-    with mock.patch.object(PoseTransfer, "_trust", lambda self, field: np.ones(len(field))):
-        across = [missed(betas, 1.0) for betas in people]
+    across = 1e-3 * np.array([12.6, 16.9, 12.1, 12.2, 14.0, 16.5])  # where heat flowed freely
     assert found[0] < 0.006
-    assert np.all(np.less(found, 0.5 * np.array(across)))
+    assert np.all(found < 0.5 * across)

@@ -7,7 +7,6 @@ import trimesh
 from autograd.test_util import check_grads
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces import deformation_basis
 from riemhuman.surfaces.deformation_basis import (
     DeformationBasis,
     frames_apart,
@@ -66,19 +65,17 @@ class TestFromMotions:
         squares = basis.coefficients(deformations(motions())) ** 2
         np.testing.assert_allclose(squares.mean(axis=0), basis.explained_variance, rtol=1e-11)
 
-    def test_motions_beyond_the_buffer_come_close(self, basis, monkeypatch):
-        monkeypatch.setattr(deformation_basis, "_BUFFER_BYTES", 1)
-        squeezed = DeformationBasis.from_motions((motion for motion in motions(20)), 12)
+    def test_motions_beyond_the_memory_come_close(self, basis):
+        squeezed = DeformationBasis.from_motions((motion for motion in motions(20)), 12, memory=1)
         exact = oracle(motions(20))
         np.testing.assert_allclose(squeezed.explained_variance, exact[0][:12], rtol=0.05)
         np.testing.assert_allclose(squeezed.explained_variance[:4], exact[0][:4], rtol=1e-3)
         np.testing.assert_allclose(gram(squeezed), np.eye(12), atol=1e-13)
 
-    @pytest.mark.parametrize("buffer_bytes", [2**28, 1])
-    def test_low_rank_motion_is_reproduced(self, buffer_bytes, monkeypatch):
-        monkeypatch.setattr(deformation_basis, "_BUFFER_BYTES", buffer_bytes)
+    @pytest.mark.parametrize("memory", [2**28, 1])
+    def test_low_rank_motion_is_reproduced(self, memory):
         found = motions(30, rank=7)
-        basis = DeformationBasis.from_motions(found, 7)
+        basis = DeformationBasis.from_motions(found, 7, memory=memory)
         seen = deformations(found, step=3)  # others than those it was made of
         np.testing.assert_allclose(basis.project(seen), seen, atol=1e-12)
         assert basis.explained_variance_ratio.sum() == pytest.approx(1.0, abs=1e-12)

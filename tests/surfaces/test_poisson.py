@@ -1,7 +1,5 @@
 """Interpolation of deformation gradients, and its loops against polar decompositions."""
 
-from copy import copy
-
 import numpy as np
 import pytest
 from cases import open_template, sphere_template, surfaces
@@ -146,19 +144,29 @@ def test_sources_by_polar_decomposition(template, size, turned):
         np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
 
 
+def bands(n):
+    """Return two bands around the z-axis, each of n triangles one after the other."""
+    vertex, turn = np.arange(n), 2 * np.pi * np.arange(n) / n
+    rim = np.stack([np.cos(turn), np.sin(turn), 0.1 * (vertex % 2)], axis=-1)
+    faces = np.stack([vertex, (vertex + 1) % n, (vertex + 2) % n], axis=-1)
+    faces[1::2] = faces[1::2, ::-1]  # so that neighbours run along their edge in opposite ways
+    return Template(
+        np.concatenate([rim, rim + [0.0, 0.0, 1.0]]), np.concatenate([faces, faces + n])
+    )
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_rings_that_turn_once_around_are_cut_at_their_largest_steps(seed):
-    """Two rings without an edge between them; their steps differ by less than a degree."""
+    """Two bands without an edge between them; their steps differ by less than a degree."""
     rng = np.random.default_rng(seed)
     n, axis = 100, np.array([0.36, -0.48, 0.8])
     steps = rng.uniform(0.9, 1.1, (2, n))
     steps *= 2 * np.pi / steps.sum(axis=1, keepdims=True)
     angles = np.cumsum(steps, axis=1) - steps
-    around = np.arange(2 * n).reshape(2, n)
-    interpolator = copy(tube().interpolator)
-    interpolator._neighbours = np.stack([around, np.roll(around, -1, axis=1)], -1).reshape(-1, 2)
+    interpolator = bands(n).interpolator
     turns = Rotation.from_rotvec(angles.reshape(-1, 1) * axis).as_rotvec()
     found = interpolator.unwrap(turns).reshape(2, n, 3)
     gaps = np.linalg.norm(np.roll(found, -1, axis=1) - found, axis=2)
     for ring, step in zip(gaps, steps, strict=True):
+        # The last step leads from the last triangle back to the first.
         np.testing.assert_array_equal(np.flatnonzero(ring > 1.0), [np.argmax(step)])

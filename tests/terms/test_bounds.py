@@ -10,7 +10,7 @@ from packed_fields import field_features
 from scipy.spatial.distance import cdist
 
 from riemhuman.kernels import surface
-from riemhuman.kernels.threads import of_one_kind
+from riemhuman.kernels.threads import CHUNK, of_one_kind
 from riemhuman.terms import (
     ConeTerm,
     EbinTerm,
@@ -105,8 +105,8 @@ def test_pairs(monkeypatch, module, term):
 def test_flat_pairs(monkeypatch, shape):
     """Four rows and four columns at a time, at the edges fewer."""
     interpret(monkeypatch, [flat])
-    monkeypatch.setattr(flat, "_CHUNK", 5)
-    a, b = (of_one_kind(np.random.default_rng(n).standard_normal((n, 12))) for n in shape)
-    distances = partial(flat.RootNormalTerm().squared_distances, areas=np.ones(12))
+    n_values = 2 * CHUNK + 11  # more than a chunk
+    a, b = (of_one_kind(np.random.default_rng(n).standard_normal((n, n_values))) for n in shape)
+    distances = partial(flat.RootNormalTerm().squared_distances, areas=np.ones(n_values))
     np.testing.assert_allclose(distances(a, b), cdist(a, b) ** 2)
     np.testing.assert_allclose(np.triu(distances(a, a), 1), np.triu(cdist(a, a) ** 2))

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from autograd import value_and_grad
-from cases import CASES, SURFACES, TEMPLATES, name_of, surfaces
+from cases import CASES, SURFACES, TEMPLATES, name_of, sphere_template, surfaces
 
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -16,6 +16,7 @@ from riemhuman.geometry import (
 )
 from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
+from riemhuman.surfaces import Template
 from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, _drivers
 from riemhuman.terms._drivers import SumOfTerms
 
@@ -105,21 +106,38 @@ class Uncompiled(FlatTerm):
         return first.area_vectors
 
 
-def test_triangles_in_many_parts(monkeypatch):
-    """One pass over few triangles after the other, with some left at the end."""
-    template = TEMPLATES["sphere"]()
-    terms = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7), Uncompiled(0.4)]
-    driver = SumOfTerms(terms, template)
-    path, weights = surfaces(template, 4, rng=3), np.array([0.2, 1.3, 0.7])
+LONG_TERMS = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7), Uncompiled(0.4)]
 
-    def results():
-        found = (*driver.path_energy(path), *driver.squared_dists(path[0], path[1:], weights))
-        return [*found, driver.path_energy(path, gradient=False)[0]]
 
-    expected = results()
-    monkeypatch.setattr(_drivers, "_IN_CACHE", 28)  # seven triangles of four surfaces
-    for one, other in zip(results(), expected, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
+def test_long_paths_are_the_sum_of_their_parts():
+    """They run in threads, a few triangles after the others; short paths run in one pass."""
+    template, n_parts = TEMPLATES["sphere"](), 100
+    driver, path = SumOfTerms(LONG_TERMS, template), surfaces(template, 12 * n_parts + 1, rng=3)
+    energy, gradient = driver.path_energy(path)
+    total, slopes = 0.0, np.zeros_like(path)
+    for first in range(0, 12 * n_parts, 12):
+        part = slice(first, first + 13)
+        energy_of_part, slopes_of_part = driver.path_energy(path[part])
+        total += n_parts * energy_of_part
+        slopes[part] += n_parts * slopes_of_part
+    np.testing.assert_allclose(energy, total, rtol=1e-12)
+    np.testing.assert_allclose(gradient, slopes, rtol=0, atol=1e-12 * np.abs(slopes).max())
+    assert driver.path_energy(path, gradient=False)[0] == pytest.approx(energy, rel=1e-14)
+
+
+def test_distances_on_large_meshes_are_the_sum_over_their_parts():
+    """They run in threads, in one pass over the triangles after the other; each part in one."""
+    whole, weights = sphere_template(5), np.array([0.2, 1.3, 0.7])
+    f, *others = surfaces(whole, 4, rng=3)
+    squared, gradient = SumOfTerms(LONG_TERMS, whole).squared_dists(f, others, weights)
+    total, slopes = np.zeros(3), np.zeros_like(f)
+    for first in range(0, whole.n_faces, 4096):
+        part = Template(whole.vertices, whole.faces[first : first + 4096])
+        squared_of_part, slope = SumOfTerms(LONG_TERMS, part).squared_dists(f, others, weights)
+        total += squared_of_part
+        slopes += slope
+    np.testing.assert_allclose(squared, total, rtol=1e-12)
+    np.testing.assert_allclose(gradient, slopes, rtol=0, atol=1e-12 * np.abs(slopes).max())
 
 
 def test_distances_from_one_surface_are_energies_of_single_steps():

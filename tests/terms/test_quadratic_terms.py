@@ -77,14 +77,18 @@ def test_triangles_without_area_cost_infinitely_much(name, corners):
 
 
 @every_term
-def test_threads_give_the_same_bits(name, monkeypatch):
+def test_many_surfaces_run_in_threads_as_few_do_alone(name):
     template = sphere_template(2)
     term = terms_over(template)[name]
-    f, h = surfaces(template, 4, rng=6), deformations(template, 4, rng=7)
-    alone = compiled(term, h, f)
-    monkeypatch.setattr(_quadratic, "_WORTH_THREADS", 0)
-    for one, other in zip(alone, compiled(term, h, f), strict=True):
-        np.testing.assert_array_equal(one, other)
+    f, h = surfaces(template, 64, rng=6), deformations(template, 64, rng=7)
+    assert len(f) * template.n_faces > 20_000
+    value, *slopes = compiled(term, h, f)
+    parts = [slice(first, first + 16) for first in range(0, 64, 16)]
+    alone = [compiled(term, h[part], f[part]) for part in parts]
+    assert value == pytest.approx(sum(value_of_part for value_of_part, *_ in alone), rel=1e-13)
+    for k, part in enumerate(parts):
+        for slope, slope_of_part in zip(slopes, alone[k][1:], strict=True):
+            np.testing.assert_array_equal(slope[part], slope_of_part)
 
 
 def test_sums_of_terms():

@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,13 +45,6 @@ def use(case):
     return [np.asarray(each) for each in results]
 
 
-def with_metric(case, metric):
-    """Return a case with another metric."""
-    changed = copy.copy(case)
-    object.__setattr__(changed, "metric", metric)
-    return changed
-
-
 @pytest.mark.everyday(*NAMES_OF_KINDS)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_metrics(case):
@@ -62,7 +56,7 @@ def test_metrics(case):
     for metric in (pickled, copied, deep):
         assert json.dumps(describe(metric)) == described
     for metric in (unused, pickled, deep):
-        for result, wanted in zip(use(with_metric(case, metric)), expected, strict=True):
+        for result, wanted in zip(use(replace(case, metric=metric)), expected, strict=True):
             np.testing.assert_array_equal(result, wanted)
 
 

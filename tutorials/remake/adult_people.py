@@ -105,7 +105,6 @@ _SEATED = ("bideltoidbreadth", "forearmhandlength", "shoulderelbowlength")
 _PATH_POINTS = 12
 
 _STEP = 0.06  # of finite differences
-_N_PEOPLE = 1000  # of each sex
 _N_STEPS, _N_BINS, _BATCH = 5, 4, 25
 _FAILED = 5.0  # largest deviation of a person's measurement, standard deviations
 
@@ -169,8 +168,8 @@ class PeopleFitter:
             values[part] = np.stack(rows, axis=1)
         return values
 
-    def fit(self, tables: dict[str, np.ndarray], seed: int) -> Adults:
-        """Return a body for every row of both sexes' tables, see `read_people`."""
+    def fit(self, tables: dict[str, np.ndarray], seed: int, n_people: int = 1000) -> Adults:
+        """Return bodies of that many people of each sex, rows of its table; see `read_people`."""
         parts = []
         for sex in SEXES:
             people, table = tables[sex], []
@@ -180,7 +179,7 @@ class PeopleFitter:
                 table.append(share * people[name] / (10.0 if name == "weightkg" else 1000.0))
             table = np.stack(table, axis=1)
             wanted, unwidened = widened(table, self.names, sex)
-            chosen = rng.permutation(len(wanted))[:_N_PEOPLE]
+            chosen = rng.permutation(len(wanted))[:n_people]
             wanted, unwidened = wanted[chosen], unwidened[chosen]
             tolerances = np.array([_SHARES.get(n, _FAIR) for n in self.names]) * table.std(axis=0)
             mean = self._fit_mean(table.mean(axis=0), tolerances, sex)
