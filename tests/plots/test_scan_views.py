@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import riemhuman as rh
 from riemhuman.registration import RegisteredScan, Scan, lay_over_body, simulated_scan
@@ -48,15 +49,14 @@ def registered(body):
     )
 
 
-def test_larger_scans_are_thinned_and_the_page_says_so(monkeypatch):
-    corners = np.concatenate([BODY, BODY[FACES].mean(axis=1)])
-    new = len(BODY) + np.arange(len(FACES))
-    a, b, c = FACES.T
-    finer = np.concatenate([np.stack(ends, 1) for ends in ((a, b, new), (b, c, new), (c, a, new))])
-    monkeypatch.setattr(rh.plots.scan_views, "_MOST_CORNERS", 1500)
-    viewer = rh.plots.view_scan((corners, finer), BODY, FACES)
-    assert len(viewer.panel.over.scan_points) < 1700
-    assert f"of {len(corners):,} points are drawn" in viewer.description
+def test_larger_scans_are_thinned_and_the_page_says_so():
+    finer = BODY, FACES
+    for _ in range(3):
+        finer = trimesh.remesh.subdivide(*finer)
+    viewer = rh.plots.view_scan(finer, BODY, FACES)
+    assert len(finer[0]) > 70_000
+    assert 50_000 < len(viewer.panel.over.scan_points) < 65_000
+    assert f"of {len(finer[0]):,} points are drawn" in viewer.description
 
 
 def test_results_view_their_scan_over_their_body():
