@@ -451,6 +451,7 @@ def check_human_size(extent: float, volume: float, name: str) -> None:
         + (f", but of a body in {' or '.join(units)}" if units else "")
         + f"; bodies must be in metres, {HUMAN_EXTENTS[0]:g} to {HUMAN_EXTENTS[1]:g} m long and of "
         f"{least:g} to {most:g} litres"
+        + ("; files are converted by unit, on the command line --unit" if units else "")
     )
 
 

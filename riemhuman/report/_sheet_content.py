@@ -52,6 +52,7 @@ class RowText:
     percentile: str
     place: float | None
     why: str
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,7 @@ class Content:
     changes: ChangesText | None
     remarks: tuple[str, ...]
     all_rows: tuple[RowText, ...]
+    has_percentiles: bool
     population: str
     uncertainty: str
 
@@ -166,7 +168,7 @@ def content_of(
         what = f"The scan, {subject.file}" if subject.file else "The scan"
         pictures.append(_drawing(scan, units, "The scan from three sides", what))
     said = "The registered body"
-    if not subject.known_vertices.all():
+    if subject.known_vertices.mean() < _WHOLE:
         said += "; parts that are not trusted are blue"
     pictures.append(_drawing(body, units, "The body from three sides", said))
     silhouette = silhouette_picture(values, faces)
@@ -196,13 +198,12 @@ def content_of(
         posture=tuple(posture_texts(values.posture)),
         changes=_changes(values, faces, units),
         remarks=tuple(f"{_capital(remark)}." for remark in values.remarks),
-        all_rows=tuple(
-            replace(row_text(row, units), title=_capital(row.name)) for row in values.rows
-        ),
-        population=_population(subject),
+        all_rows=tuple(row_text(row, units) for row in values.rows),
+        has_percentiles=any(np.isfinite(row.percentile) for row in values.rows),
+        population=_population(subject, values, units),
         uncertainty=(
             "± is two standard deviations of measurements over poses of one person, of simulated "
-            "people who were registered from scans; real people, who breathe and sway, vary more. "
+            "adults who were registered from scans; real people, who breathe and sway, vary more. "
             "Measurements are taken in the standard pose, to which the body was brought. The "
             "weight is the volume times the mean density of people."
         ),
@@ -237,7 +238,7 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
         return f"Do not rely on this body; nothing was measured.{why}"
     said = []
     if subject.trusted_vertices is None:
-        said.append("Nothing is known about the scan of this registered mesh.")
+        said.append("This body came without its scan, so nothing is known about how well it fits.")
     elif sentence:
         said.append(f"{sentence}.")
     elif subject.known_vertices.all():
@@ -254,14 +255,30 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     if np.isfinite(subject.median_distance):
         said.append(
             f"The scan is {readable_gap(subject.median_distance, units)} from the body in the "
-            "median, and "
-            f"{100 * subject.matched_share:.0f} % of the body has a counterpart in the scan."
+            "median and "
+            f"shows {100 * subject.matched_share:.0f} % of the body's surface."
         )
     return " ".join(said)
 
 
-def _population(subject: SheetSubject) -> str:
+def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
     people = _PEOPLE[subject.sex]
+    stature = values.by_name.get("stature")
+    if values.standing is None or stature is None:
+        return ""
+    if not np.isfinite(stature.value):
+        why = f" ({stature.why_missing})" if stature.why_missing else ""
+        return (
+            "There are no percentiles, and no average to compare with: they depend on the stature, "
+            f"which is not known{why}."
+        )
+    if values.average is None:
+        unit = _unit("m", units)
+        one = {"woman": "an adult woman", "man": "an adult man"}.get(subject.sex, "an adult")
+        return (
+            "There are no percentiles, and no average to compare with: both are of adults, and a "
+            f"stature of {_value(stature.value, unit)} {unit.name} is not that of {one}."
+        )
     return (
         f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; that of "
         f"stature counts all {people.rstrip(',')}. Bars are darker where the middle half is. These "
@@ -293,6 +310,7 @@ def row_text(row: SheetRow, units: str) -> RowText:
     unit = _unit(row.unit, units)
     is_known = bool(np.isfinite(row.percentile))
     return RowText(
+        name=row.name,
         title=row.title,
         value=_value(row.value, unit),
         unit=unit.name if np.isfinite(row.value) else "",
@@ -351,7 +369,7 @@ def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
         return []
     both = "left / right"
     return [
-        PostureText("Head over neck", _angle(posture["head over neck"]), "ear above C7"),
+        PostureText("Neck base to ear", _angle(posture["head over neck"]), "above horizontal"),
         directed("head tilt", "Head tilt", "left ear higher", "right ear higher"),
         directed("shoulder tilt", "Shoulder tilt", "left higher", "right higher"),
         directed("pelvis tilt", "Pelvis tilt", "left higher", "right higher"),
@@ -361,7 +379,7 @@ def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
         paired("{} knee bent", "Knees bent", both),
         paired("{} elbow bent", "Elbows bent", both),
         paired("{} arm from the trunk", "Arms from the trunk", both),
-        paired("{} foot turned out", "Feet turned out", both),
+        paired("{} foot turned out", "Feet turned out", f"{both}; −: in"),
     ]
 
 

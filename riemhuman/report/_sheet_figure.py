@@ -168,7 +168,8 @@ def _group(
     side.text(x, y, name, size=8.8, color=_INK, weight="bold")
     side.text(ends["value"], y, content.length_unit, align="right")
     side.text(ends["uncertainty"], y, "±", align="right")
-    side.text(ends["percentile"], y, "pctl.", align="right")
+    if content.has_percentiles:
+        side.text(ends["percentile"], y, "pctl.", align="right")
     side.rule(y + 1.3, x, x + _COLUMN, color=_QUIET)
     for row in rows:
         y += _ROW
@@ -181,7 +182,8 @@ def _group(
         side.text(ends["value"], y, row.value + unit, size=8.6, color=_INK, weight="bold",
                   align="right")  # fmt: skip
         side.text(ends["uncertainty"], y, row.uncertainty, align="right")
-        side.text(ends["percentile"], y, row.percentile, size=8.6, color=_INK, align="right")
+        if content.has_percentiles:
+            side.text(ends["percentile"], y, row.percentile, size=8.6, color=_INK, align="right")
         if row.place is not None:
             _bar(side, x + 53.5, y - 1.0, 25.0, row.place)
     return y + 9.0
@@ -230,7 +232,7 @@ def _second_side(content: Content) -> _Side:
         y = _changes(side, y, right, content.changes) + 3.0
     for remark in content.remarks:
         y = side.paragraph(_LEFT, y, remark, _RIGHT - _LEFT, size=7.2) + 1.0
-    y = _all_rows(side, y, content.all_rows)
+    y = _all_rows(side, y, content.all_rows, has_percentiles=content.has_percentiles)
     side.paragraph(_LEFT, y + 3.0, content.uncertainty, _RIGHT - _LEFT, size=7.0)
     return side
 
@@ -240,7 +242,7 @@ def _heading(side: _Side, x: float, y: float, words: str) -> None:
 
 
 def _posture(side: _Side, x: float, y: float, rows: Sequence[PostureText]) -> float:
-    _heading(side, x, y, "Posture in the scan")
+    _heading(side, x, y, "Posture, as the person stood")
     y += 1.5
     for row in rows:
         y += _ROW
@@ -248,7 +250,7 @@ def _posture(side: _Side, x: float, y: float, rows: Sequence[PostureText]) -> fl
         side.text(x + 54.0, y, row.value, size=8.4, color=_INK, weight="bold", align="right")
         side.text(x + 57.0, y, row.what, size=8.0)
         side.rule(y + 1.5, x, x + _COLUMN)
-    note = "Angles as the person stood. They describe one moment and are not a diagnosis."
+    note = "Angles between landmarks. They describe one moment and are not a diagnosis."
     return side.paragraph(x, y + 5.0, note, _COLUMN, size=7.0)
 
 
@@ -273,8 +275,9 @@ def _changes(side: _Side, y: float, right: float, changes: ChangesText) -> float
     return max(at, below) + 3.0
 
 
-def _all_rows(side: _Side, y: float, rows: Sequence[RowText]) -> float:
-    _heading(side, _LEFT, y, f"All {len(rows)} measurements, with percentiles")
+def _all_rows(side: _Side, y: float, rows: Sequence[RowText], *, has_percentiles: bool) -> float:
+    columns = "value, ±, percentile" if has_percentiles else "value, ±"
+    _heading(side, _LEFT, y, f"All {len(rows)} measurements: {columns}")
     n_lines = -(-len(rows) // 3)
     width = (_RIGHT - _LEFT - 10.0) / 3
     # They share what is left of the page.
@@ -286,7 +289,8 @@ def _all_rows(side: _Side, y: float, rows: Sequence[RowText]) -> float:
         side.text(x, at, textwrap.shorten(row.title, 30, placeholder="…"), size=size, color=_INK)
         value = "not measured" if row.why else f"{row.value} {row.unit}"
         ends = ((value, width - 13.0), ("" if row.why else row.uncertainty, width - 6.0))
-        for text, end in (*ends, ("" if row.why else row.percentile, width)):
+        percentile = row.percentile if has_percentiles and not row.why else ""
+        for text, end in (*ends, (percentile, width)):
             side.text(x + end, at, text, size=size, color=_INK, align="right")
         side.rule(at + 0.3 * step, x, x + width)
     return y + (n_lines + 1) * step

@@ -128,6 +128,8 @@ def index_page(
         titles=list(INDEX_NUMBERS.values()),
         css=web_file("report", "sheet.css"),
         version=version,
+        has_sex=any(entry.sex for entry in entries),
+        has_visits=any(entry.visit for entry in entries),
         has_changes=any(entry.changed for entry in entries),
         counts=_counts(entries),
     )

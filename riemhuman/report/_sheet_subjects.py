@@ -12,11 +12,12 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.datasets import RegisteredMeshes, find_meshes
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
 from riemhuman.io.meshes import load_trusted
 from riemhuman.io.text_tables import read_rows
 from riemhuman.registration import ScanRecord, read_records
+from riemhuman.report.registered_scans import shown_share
 from riemhuman.report.sheet_values import SheetSubject
 
 _LABELS = "labels.csv"
@@ -62,17 +63,26 @@ class Found:
 
     def earlier(self, number: int) -> int | None:
         """Return the visit of the same person before a body's, if the labels tell it."""
-        own = self.labels[number]
-        if not own.person:
-            return None
-        same = [k for k, each in enumerate(self.labels) if each.person == own.person]
+        order = self._visits(number)
+        place = order.index(number) if order else 0
+        return order[place - 1] if place else None
+
+    def is_without_order(self, number: int) -> bool:
+        """Return whether a person has several bodies that labels do not order."""
+        return len(self._bodies_of_person(number)) > 1 and not self._visits(number)
+
+    def _bodies_of_person(self, number: int) -> list[int]:
+        person = self.labels[number].person
+        return [k for k, label in enumerate(self.labels) if person and label.person == person]
+
+    def _visits(self, number: int) -> list[int]:
+        """Return the bodies of a person in the order of their dates or visits, if all differ."""
+        same = self._bodies_of_person(number)
         for field in ("day", "visit"):
             texts = {k: getattr(self.labels[k], field) for k in same}
             if all(texts.values()) and len(set(texts.values())) == len(same):
-                order = sorted(same, key=lambda k: natural_key(texts[k]))
-                place = order.index(number)
-                return order[place - 1] if place else None
-        return None
+                return sorted(same, key=lambda k: natural_key(texts[k]))
+        return []
 
 
 def find_subjects(
@@ -98,10 +108,10 @@ def find_subjects(
         raise FileError("there are no bodies to make sheets of")
     table = _table_of(paths, labels)
     known = {} if table is None else read_people(table)
-    chosen = [
-        known.get(each.file.casefold(), known.get(each.name.casefold(), PersonLabels()))
-        for each in subjects
-    ]
+    named = [known.get(each.file.casefold(), known.get(each.name.casefold())) for each in subjects]
+    if table is not None:
+        _warn_of_missing_labels(table, subjects, sum(label is not None for label in named))
+    chosen = [label or PersonLabels() for label in named]
     subjects = [
         replace(each, person=label.person, sex=label.sex, visit=label.when)
         for each, label in zip(subjects, chosen, strict=True)
@@ -132,9 +142,22 @@ def read_people(table: Path) -> dict[str, PersonLabels]:
         label = PersonLabels(
             texts["person"], _sex(texts["sex"], where), texts["visit"], _day(texts["date"], where)
         )
+        if named["file"].casefold() in people:
+            raise FileFormatError(f"{where}: {named['file']} has another line above")
         for name in (named["file"], Path(named["file"]).stem):
             people[name.casefold()] = label
     return people
+
+
+def _warn_of_missing_labels(table: Path, subjects: Sequence[SheetSubject], n_known: int) -> None:
+    """Say that a table of labels names not all bodies; a table of others' names is a mistake."""
+    if n_known == len(subjects):
+        return
+    names = f"{n_known or 'none'} of the {len(subjects)} bodies"
+    warn(
+        f"{table} names {names}; what it does not name is compared with adults of both sexes",
+        UserWarning,
+    )
 
 
 def _sex(text: str, where: str) -> str:
@@ -236,7 +259,7 @@ def subject_of_record(record: ScanRecord) -> SheetSubject:
         is_trusted=record.trusted,
         message=record.message,
         median_distance=record.median_distance,
-        matched_share=record.matched_share,
+        matched_share=shown_share(record),
     )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
+from numpy import ndarray
 
 from riemhuman.io.files import convert_errors, write_text
 from riemhuman.measurements import readable_gap
@@ -19,6 +20,7 @@ from riemhuman.plots.scan_views import view_scan
 from riemhuman.plots.viewer import web_file
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.report._page import Image, Section, fill, page
+from riemhuman.surfaces import triangle_areas
 
 _LARGEST_METRES = 0.02  # distance of the last colour, also used for larger distances
 _HEIGHT = 300  # pixels
@@ -92,6 +94,7 @@ def scan_section(
         records=[(record, _pictures(record)) for record in records],
         views=views or {},
         badge=_badge,
+        shown_share=shown_share,
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
         colors=VALUE_COLORS,
@@ -111,7 +114,21 @@ def badge_of(trusted: bool, message: str, share: float) -> tuple[str, str]:
 
 
 def _badge(record: ScanRecord) -> tuple[str, str]:
-    return badge_of(record.trusted, record.message, record.matched_share)
+    return badge_of(record.trusted, record.message, shown_share(record))
+
+
+def shown_share(record: ScanRecord) -> float:
+    """Return the share of a body's surface that its scan shows."""
+    if "matched" not in record.arrays:
+        return record.matched_share
+    arrays = record.arrays
+    return share_of_surface(arrays["points"], arrays["faces"], arrays["matched"])
+
+
+def share_of_surface(points: ndarray, faces: ndarray, chosen: ndarray) -> float:
+    """Return the share of a surface around some of its vertices, of which hands have many."""
+    areas = triangle_areas(points, faces)
+    return float(areas @ chosen[faces].mean(axis=1) / areas.sum())
 
 
 def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:

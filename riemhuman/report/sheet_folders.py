@@ -32,6 +32,7 @@ from riemhuman.report._sheet_tables import save_workbook, table_text
 from riemhuman.report.printing import check_printing, find_browser
 from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
 from riemhuman.surfaces import Template
+from riemhuman.surfaces.template import check_body_sizes
 
 SHEET_FILES = r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)"
 """Pattern of the names of files in a folder of sheets."""
@@ -131,7 +132,9 @@ def _known(
         key = len(subject.points)
         if key not in own:
             own[key] = _measurements_of_file(measurements, subject, faces)
-        own[key].definitions.surface.check_faces(faces, subject.file)
+        surface = own[key].definitions.surface
+        surface.check_faces(faces, subject.file)
+        check_body_sizes(subject.points, surface, subject.file)
         kinds.setdefault(key, []).append(number)
     values: dict[int, SheetValues] = {}
     for key, numbers in kinds.items():
@@ -142,6 +145,13 @@ def _known(
             values |= dict(zip(part, measured, strict=True))
     for number, subject in enumerate(found.subjects):
         earlier = found.earlier(number)
+        if found.is_without_order(number):
+            remark = (
+                "changes since an earlier visit are left out: the labels give this person's bodies "
+                "no different dates, or visits"
+            )
+            remarks = (*values[number].remarks, remark)
+            values[number] = replace(values[number], remarks=remarks)
         if earlier is None:
             continue
         before = found.subjects[earlier]

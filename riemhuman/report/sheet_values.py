@@ -41,7 +41,7 @@ KEY_GROUPS: Mapping[str, Mapping[str, str]] = {
         "back length": "Back length",
     },
     "Arms": {
-        "arm length along joints": "Arm length",
+        "arm length": "Arm length",
         "upper arm girth": "Upper arm girth",
         "forearm girth": "Forearm girth",
         "wrist girth": "Wrist girth",
@@ -57,6 +57,31 @@ KEY_GROUPS: Mapping[str, Mapping[str, str]] = {
     },
 }
 _KEY_NAMES = {name: title for group in KEY_GROUPS.values() for name, title in group.items()}
+# Words of anatomists in the names of others.
+_PLAIN_NAMES = {
+    "cervical height": "Height of the neck's base",
+    "waist height (omphalion)": "Navel height",
+    "suprasternale height": "Breastbone height",
+    "iliocristale height": "Hip bone height",
+    "trochanter height": "Height of the thigh bone",
+    "knee height (midpatella)": "Kneecap height",
+    "lateral epicondyle height": "Outer knee height",
+    "tibial height": "Height of the shin bone",
+    "tragion to crown": "Ear to crown",
+    "arm length along joints": "Arm length between joints",
+    "back length (omphalion)": "Back length to the navel",
+    "front length (omphalion)": "Front length to the navel",
+    "crotch length (omphalion)": "Crotch length at the navel",
+    "posterior crotch length (omphalion)": "Crotch length, back half",
+    "back breadth (interscye)": "Back breadth at the armpits",
+    "back breadth (midscye)": "Back breadth above them",
+    "bitragion-chin arc": "Ear to ear by the chin",
+    "bitragion-submandibular arc": "Ear to ear below the jaw",
+    "waist breadth (omphalion)": "Navel breadth",
+    "waist depth (omphalion)": "Navel depth",
+    "iliac crest breadth": "Hip bone breadth",
+    "interpupillary breadth": "Between the pupils",
+}
 # Quotients of two measurements, and powers of the second.
 _RATIOS = {
     "Body mass index": ("body mass", "stature", 2, "kg/m²"),
@@ -120,7 +145,7 @@ class SheetSubject:
     message: str = ""
     scan: ndarray | None = None  # points in the axes of the body
     median_distance: float = float("nan")
-    matched_share: float = float("nan")
+    matched_share: float = float("nan")  # of the surface
 
     @property
     def is_measurable(self) -> bool:
@@ -232,7 +257,7 @@ def _values(
     rows = tuple(
         SheetRow(
             name,
-            _KEY_NAMES.get(name, name[:1].upper() + name[1:]),
+            _KEY_NAMES.get(name) or _PLAIN_NAMES.get(name) or name[:1].upper() + name[1:],
             unit,
             named[name],
             _DEVIATIONS * deviation,
@@ -245,9 +270,6 @@ def _values(
     )
     posture, remarks = _posture(measurements, subject)
     body = average.of(stature, subject.sex) if standing is not None else None
-    if standing is not None and body is None:
-        why = "is not that of an adult" if np.isfinite(stature) else "is not known"
-        remarks.append(f"no percentiles, and no average to compare with: the stature {why}")
     return SheetValues(
         rows=rows,
         ratios=_ratios(named),

@@ -25,6 +25,7 @@ from riemhuman.report._sheet_making import average_for, content_for, library_ver
 from riemhuman.report._sheet_page import sheet_page
 from riemhuman.report._sheet_subjects import subject_of_record, subject_of_scan
 from riemhuman.report.printing import find_browser
+from riemhuman.report.registered_scans import share_of_surface
 from riemhuman.report.sheet_values import (
     SheetRow,
     SheetSubject,
@@ -185,7 +186,7 @@ def _subject(
             is_trusted=body.trusted,
             message=body.message,
             median_distance=float(np.median(body.distances[~body.background])),
-            matched_share=float(body.matched.mean()),
+            matched_share=share_of_surface(body.points, body.faces, body.matched),
         )
     elif isinstance(body, ScanRecord):
         subject = subject_of_record(body)

@@ -105,7 +105,46 @@ def test_without_a_sex_both_are_meant(bodies):
     assert "women and men together" in sheet.html
 
 
-def test_inches_and_pounds(bodies):
+def test_a_child_has_no_percentiles_of_adults(bodies):
+    child, unknown = 0.7 * bodies[0], bodies[0]
+    sheet = rh.report.sheet(child, sex="woman")
+    stature = sheet.measurements[0].value
+    assert 1.0 < stature < 1.3
+    assert all(np.isnan(row.percentile) for row in sheet.measurements)
+    assert f"a stature of {100 * stature:.1f} cm is not that of an adult woman" in sheet.html
+    for words in ("pctl.", "how many of 100", "Against the average", "percentile</th>"):
+        assert words not in sheet.html
+        assert words in rh.report.sheet(unknown, sex="woman").html
+    assert f"a stature of {stature / 0.0254:.1f} in" in rh.report.sheet(child, units="in").html
+
+
+def test_names_are_words_of_people(bodies):
+    """No anatomists' words, and no two rows of one name; files keep the names of the library."""
+    sheet = rh.report.sheet(bodies[0])
+    titles = [row.title for row in sheet.measurements]
+    assert len(set(titles)) == len(titles)
+    jargon = "omphalion|scye|tragion|suprasternale|trochanter|iliocristale|patella|C7|biacromial"
+    assert not re.search(jargon, re.sub(r'title="[^"]*"|"data:[^"]*"', "", sheet.html))
+    by_title = {row.title: row for row in sheet.measurements}
+    assert by_title["Arm length"].name == "arm length"
+    assert "waist depth (omphalion)" in {row.name for row in sheet.measurements}
+
+
+def test_the_share_that_a_scan_shows_is_one_of_the_surface(record, bodies):
+    """Hands hold many vertices and little surface."""
+    faces = bodies.template.faces
+    matched = bodies[0][:, 1] > np.median(bodies[0][:, 1])
+    seen = replace(record, arrays=record.arrays | {"matched": matched})
+    areas = rh.surfaces.triangle_areas(bodies[0], faces)
+    share = areas @ matched[faces].mean(axis=1) / areas.sum()
+    assert abs(share - matched.mean()) > 0.02
+    sheet = rh.report.sheet(seen)
+    assert sheet.badge == f"partly seen: {100 * share:.0f} %"
+    assert f"shows {100 * share:.0f} % of the body" in sheet.html
+
+
+def test_inches_and_pounds(bodies, record):
+    assert "0.083 in from the body" in rh.report.sheet(record, units="in").html
     sheet = rh.report.sheet(bodies[0], units="in")
     stature = sheet.measurements[0].value
     assert f"{stature / 0.0254:.1f}" in sheet.html
@@ -306,6 +345,7 @@ def test_a_folder_of_sheets(folder, tmp_path, no_pdf, own, bodies):
     written = {file.name for file in page.parent.iterdir()}
     assert written - {"measurements.xlsx"} == names
     text = page.read_text(encoding="utf-8")
+    assert re.findall(r"<button>(\w+)", text)[:5] == ["Name", "Sex", "Visit", "Trust", "Stature"]
     for name in names - {"index.html"}:
         assert f'href="{name}"' in text
     rows = table_of(tmp_path / "sheets")
@@ -383,7 +423,10 @@ def test_without_openpyxl_the_table_is_there(folder, tmp_path, monkeypatch):
     assert (tmp_path / "sheets" / "measurements.csv").exists()
 
 
-def test_other_bodies_are_refused(tmp_path):
+def test_other_bodies_are_refused(bodies, tmp_path):
+    rh.save_mesh(tmp_path / "mm.ply", 1000.0 * bodies[0], bodies.template.faces)
+    with pytest.raises(ArgumentError, match=r"mm\.ply is .* of a body in millimetres; .* --unit"):
+        rh.report.make_sheets(tmp_path / "mm.ply", tmp_path / "sheets")
     rh.save_mesh(tmp_path / "box.ply", np.random.default_rng(0).random((4, 3)), [[0, 1, 2]])
     with pytest.raises(FileError, match=r"box\.ply has .* register it first"):
         rh.report.make_sheets(tmp_path / "box.ply", tmp_path / "sheets")
@@ -399,6 +442,7 @@ def test_labels_of_people(tmp_path):
         ("name,sex\na,woman\n", "has no column file"),
         ("file,sex\na,robot\n", "line 2: sex must be woman, man or empty; found 'robot'"),
         ("file,date\na,01.02.2026\n", "line 2: date must be written as 2026-03-31"),
+        ("file,sex\na,man\nA,woman\n", "line 3: A has another line above"),
     ):
         table.write_text(text, encoding="utf-8")
         with pytest.raises(FileFormatError, match=message):
@@ -413,10 +457,15 @@ def test_the_visit_before(bodies, tmp_path):
     found = find_subjects([tmp_path], None)
     assert [found.earlier(number) for number in range(4)] == [1, 2, None, None]
     assert found.subjects[0].visit == "visit 10"
+    assert not any(found.is_without_order(number) for number in range(4))
     # Several bodies of one visit, or visits that are not told apart, are not compared.
     table.write_text("file,person,visit\na,x,1\nb,x,1\nc,x,\nd,,\n", encoding="utf-8")
     found = find_subjects([tmp_path], None)
     assert [found.earlier(number) for number in range(4)] == [None] * 4
+    assert [found.is_without_order(number) for number in range(4)] == [True, True, True, False]
+    table.write_text("file,person\na,x\nz,y\n", encoding="utf-8")
+    with pytest.warns(UserWarning, match=r"labels\.csv names 1 of the 4 bodies"):
+        find_subjects([tmp_path], None)
 
 
 @pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
@@ -444,6 +493,15 @@ def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_pdf
     # One file of such a folder, too, is found with its scan.
     found = find_subjects([place / "partial" / "half.ply"], None)
     assert found.subjects[0].scan is not None
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_the_index_has_no_empty_columns(folder, tmp_path, no_pdf):
+    (folder / "labels.csv").unlink()
+    text = rh.report.make_sheets(folder / "emma_1.ply", tmp_path / "sheets").read_text("utf-8")
+    assert re.findall(r"<button>(\w+)", text)[:3] == ["Name", "Trust", "Stature"]
+    # The row of the one body begins with a picture and a heading.
+    assert text.count('<th scope="col"') == text.count("<td") + text.count('<th scope="row"')
 
 
 def test_the_version_is_on_the_sheet(bodies):
