@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, nearest_vertices
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
-from riemhuman.registration._start_search import find_likelihood
+from riemhuman.registration._soft_assignment import find_likelihoods
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 # Inverse variance of what does not move while an arm is fitted.
 _FIXED = 1e15
-# Points of a scan farther from the body belong to no part of it, metres.
-_FAR_METRES = 0.1
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class BodyFit:
 
 def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
     """Return a body whose forearms and hands come nearest to a scan."""
-    if known:  # its arms are as a moment before
+    if known or dense.is_refused:  # arms are as a moment before, or do not matter
         return ArmsFit(dense.task, dense.pose, [], {})
     pose, doubtful = rotate_forearms(dense.task, dense.pose)
     task, pose, hand_fits = pose_hands(dense.task, pose)
@@ -110,12 +112,10 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
     # Many starts lead to the same arm, soon.
     scales = task.body.settings.dense.scales
     first, last = scales[: settings.n_first_steps], scales[settings.n_first_steps :]
-    fit_first = partial(fit_arm, task, arm, task.prior, scales=first)
-    early = _different(arm, list(mapped(fit_first, starts, N_THREADS)), [])
-    fit_last = partial(fit_arm, task, arm, task.prior, scales=last)
-    fitted = _different(arm, list(mapped(fit_last, early, N_THREADS)), [pose])
-    find = partial(find_likelihood, task.body, scan=task.scan, up=task.up)
-    likelihoods = list(mapped(find, fitted, N_THREADS))
+    arm_joints = arm.joints[1:]
+    early = _different(arm, fit_starts(task, arm_joints, arm.samples, starts, first), [])
+    fitted = _different(arm, fit_starts(task, arm_joints, arm.samples, early, last), [pose])
+    likelihoods = find_likelihoods(task.body, fitted, task.scan, task.up)
     least = max(likelihoods, default=0.0) - settings.least_likely
     likely = [other for other, value in zip(fitted, likelihoods, strict=True) if value > least]
     # The elastic step takes longest, and hardly changes which arms are near.
@@ -129,7 +129,7 @@ def elastic_arms(
     task: DenseTask, arm: ArmSurface, points: np.ndarray, poses: list[Pose]
 ) -> list[ArmFit]:
     """Return how near arms come to points of the scan after an elastic step."""
-    return list(mapped(partial(_elastic_arm, task, arm, points), poses, N_THREADS))
+    return _mapped(partial(_elastic_arm, task, arm, points), poses)
 
 
 def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
@@ -178,7 +178,7 @@ def pose_hands(
             continue
         now = task.prior.betas[n_betas:]
         others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
-        current, *fits = mapped(partial(_fit_hand, task, pose, arm, points), others, N_THREADS)
+        current, *fits = _mapped(partial(_fit_hand, task, pose, arm, points), others)
         # The arm alone may fit worse than with the body around it.
         unmoved = _hand_as_it_is(task.prior, pose, arm, points)
         current = min(unmoved, current, key=lambda fit: fit.cost)
@@ -198,7 +198,8 @@ def _fit_hand(
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
-    return _hand_as_it_is(prior, fit_arm(task, arm, prior, start), arm, points)
+    fitted = fit_joints(task, arm.joints[1:], arm.samples, prior, start)
+    return _hand_as_it_is(prior, fitted, arm, points)
 
 
 def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray) -> HandFit:
@@ -209,21 +210,9 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
 
 def points_on(task: DenseTask, pose: Pose, vertices: np.ndarray) -> np.ndarray:
     """Return the points of the scan that lie near some vertices."""
-    surface = task.body.surface(pose)
-    near = cKDTree(surface).query(task.scan.points, distance_upper_bound=_FAR_METRES)[1]
-    points: np.ndarray = task.scan.points[np.isin(near, vertices)]
+    nearest = nearest_vertices(task.body.surface(pose), task.scan.points)
+    points: np.ndarray = task.scan.points[np.isin(nearest, vertices)]
     return points
-
-
-def fit_arm(
-    task: DenseTask,
-    arm: ArmSurface,
-    prior: Prior,
-    start: Pose,
-    scales: tuple[float, ...] | None = None,
-) -> Pose:
-    """Fit one arm and its hand; all else stays as it starts."""
-    return fit_joints(task, arm.joints[1:], arm.samples, prior, start, scales)
 
 
 def fit_joints(
@@ -247,6 +236,32 @@ def fit_joints(
     samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
     scales = task.body.settings.dense.scales if scales is None else scales
     return fit_closest(samples, start, of_limb, task.scan, scales)
+
+
+def fit_starts(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    starts: list[Pose],
+    scales: tuple[float, ...],
+) -> list[Pose]:
+    """Return what some joints become when they are fitted from several starts."""
+    return _mapped(partial(_fit_from, task, joints, samples, scales), starts)
+
+
+def _fit_from(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    scales: tuple[float, ...],
+    start: Pose,
+) -> Pose:
+    return fit_joints(task, joints, samples, task.prior, start, scales)
+
+
+def _mapped(fit: Callable[[Item], Result], starts: list[Item]) -> list[Result]:
+    """Return what a fit makes of several starts, some at once."""
+    return list(mapped(fit, starts, N_THREADS))
 
 
 def _are_less(arm: ArmSurface, some: np.ndarray, others: np.ndarray) -> bool:

@@ -8,12 +8,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_search import anneal_finely
+from riemhuman.registration._soft_assignment import anneal_finely
 from riemhuman.registration._starts import Candidate
 from riemhuman.surfaces.nearest_points import nearest_points
+
+# Points of a scan farther from the body belong to no part of it, metres.
+_FAR_METRES = 0.1
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,8 @@ class DenseTask:
     up: np.ndarray  # (3,)
     visible: np.ndarray  # (V,) vertices that the scan can show
     samples: ModelSamples  # points of the body, whose areas are 0 where it cannot
+    prior_weight: float  # square metres
+    noise: float  # standard deviation of the scan's points along their normals, metres
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +40,12 @@ class DenseFit:
 
     task: DenseTask
     pose: Pose
+    is_refused: bool  # whether much of the scan is so far away that no details matter
 
 
 def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> DenseFit:
     """Return the body of the likeliest start fitted to all points of a scan but hair."""
-    settings = body.settings.dense
+    settings, whole = body.settings.dense, scan.points
     precisions = best.prior.precisions.copy()
     for arm in body.arm_surfaces:
         precisions[arm.joints[-1]] = np.radians(arm.settings.wrist_degrees) ** -2.0
@@ -59,7 +66,8 @@ def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) ->
     if hair.any():
         scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
         pose = fit_closest(samples, pose, prior, scan, scales)
-    return DenseFit(DenseTask(body, scan, prior, best.up, visible, samples), pose)
+    task = DenseTask(body, scan, prior, best.up, visible, samples, scan.prior_weight, scan.noise)
+    return DenseFit(task, pose, is_clearly_refused(body, pose, whole))
 
 
 def expect_feet(body: RegistrationModel, best: Candidate) -> np.ndarray:
@@ -101,6 +109,20 @@ def fit_closest(
             settings.longest_rotation,
         )
     return pose
+
+
+def nearest_vertices(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the vertex nearest to each point of a scan; where none is near, their number."""
+    near: np.ndarray = cKDTree(surface).query(points, distance_upper_bound=_FAR_METRES)[1]
+    return near
+
+
+def is_clearly_refused(body: RegistrationModel, pose: Pose, points: np.ndarray) -> bool:
+    """Return whether so many of a scan's points are far from a body that no details matter."""
+    settings = body.settings
+    some = points[even_points(points, settings.retries.n_near)]
+    _, gaps = nearest_points(some, body.surface(pose), body.model.faces)
+    return bool(np.mean(gaps < settings.trust.near_metres) < settings.retries.clearly_near)
 
 
 def find_hair(body: RegistrationModel, surface: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
     """Take the elastic step, and fit the model to its result again, twice."""
     metric, scan, settings = task.body.metric, task.scan, task.body.settings.elastic
     softer = np.geomspace(
-        settings.first_stiffness, last_stiffness(scan.noise, settings), settings.n_steps
+        settings.first_stiffness, last_stiffness(task.noise, settings), settings.n_steps
     )
     reference = task.body.surface(pose)
     points, matches = fit_elastic(metric, reference, reference, scan, softer, visible=task.visible)
@@ -65,8 +65,7 @@ def _fit_surface(task: DenseTask, pose: Pose, points: np.ndarray, weights: np.nd
     for _ in range(settings.elastic.n_surface_steps):
         posed = pose_body(task.samples, pose)
         gaps = np.where(is_vertex, points[numbers] - posed.points, 0.0)
-        prior_weight = task.scan.prior_weight
-        pose = take_step(posed, task.prior, prior_weight, shares, gaps, gaps, 1.0, longest)
+        pose = take_step(posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0, longest)
     return pose
 
 

@@ -8,7 +8,6 @@ explanation of the same points. If it is nearly as near to them, either may be r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,7 +15,6 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import rotation_matrix
 from riemhuman.bodies.skinning import JointMotions
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_positions import elbow_bend, move_hand, swing_elbow
 from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._arms_and_hands import (
@@ -24,12 +22,11 @@ from riemhuman.registration._arms_and_hands import (
     HandFit,
     elastic_arms,
     fit_joints,
+    fit_starts,
     near_arms,
-    points_on,
 )
-from riemhuman.registration._dense_fit import DenseTask
+from riemhuman.registration._dense_fit import DenseTask, nearest_vertices
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
-from riemhuman.registration._scan_preparation import N_THREADS
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings
 from riemhuman.surfaces.nearest_points import nearest_points
@@ -109,7 +106,7 @@ def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
 def _turned_arm(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list[LimbDoubt]:
     """Return doubt about a forearm and hand that are almost as near to the scan otherwise."""
     task, pose = body.task, body.fit.pose
-    points = points_on(task, pose, arm.vertices)
+    points = _points_on(body, arm.vertices)
     if not len(points):
         return []
     surface = pose_body(arm.skin, pose).points
@@ -152,7 +149,7 @@ def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> 
     """
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
-    points = points_on(task, pose, on_arm)
+    points = _points_on(body, on_arm)
     if not len(points):
         return settings.least_usual_metres
     points = points[:: max(len(points) // settings.n_compared, 1)]
@@ -234,7 +231,7 @@ def _displaced_in_rivals(
     """
     task, pose, vertices = body.task, body.fit.pose, limb.vertices
     displaced = np.zeros((len(starts), len(vertices)), dtype=bool)
-    seen = points_on(task, pose, vertices) if starts else vertices[:0]
+    seen = _points_on(body, vertices) if starts else vertices[:0]
     if not len(seen):
         return displaced
     seen = seen[:: max(len(seen) // settings.n_compared, 1)]
@@ -250,8 +247,7 @@ def _displaced_in_rivals(
         return np.array(distances) * [limb.strain(each) for each in poses]
 
     def fit(starts: list[Pose], scales: tuple[float, ...]) -> list[Pose]:
-        fit_one = partial(fit_joints, task, limb.joints, limb.samples, task.prior, scales=scales)
-        return list(mapped(fit_one, starts, N_THREADS))
+        return fit_starts(task, limb.joints, limb.samples, starts, scales)
 
     n_first, scales = task.body.settings.arms.n_first_steps, task.body.settings.dense.scales
     first = fit([pose, *(start.pose for start in starts)], scales[:n_first])
@@ -267,6 +263,13 @@ def _displaced_in_rivals(
         if moved > settings.displaced_metres and cost < (1.0 + margin) * min(costs[:2]):
             displaced[k] = _displaced(surfaces[0], surface, settings)
     return displaced | _displaced(surfaces[0], surfaces[1], settings)
+
+
+def _points_on(body: BodyFit, vertices: np.ndarray) -> np.ndarray:
+    """Return the points of the scan that lie near some vertices."""
+    surface, points = body.task.body.surface(body.fit.pose), body.task.scan.points
+    near: np.ndarray = points[np.isin(nearest_vertices(surface, points), vertices)]
+    return near
 
 
 def _faces_of(body: BodyFit, vertices: np.ndarray) -> np.ndarray:
@@ -312,7 +315,7 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
     if max(near) < settings.crossing_share:
         return []
     both = np.sort(np.concatenate(lower))
-    seen = points_on(task, body.fit.pose, both)
+    seen = _points_on(body, both)
     if not len(seen):
         return []
     rival = _exchange(task, body.fit.pose, joint)

@@ -10,22 +10,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from riemhuman.registration._arms_and_hands import ArmsFit, BodyFit, fit_arms_and_hands
-from riemhuman.registration._dense_fit import fit_densely
+from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._dense_fit import fit_densely, is_clearly_refused
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._posed_body import pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
+from riemhuman.registration._soft_assignment import find_likelihood_of_area
 from riemhuman.registration._start_search import (
     KnownBody,
     Search,
-    find_likelihood_of_area,
     search_scan,
     with_likeliest_arms,
 )
+from riemhuman.registration._upright_axes import find_up
 from riemhuman.registration._verdict import find_margin, judge
 from riemhuman.registration.registration_traces import RegistrationTrace
-from riemhuman.surfaces.nearest_points import nearest_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +75,12 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     """Return the stages after a search."""
     best = search.candidates[0]
     dense = fit_densely(search.body, best, search.scan)
-    if is_clearly_refused(search, dense.pose):
-        arms = ArmsFit(dense.task, dense.pose, [], {})
-    else:
-        arms = fit_arms_and_hands(dense, known=best.known)
+    arms = fit_arms_and_hands(dense, known=best.known)
     elastic = leave_model(arms.task, arms.pose)
     fitted = BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
     verdict = judge(search, fitted, unit_is_known=unit_is_known)
-    return RegistrationTrace(search, dense, arms, elastic, verdict)
+    up = find_up(search.body, elastic.pose, search.scan, best.up)
+    return RegistrationTrace(search, dense, arms, elastic, verdict, up)
 
 
 def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:
@@ -154,15 +152,8 @@ def _is_refused_too(task: ScanTask, first: RegistrationTrace, other: Search) -> 
         # All doubts but that about its likelihood among others are about the body alone.
         return find_margin(search) > settings.trust.least_margin
     is_likelier = _likelihood_of(other) > _likelihood_of(search) + settings.retries.retry_gain
-    return not is_likelier and is_clearly_refused(other, other.candidates[0].pose)
-
-
-def is_clearly_refused(search: Search, pose: Pose) -> bool:
-    """Return whether so much of a scan is far from a body that no details of it matter."""
-    settings, scan = search.body.settings, search.scan
-    points = scan.points[scan.even_points(settings.retries.n_near)]
-    _, gaps = nearest_points(points, search.body.surface(pose), search.body.model.faces)
-    return bool(np.mean(gaps < settings.trust.near_metres) < settings.retries.clearly_near)
+    best = other.candidates[0].pose
+    return not is_likelier and is_clearly_refused(other.body, best, other.scan.points)
 
 
 def _likelihood_of(search: Search) -> float:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.registration._scan_preparation import thin_points
+from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.surfaces.nearest_points import nearest_points
 

@@ -19,7 +19,7 @@ from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivativ
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.rotations import axial
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration._scan_preparation import thin_points
+from riemhuman.registration._even_points import thin_points
 
 
 class ModelSamples(NamedTuple):

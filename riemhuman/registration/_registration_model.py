@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,9 +13,20 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, sample_model
-from riemhuman.registration._soft_assignment import End
 from riemhuman.registration._start_poses import BodyParts, joint_precisions, start_poses
 from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
+
+
+class End(NamedTuple):
+    """A plane beyond which a scan shows nothing of a body."""
+
+    direction: np.ndarray  # (3,) away from the scan
+    height: float  # along the direction, metres
+
+    def shows(self, points: np.ndarray, distance: float = 0.0) -> np.ndarray:
+        """Return which points are at least so far before the plane, metres."""
+        shown: np.ndarray = points @ self.direction <= self.height - distance
+        return shown
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.scans import (
     FEWEST_POINTS,
     Scan,
@@ -76,10 +77,6 @@ class PreparedScan:
     def spacing(self) -> np.ndarray:
         """The distance within which every point has neighbours on all sides, metres."""
         return point_spacing(self.points, self.settings.preparation)
-
-    def even_points(self, n_points: int) -> np.ndarray:
-        """Return the numbers of about so many points, as many on every part of the surface."""
-        return thin_points(self.points, n_points, np.random.default_rng(0))
 
     @property
     def prior_weight(self) -> float:
@@ -173,20 +170,29 @@ def prepare_scan(
     settings: RegistrationSettings = DEFAULT_SETTINGS,
     *,
     surroundings: bool = True,
+    up: np.ndarray | None = None,
+    landmarks: Mapping[int, np.ndarray] | None = None,
 ) -> PreparedScan:
-    """Return the points of the body, spread evenly, with normals."""
+    """Return the points of the body, spread evenly, with normals, and what a user says of it."""
     rng = np.random.default_rng(0)
     loose = _spread_points(scan, settings.preparation, rng)
-    if surroundings:
-        return _without_surroundings(scan, loose, settings, rng)
-    return PreparedScan(
-        loose.everything[loose.numbers],
-        loose.normals,
-        loose.background[: len(scan)],
-        scan,
-        estimated=loose.estimated,
-        settings=settings,
-    )
+    if not surroundings:
+        return PreparedScan(
+            loose.everything[loose.numbers],
+            loose.normals,
+            loose.background[: len(scan.points)],
+            scan,
+            estimated=loose.estimated,
+            settings=settings,
+        )
+    prepared = _without_surroundings(scan, loose, settings, rng)
+    if landmarks is not None:
+        prepared = replace(prepared, landmarks=landmarks)
+    if up is None:
+        return prepared
+    # A plane that leans from the direction up is a wall.
+    is_floor = prepared.up is not None and prepared.up @ up > settings.preparation.least_level_floor
+    return replace(prepared, up=up, floor=prepared.floor if is_floor else None, other_ups=())
 
 
 def _spread_points(
@@ -245,7 +251,7 @@ def _without_surroundings(
     return PreparedScan(
         points,
         normals,
-        background[: len(scan)],
+        background[: len(scan.points)],
         scan,
         up=floors[0].normal if floors else None,
         floor=(floors[0].normal, floors[0].height) if floors else None,
@@ -509,29 +515,3 @@ def smooth_normals(
     places = np.concatenate([points, settings.normal_metres * normals], axis=1)
     neighbours = cKDTree(places).query(places, k=min(settings.n_neighbours, len(points)))[1]
     return unit_vectors(normals[neighbours].mean(axis=1))
-
-
-def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the numbers of about a given number of points, spread evenly, in ascending order."""
-    # One in each cube of a grid, whose width is found by bisection.
-    if len(points) <= n_points:
-        return np.arange(len(points))
-    order = rng.permutation(len(points))
-    shuffled = points[order] - points.min(axis=0)
-    low, high = 0.0, float(shuffled.max())
-    # The first estimate assumes a surface, where the number of cubes grows as 1/width².
-    width = high / np.sqrt(n_points)
-    best: np.ndarray = order[:n_points]
-    for _ in range(12):
-        cubes = (shuffled / width).astype(np.int64)
-        extent = cubes.max(axis=0) + 1
-        keys = (cubes[:, 0] * extent[1] + cubes[:, 1]) * extent[2] + cubes[:, 2]
-        first = np.unique(keys, return_index=True)[1]
-        best = order[first]
-        if abs(len(first) - n_points) <= 0.03 * n_points:
-            break
-        low, high = (low, width) if len(first) < n_points else (width, high)
-        width = np.clip(width * np.sqrt(len(first) / n_points), 0.0, None)
-        if not low < width < high:
-            width = 0.5 * (low + high)
-    return np.sort(best)

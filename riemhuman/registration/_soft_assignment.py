@@ -9,15 +9,21 @@ models points that belong to none. This is the mixture of coherent point drift (
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from riemhuman.kernels.compilation import SUM, compiled
+from riemhuman.kernels.threads import mapped
+from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
-from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration.settings import AssignmentSettings
+from riemhuman.registration._registration_model import End, RegistrationModel
+from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
+from riemhuman.registration._starts import Candidate
+from riemhuman.registration.settings import AssignmentSettings, SearchRound
+from riemhuman.surfaces.measures import triangle_areas
 
 # Exponents that are larger count for nothing in the soft assignment: e⁻³⁰ is far below the share of
 # outliers, and still smaller ones become denormal numbers, which are slow.
@@ -25,18 +31,6 @@ _NEGLIGIBLE = 30.0
 # Concentration κ of the normals, and the expected share of scan points that do not belong to the
 # body, spread over a cubic metre. They are compiled in.
 KAPPA, OUTLIERS = 2.0, 0.05
-
-
-class End(NamedTuple):
-    """A plane beyond which a scan shows nothing of a body."""
-
-    direction: np.ndarray  # (3,) away from the scan
-    height: float  # along the direction, metres
-
-    def shows(self, points: np.ndarray, distance: float = 0.0) -> np.ndarray:
-        """Return which points are at least so far before the plane, metres."""
-        shown: np.ndarray = points @ self.direction <= self.height - distance
-        return shown
 
 
 # More than eight arguments: a compiled loop takes plain arrays.
@@ -156,3 +150,87 @@ def landmark_cost(
     misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
     squares = np.minimum(misses, settings.far_miss) ** 2
     return settings.landmark_weight * float(np.sum(squares)) / (2.0 * settings.miss_metres**2)
+
+
+def advance(
+    body: RegistrationModel, candidates: list[Candidate], stage: SearchRound, scan: PreparedScan
+) -> list[Candidate]:
+    """Return the likeliest candidates after one round, the best first."""
+    advanced = _fit_starts(body, candidates, stage, scan)
+    advanced.sort(key=lambda candidate: -candidate.likelihood)
+    samples, same_metres = body.samples(stage.n_model), body.settings.search.same_metres
+    return _different(advanced, samples, stage.n_best, same_metres)
+
+
+def _fit_starts(
+    body: RegistrationModel, candidates: list[Candidate], stage: SearchRound, scan: PreparedScan
+) -> list[Candidate]:
+    """Return candidates after the steps of one round, in their order."""
+    samples = body.samples(stage.n_model)
+    chosen = even_points(scan.points, stage.n_scan)
+    few = replace(scan, points=scan.points[chosen], normals=scan.normals[chosen])
+    sigmas = np.append(np.geomspace(*stage.sigmas, stage.n_steps), stage.sigmas[1])
+    fit = partial(_fit_start, body, samples, few, sigmas, scan.points)
+    return list(mapped(fit, candidates, N_THREADS))
+
+
+def _fit_start(
+    body: RegistrationModel,
+    samples: ModelSamples,
+    few: PreparedScan,
+    sigmas: np.ndarray,
+    points: np.ndarray,
+    start: Candidate,
+) -> Candidate:
+    """Return one candidate after the steps of a round; `points` are all of the scan."""
+    end = body.end_of(points, start.up)
+    pose, likelihood = anneal(samples, start.pose, start.prior, few, sigmas, end)
+    return replace(start, pose=pose, likelihood=likelihood)
+
+
+def _different(
+    candidates: list[Candidate], samples: ModelSamples, n_best: int, same_metres: float
+) -> list[Candidate]:
+    """Return the best candidates that are not close to a better one."""
+    different: list[Candidate] = []
+    surfaces: list[np.ndarray] = []
+    for candidate in candidates:
+        if len(different) == n_best:
+            break
+        points = pose_body(samples, candidate.pose).points
+        if all(np.sqrt(np.mean((points - other) ** 2) * 3) > same_metres for other in surfaces):
+            different.append(candidate)
+            surfaces.append(points)
+    return different
+
+
+def find_likelihoods(
+    body: RegistrationModel, poses: Iterable[Pose], scan: PreparedScan, up: np.ndarray
+) -> list[float]:
+    """Return mean log-likelihoods of a scan with the last deviation of the last round."""
+    last = body.settings.search.rounds[-1]
+    stage = replace(last, sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
+    candidates = [Candidate(pose, body.prior(pose), -np.inf, up) for pose in poses]
+    fitted = _fit_starts(body, candidates, stage, replace(scan, landmarks={}))
+    return [candidate.likelihood for candidate in fitted]
+
+
+def find_likelihood_of_area(
+    body: RegistrationModel,
+    pose: Pose,
+    scan: PreparedScan,
+    up: np.ndarray,
+    visible: np.ndarray | None = None,
+) -> float:
+    """Return the log-likelihood for a body of the standard area."""
+    model = body.model
+    areas = triangle_areas(model(pose.betas[: model.n_betas]), model.faces)
+    area = areas.sum() if visible is None else areas @ visible[model.faces[:, 0]]
+    (likelihood,) = find_likelihoods(body, [pose], scan, up)
+    return likelihood + float(np.log(area / body.settings.trust.area))
+
+
+def anneal_finely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> Pose:
+    """Return a body after soft assignment with smaller deviations than in the search."""
+    stage = body.settings.search.fine_round
+    return advance(body, [best], stage, replace(scan, landmarks={}))[0].pose

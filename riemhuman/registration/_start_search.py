@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from riemhuman.kernels.threads import mapped
-from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
+from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
-from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
-from riemhuman.registration._soft_assignment import anneal
+from riemhuman.registration._scan_preparation import PreparedScan
+from riemhuman.registration._soft_assignment import advance, find_likelihood_of_area
 from riemhuman.registration._start_poses import UP_POSES, other_arms
 from riemhuman.registration._starts import Candidate, make_starts
 from riemhuman.registration.settings import SearchRound
-from riemhuman.surfaces.measures import triangle_areas
 
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 
@@ -143,7 +140,7 @@ def _follow(
     """Return the likeliest candidates after each of some rounds, the best first."""
     kept = []
     for stage in rounds:
-        candidates = _advance(body, candidates, stage, scan)
+        candidates = advance(body, candidates, stage, scan)
         kept.append(candidates)
     return kept
 
@@ -172,41 +169,10 @@ def _with_likeliest_arm(
         others.append(replace(best, pose=pose, prior=prior))
     if not others:
         return best
-    others = _advance(body, others, first, scan)
-    (other,) = _advance(body, others, last, scan)
-    (current,) = _advance(body, [best], last, scan)
+    others = advance(body, others, first, scan)
+    (other,) = advance(body, others, last, scan)
+    (current,) = advance(body, [best], last, scan)
     return other if other.likelihood > current.likelihood + settings.arm_gain else best
-
-
-def find_likelihood(
-    body: RegistrationModel, pose: Pose, scan: PreparedScan, up: np.ndarray
-) -> float:
-    """Return the mean log-likelihood of a scan with the last deviation of the last round."""
-    last = body.settings.search.rounds[-1]
-    stage = replace(last, sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
-    candidate = Candidate(pose, body.prior(pose), -np.inf, up)
-    return _advance(body, [candidate], stage, replace(scan, landmarks={}))[0].likelihood
-
-
-def find_likelihood_of_area(
-    body: RegistrationModel,
-    pose: Pose,
-    scan: PreparedScan,
-    up: np.ndarray,
-    visible: np.ndarray | None = None,
-) -> float:
-    """Return the log-likelihood for a body of the standard area."""
-    model = body.model
-    areas = triangle_areas(model(pose.betas[: model.n_betas]), model.faces)
-    area = areas.sum() if visible is None else areas @ visible[model.faces[:, 0]]
-    likelihood = find_likelihood(body, pose, scan, up)
-    return likelihood + float(np.log(area / body.settings.trust.area))
-
-
-def anneal_finely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> Pose:
-    """Return a body after soft assignment with smaller deviations than in the search."""
-    stage = body.settings.search.fine_round
-    return _advance(body, [best], stage, replace(scan, landmarks={}))[0].pose
 
 
 def orient_normals(
@@ -221,47 +187,3 @@ def orient_normals(
         cosines = np.bincount(scan.parts, cosines)[scan.parts]
     signs = np.where(cosines < 0, -1.0, 1.0)
     return signs[:, np.newaxis] * scan.normals, float(np.mean(cosines >= 0))
-
-
-def _advance(
-    body: RegistrationModel, candidates: list[Candidate], stage: SearchRound, scan: PreparedScan
-) -> list[Candidate]:
-    """Return the likeliest candidates after one round, the best first."""
-    samples = body.samples(stage.n_model)
-    chosen = scan.even_points(stage.n_scan)
-    few = replace(scan, points=scan.points[chosen], normals=scan.normals[chosen])
-    sigmas = np.append(np.geomspace(*stage.sigmas, stage.n_steps), stage.sigmas[1])
-    fit = partial(_fit_start, body, samples, few, sigmas, scan.points)
-    advanced = list(mapped(fit, candidates, N_THREADS))
-    advanced.sort(key=lambda candidate: -candidate.likelihood)
-    return _different(advanced, samples, stage.n_best, body.settings.search.same_metres)
-
-
-def _fit_start(
-    body: RegistrationModel,
-    samples: ModelSamples,
-    few: PreparedScan,
-    sigmas: np.ndarray,
-    points: np.ndarray,
-    start: Candidate,
-) -> Candidate:
-    """Return one candidate after the steps of a round; `points` are all of the scan."""
-    end = body.end_of(points, start.up)
-    pose, likelihood = anneal(samples, start.pose, start.prior, few, sigmas, end)
-    return replace(start, pose=pose, likelihood=likelihood)
-
-
-def _different(
-    candidates: list[Candidate], samples: ModelSamples, n_best: int, same_metres: float
-) -> list[Candidate]:
-    """Return the best candidates that are not close to a better one."""
-    different: list[Candidate] = []
-    surfaces: list[np.ndarray] = []
-    for candidate in candidates:
-        if len(different) == n_best:
-            break
-        points = pose_body(samples, candidate.pose).points
-        if all(np.sqrt(np.mean((points - other) ** 2) * 3) > same_metres for other in surfaces):
-            different.append(candidate)
-            surfaces.append(points)
-    return different

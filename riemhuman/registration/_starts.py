@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import rotation_matrix
+from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import Pose, Prior, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
@@ -40,7 +41,7 @@ def make_starts(
     numbers = range(settings.n_headings) if settings.headings is None else settings.headings
     angles = (np.array(numbers) + offset) * (2.0 * np.pi / settings.n_headings)
     first = settings.rounds[0]
-    centre = scan.points[scan.even_points(first.n_scan)].mean(axis=0)
+    centre = scan.points[even_points(scan.points, first.n_scan)].mean(axis=0)
     betas = np.zeros(len(body.betas_precisions))
     starts: list[Candidate] = []
     for up in ups:

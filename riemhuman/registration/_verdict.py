@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from riemhuman.checks import UNITS, likely_units
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._dense_fit import find_hair
+from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limb_rivals import find_limb_doubts
 from riemhuman.registration._messages import in_words, say_unseen
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
-from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_search import Search, find_likelihood_of_area
+from riemhuman.registration._soft_assignment import find_likelihood_of_area
+from riemhuman.registration._start_search import Search
 from riemhuman.registration._trust import (
     FitQuality,
     find_doubts,
@@ -65,7 +67,7 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     likelihood = find_likelihood_of_area(body, fit.pose, scan, search.candidates[0].up, visible)
     quality = _measure(search, fitted, found, likelihood)
     doubts, limb_doubts = find_doubts(quality, settings)
-    doubts += _landmark_doubts(body, fit.pose, scan)
+    doubts += _landmark_doubts(body, fit.pose, scan.landmarks)
     if doubts and not unit_is_known:
         doubts = [*_other_units(whole, background), *doubts]
     trusted_vertices = found.seen & (not doubts)
@@ -81,7 +83,7 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         *doubts,
         *limb_doubts,
         *(f"{doubt.reason} (not trusted)" for doubt in rivals),
-        *_unseen_parts(body, found, scan),
+        *_unseen_parts(body, found, up_is_known=scan.up is not None),
     ]
     return Verdict(
         trusted=not doubts and not limb_doubts,
@@ -115,7 +117,7 @@ def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) 
     """Return what tells whether a body is right."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, model = body.settings.trust, body.model
-    some = scan.points[scan.even_points(settings.n_samples)]
+    some = scan.points[even_points(scan.points, settings.n_samples)]
     some = some[~find_hair(body, fit.model_points, some)]
     _, gaps = nearest_points(some, fit.points, model.faces)
     _, model_distances = nearest_points(some, fit.model_points, model.faces)
@@ -154,9 +156,11 @@ def find_margin(search: Search) -> float:
     return candidates[0].likelihood - max(elsewhere, default=-np.inf)
 
 
-def _landmark_doubts(body: RegistrationModel, pose: Pose, scan: PreparedScan) -> list[str]:
+def _landmark_doubts(
+    body: RegistrationModel, pose: Pose, landmarks: Mapping[int, np.ndarray]
+) -> list[str]:
     joints = pose_body(body.samples(_N_FEW), pose).points[-body.model.n_joints :]
-    misses = {k: np.linalg.norm(joints[k] - place) for k, place in scan.landmarks.items()}
+    misses = {k: np.linalg.norm(joints[k] - place) for k, place in landmarks.items()}
     return [
         f"the {in_words(body.parts.names[k])} is {100 * miss:.0f} cm from its landmark"
         for k, miss in misses.items()
@@ -164,14 +168,14 @@ def _landmark_doubts(body: RegistrationModel, pose: Pose, scan: PreparedScan) ->
     ]
 
 
-def _unseen_parts(body: RegistrationModel, found: _Parts, scan: PreparedScan) -> list[str]:
+def _unseen_parts(body: RegistrationModel, found: _Parts, *, up_is_known: bool) -> list[str]:
     """Return what to say about the parts that a scan does not show."""
     areas, settings = body.model.template.vertex_areas, body.settings.trust
     share = 1.0 - areas @ found.seen / areas.sum()
     if share < settings.least_unseen and not found.lost.any():
         return []
     unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(found.seen) < 0.5)]
-    guessed_up = bool(share > settings.guessed_up and scan.up is None)
+    guessed_up = bool(share > settings.guessed_up and not up_is_known)
     return [say_unseen(unseen, share, guessed_up=guessed_up)]
 
 

@@ -24,7 +24,7 @@ from riemhuman.io.files import convert_errors, file_path, natural_key, read_byte
 from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._scan_preparation import thin_points
+from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_scan

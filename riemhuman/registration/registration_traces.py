@@ -34,6 +34,8 @@ class RegistrationTrace:
         The last `pose`, its `model_points`, and `points`, the surface that left the model.
     verdict : Verdict
         What is trusted, and why not.
+    up : array, shape (3,)
+        The direction up, that of the start or a better one.
 
     Examples
     --------
@@ -50,6 +52,7 @@ class RegistrationTrace:
     arms: ArmsFit
     elastic: ElasticFit
     verdict: Verdict
+    up: np.ndarray
 
     def surfaces(self) -> dict[str, np.ndarray]:
         """Return the likeliest body after each stage, shape (V, 3), metres.

@@ -24,10 +24,10 @@ from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_search import KnownBody
-from riemhuman.registration._upright_axes import find_up, upright_transform
+from riemhuman.registration._upright_axes import upright_transform
 from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.registration_traces import RegistrationTrace
-from riemhuman.registration.scans import Scan, as_scan
+from riemhuman.registration.scans import as_scan
 from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
 from riemhuman.surfaces.procrustes import AXES
 
@@ -115,13 +115,21 @@ class ScanRegistration:
             body.
         """
         whole = as_scan(scan, self.unit)
-        known = self._landmark_positions({} if landmarks is None else landmarks, whole)
-        offset = _offset(whole.points)
+        centre = np.median(whole.points, axis=0)
+        known = self._landmark_positions({} if landmarks is None else landmarks, centre, whole.unit)
+        offset = _offset(centre)
         if offset.any():
             known = {number: position - offset for number, position in known.items()}
             start = None if start is None else _moved(start, -offset)
             whole = replace(whole, points=whole.points - offset)
-        task = self._task(whole, known)
+        up = None if self.up is None else _UP[self.up]
+        prepared = prepare_scan(whole, self.settings, up=up, landmarks=known)
+        task = ScanTask(
+            self._models,
+            prepared,
+            up_is_known=self.up is not None,
+            unit_is_known=self.unit is not None,
+        )
         with single_threaded_libraries():
             stages = register_scan(task, None if start is None else known_body(start))
         return _moved(result_of(stages, trace=trace), offset)
@@ -156,28 +164,14 @@ class ScanRegistration:
             whole, [RegistrationModel(self.model, self.settings, cut) for cut in cuts]
         )
 
-    def _task(self, whole: Scan, known: Mapping[int, np.ndarray]) -> ScanTask:
-        """Return a prepared scan, with landmarks by joint, and the models to fit."""
-        prepared = prepare_scan(whole, self.settings)
-        if self.up is not None:
-            up, least = _UP[self.up], self.settings.preparation.least_level_floor
-            is_floor = prepared.up is not None and prepared.up @ up > least
-            floor = prepared.floor if is_floor else None
-            prepared = replace(prepared, up=up, floor=floor, other_ups=())
-        return ScanTask(
-            self._models,
-            replace(prepared, landmarks=known),
-            up_is_known=self.up is not None,
-            unit_is_known=self.unit is not None,
-        )
-
-    def _landmark_positions(self, landmarks: Any, scan: Scan) -> dict[int, np.ndarray]:
+    def _landmark_positions(
+        self, landmarks: Any, centre: np.ndarray, unit: str
+    ) -> dict[int, np.ndarray]:
         """Return the positions of joints by number, metres."""
         if not isinstance(landmarks, Mapping):
             expected = "a mapping of joints to positions, {'left_wrist': [x, y, z]}"
             refuse_type(landmarks, "landmarks", expected)
         names = self._models.whole.parts.names
-        centre = np.median(scan.points, axis=0)
         positions = {}
         for name, given in landmarks.items():
             if name not in names:
@@ -185,10 +179,10 @@ class ScanRegistration:
                     f"landmarks has {name!r}; the joints of the model are {', '.join(names)}"
                 )
             position = real_array(given, f"landmarks[{name!r}]", (3,), batched=False)
-            position = np.asarray(position, dtype=float) / UNITS[scan.unit]
+            position = np.asarray(position, dtype=float) / UNITS[unit]
             if np.abs(position - centre).max() > _FARTHEST_LANDMARK:
                 raise ArgumentError(
-                    f"landmarks[{name!r}] must be in the scan, in its unit, {scan.unit}; found "
+                    f"landmarks[{name!r}] must be in the scan, in its unit, {unit}; found "
                     f"{np.asarray(given).tolist()}, more than {_FARTHEST_LANDMARK:g} m away"
                 )
             positions[names.index(name)] = position
@@ -208,7 +202,6 @@ def result_of(stages: RegistrationTrace, *, trace: bool) -> RegisteredScan:
     """Return the result of a registration, with its stages if they are asked for."""
     body, scan, verdict = stages.search.body, stages.search.scan, stages.verdict
     fit = stages.elastic
-    up = find_up(body, fit.pose, scan, stages.search.candidates[0].up)
     betas, hands = np.split(fit.pose.betas, [body.model.n_betas])
     return RegisteredScan(
         points=fit.points,
@@ -229,8 +222,8 @@ def result_of(stages: RegistrationTrace, *, trace: bool) -> RegisteredScan:
         matched=verdict.matched,
         correspondence=verdict.correspondence,
         background=verdict.background,
-        up=up,
-        transform=upright_transform(fit.points, fit.pose.local[body.root], up),
+        up=stages.up,
+        transform=upright_transform(fit.points, fit.pose.local[body.root], stages.up),
         unit=scan.whole.unit,
         faces=body.model.faces,
         scan=scan.whole,
@@ -238,10 +231,9 @@ def result_of(stages: RegistrationTrace, *, trace: bool) -> RegisteredScan:
     )
 
 
-def _offset(points: np.ndarray) -> np.ndarray:
+def _offset(centre: np.ndarray) -> np.ndarray:
     """Return the place of a scan so far away that single precision would not do, else zeros."""
-    middle = np.median(points, axis=0)
-    return np.round(middle) if np.abs(middle).max() > _FAR_METRES_AWAY else np.zeros(3)
+    return np.round(centre) if np.abs(centre).max() > _FAR_METRES_AWAY else np.zeros(3)
 
 
 def _moved(result: RegisteredScan, offset: np.ndarray) -> RegisteredScan:

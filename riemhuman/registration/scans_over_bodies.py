@@ -13,8 +13,9 @@ from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._even_points import thin_points
 from riemhuman.registration._placing import motion_onto_body
-from riemhuman.registration._scan_preparation import prepare_scan, thin_points
+from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration.folders import ScanRecord
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
 from riemhuman.registration.scans import as_scan

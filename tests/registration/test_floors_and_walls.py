@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scanned_people import task_of
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
@@ -96,7 +97,7 @@ def test_a_wall_is_no_floor_where_up_is_known(scan, registration):
         [scan.points, wall_behind(scan.points, np.random.default_rng(0), 0.003)]
     )
     assert prepare_scan(as_scan(points)).floor is not None  # on which the back would rest
-    found = registration._task(as_scan(points), {}).scan
+    found = task_of(registration, points).scan
     assert found.floor is None
     np.testing.assert_array_equal(found.up, [0.0, 1.0, 0.0])
 

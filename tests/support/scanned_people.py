@@ -13,7 +13,8 @@ from riemhuman.registration import RegistrationSettings
 from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._pipeline import fit_and_judge, register_whole
+from riemhuman.registration._pipeline import ScanTask, fit_and_judge, register_whole
+from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_poses import rename_joints
 from riemhuman.registration._start_search import search_scan
 from riemhuman.registration.scan_registration import known_body, result_of
@@ -231,7 +232,7 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
     error is that of the trusted vertices, of all if none is trusted; that of a limb is of what the
     scan shows, trusted or not.
     """
-    task = registration._task(as_scan(points), {})
+    task = task_of(registration, points)
     model = registration.model
     faces, owners = model.faces, model.weights.argmax(axis=1)
     if places is not None:
@@ -267,9 +268,17 @@ def settings_with(**search):
     return replace(settings, search=replace(settings.search, **search))
 
 
+def task_of(registration, points):
+    """Return the task of registering a scan whose direction up is said."""
+    axes = {None: None, "x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
+    up = axes[registration.up]
+    prepared = prepare_scan(as_scan(points), registration.settings, up=up)
+    return ScanTask(registration._models, prepared, up is not None, unit_is_known=False)
+
+
 def result_of_one_search(registration, points):
     """Return the result of the first search, before `solve` would try others."""
-    task = registration._task(as_scan(points), {})
+    task = task_of(registration, points)
     search = search_scan(task.models.whole, task.scan)
     return result_of(fit_and_judge(search), trace=False)
 
