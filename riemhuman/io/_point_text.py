@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 import warnings
 from codecs import BOM_UTF8
-from pathlib import Path
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import read_bytes
 
 _COMMENT = re.compile(r"#|//")
 _NUMBER = re.compile(
@@ -22,9 +20,9 @@ _SHOWN = 60  # characters of a line in messages
 _ADVICE = "write decimals with a point, and spaces, tabs or semicolons between numbers"
 
 
-def read_points_text(file: Path) -> ndarray:
+def read_points_text(content: bytes) -> ndarray:
     """Return positions, and what follows them in other columns, shape (N, C)."""
-    text = read_bytes(file).removeprefix(BOM_UTF8).decode("latin-1")
+    text = content.removeprefix(BOM_UTF8).decode("latin-1")
     lines = [_COMMENT.split(line, maxsplit=1)[0].strip() for line in text.splitlines()]
     numbered = [(number, line) for number, line in enumerate(lines, start=1) if line]
     if not numbered:

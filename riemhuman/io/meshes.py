@@ -26,6 +26,7 @@ from riemhuman.io.files import (
     file_path,
     format_errors,
     raise_lack_of_memory,
+    read_bytes,
     short_message,
     suffix_of,
     write_bytes,
@@ -123,7 +124,9 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
         if suffix == ".ply":
             points, faces, normals, _ = read_ply(file)
         else:
-            points, normals = _columns(read_points_text(file) if values is None else values)
+            points, normals = _columns(
+                read_points_text(read_bytes(file)) if values is None else values
+            )
         if faces is None:
             points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
         else:

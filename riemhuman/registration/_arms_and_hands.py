@@ -110,11 +110,11 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
         for wrist in settings.wrist_angles
     ]
     # Many starts lead to the same arm, soon.
-    scales = task.body.settings.dense.scales
-    first, last = scales[: settings.n_first_steps], scales[settings.n_first_steps :]
-    arm_joints = arm.joints[1:]
-    early = _different(arm, fit_starts(task, arm_joints, arm.samples, starts, first), [])
-    fitted = _different(arm, fit_starts(task, arm_joints, arm.samples, early, last), [pose])
+    n_first, scales = settings.n_first_steps, task.body.settings.dense.scales
+    fitted = starts
+    for some_scales, known in ((scales[:n_first], []), (scales[n_first:], [pose])):
+        fitted = fit_starts(task, arm.joints[1:], arm.samples, fitted, some_scales)
+        fitted = _different(arm, fitted, known)
     likelihoods = find_likelihoods(task.body, fitted, task.scan, task.up)
     least = max(likelihoods, default=0.0) - settings.least_likely
     likely = [other for other, value in zip(fitted, likelihoods, strict=True) if value > least]
