@@ -27,6 +27,7 @@ from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots._depth import draw_triangles, shares_at
+from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots.figures import SKIN
 
@@ -129,7 +130,8 @@ def render(
         The part that is shown; by default the surface with a margin.
     color : array_like, shape (3,), (F, 3) or (V, 3)
         Red, green and blue between 0 and 1, of the surface, of each triangle or, blended between
-        them, of each vertex. In one colour, the folds of the open body model are darker.
+        them, of each vertex. In one colour, the folds of the open body model are darker, and its
+        eyes have pupils.
 
     Returns
     -------
@@ -144,13 +146,22 @@ def render(
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     colors = _linear(_corner_colors(real_array(color, "color", (3,)), len(vertices), faces))
-    shade = shade_of(faces) if np.ndim(color) == 1 else None
+    has_one_color = np.ndim(color) == 1
+    shade = shade_of(faces) if has_one_color else None
     if shade is not None:
         colors *= shade[faces][..., None]
+    eyes = eyes_of(faces)
+    if eyes is not None:
+        if has_one_color:
+            around = eyes.shares()[eyes.faces(0)][..., None] * _linear(np.asarray(color))
+        else:
+            around = eyes.socket_colors(colors, faces)
+        colors = np.concatenate([colors, around])
+        faces = np.concatenate([faces, eyes.faces(len(vertices))])
+        vertices = np.concatenate([vertices, eyes.points(vertices)])
     whole_number(height, "height", minimum=1)
     view = View() if view is None else view
     window = window_around(vertices, view) if window is None else window
-
     width = max(1, round(height * window.width / window.height))
     scale, shape = height * _SAMPLES / window.height, (height * _SAMPLES, width * _SAMPLES)
     rotated = view.rotate(vertices)

@@ -25,6 +25,7 @@ from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
 from riemhuman.plots._bones import bone_record
+from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
 from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots._packing import LEVELS, deflated, packed
@@ -68,6 +69,7 @@ _MOST_IN_PICTURE = 8
 _SCRIPTS = (
     "viewer_ground.js",
     "viewer_motion.js",
+    "viewer_eyes.js",
     "viewer_body.js",
     "viewer_values.js",
     "viewer_trail.js",
@@ -267,6 +269,9 @@ class Viewer:
         shade = shade_of(self.faces)
         if shade is not None:
             data["shade"] = deflated(np.round(255 * shade).astype(np.uint8))
+        eyes = eyes_of(self.faces)
+        if eyes is not None:
+            data["eyes"] = eyes.record()
         parts = _parts_of(self.faces) if self.parts is None else self.parts
         if parts:
             data["parts"] = _numbered_parts(parts, len(self.faces))

@@ -16,6 +16,13 @@ from riemhuman.plots.rendering import Window
 BODIES = load_open_bodies("coarse")
 FACES = BODIES.template.faces
 SIZE = (1000, 760)
+# Pixels from the middle of the stage to the belly of the first body.
+BELLY = """
+const { viewer } = document.querySelector('.viewer');
+const [body] = viewer.bodies();
+const { x, y } = body.holder.position;
+return [x, -y - 0.1 * body.height].map((metres) => Math.round(metres / viewer.metresPerPixel()));
+"""
 WITHOUT_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 
 
@@ -114,10 +121,14 @@ def test_mouse_turns_moves_and_zooms(browser, opened):
     browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) < 1.01")
 
 
+def belly(browser):
+    return tuple(browser.run(BELLY))
+
+
 def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     canvas = opened("bodies")
     hint_is_shown = "return !document.querySelector('[data-part=hint]').hidden"
-    on_the_left_body = (-220, 0)
+    on_the_left_body = belly(browser)
     browser.actions().move_to_element_with_offset(canvas, *on_the_left_body).perform()
     browser.wait_for(hint_is_shown)
     name, value = text_of(browser, "hint").rsplit(": ", 1)
@@ -218,8 +229,8 @@ def test_bodies_stand_on_a_ground_with_their_shadow(browser, pages, dark):
 
 def test_fingers_turn_zoom_move_and_frame(browser, opened):
     opened("bodies", 400, 760)
-    left, top, right, bottom = boxes(browser, "canvas")[0]
-    x, y = (left + right) / 2, (top + bottom) / 2
+    left_edge, top, right_edge, bottom = boxes(browser, "canvas")[0]
+    x, y = (left_edge + right_edge) / 2, (top + bottom) / 2
     before = state(browser, "yaw")
     browser.touch("touchStart", (x, y))
     for moved in (20, 40, 60):
@@ -235,7 +246,8 @@ def test_fingers_turn_zoom_move_and_frame(browser, opened):
     assert state(browser, "zoom") == pytest.approx(2.0, abs=0.05)
     assert state(browser, "panY") > 0
     reset(browser)
-    torso = (x, top + (bottom - top) * 0.25)  # of the upper body
+    right, below = belly(browser)
+    torso = ((left_edge + right_edge) / 2 + right, (top + bottom) / 2 + below)
     for _ in range(2):
         browser.touch("touchStart", torso)
         browser.touch("touchEnd")

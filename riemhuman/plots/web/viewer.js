@@ -45,8 +45,8 @@ class Viewer {
 
   async start() {
     this.faces = await unpack(this.data.faces, Uint32Array, 3);
-    const { parts, shade } = this.data;
-    this.shade = shade && await inflate(shade);
+    const { parts, shade, eyes } = this.data;
+    this.skin = { shade: shade && await inflate(shade), eyes: await unpackEyes(eyes) };
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
     this.bars = new ValueBars(this);
@@ -111,7 +111,7 @@ class Viewer {
   async choose(index) {
     if (!this.built[index]) {
       this.built[index] = await Promise.all(this.data.choices[index].bodies.map(
-        (body) => Body.from(body, this.faces, this.data.n_vertices, this.shade),
+        (body) => Body.from(body, this.faces, this.data.n_vertices, this.skin),
       ));
     }
     const pivot = this.bodies()[0].pivot;
@@ -352,30 +352,34 @@ class Viewer {
     this.draw();
   }
 
-  // As many columns as let the bodies appear largest.
+  // As many columns as let the bodies appear largest. In a single row each has its own width.
   arrange(aspect) {
     const bodies = this.bodies();
-    const wide = 2 * Math.max(...bodies.map((body) => body.radius)) * 0.94;
-    const tall = 1.2 * Math.max(...bodies.map((body) => body.height));
+    const widths = bodies.map((body) => 2 * body.radius * 0.94);
+    const widest = Math.max(...widths);
+    const inOneRow = widths.reduce((sum, width) => sum + width, 0);
+    const tallest = Math.max(...bodies.map((body) => body.height));
+    const tall = 1.2 * tallest;
     let best = { extent: Infinity };
     for (let columns = 1; columns <= bodies.length; columns += 1) {
       const rows = Math.ceil(bodies.length / columns);
-      const extent = Math.max(rows * tall, (columns * wide) / aspect);
+      const extent = Math.max(rows * tall, (rows === 1 ? inOneRow : columns * widest) / aspect);
       if (extent < best.extent) best = { extent, columns, rows };
     }
-    const tallest = Math.max(...bodies.map((body) => body.height));
     this.extent = best.extent;
     this.distance = this.extent / 2 / Math.tan((this.camera.fov * Math.PI) / 360) + 0.5;
-    this.cell = { wide, tall };
+    this.cell = { tall };
     const below = tall / 2;
+    let left = -inOneRow / 2;
     bodies.forEach((body, index) => {
       const row = Math.floor(index / best.columns);
       const inRow = Math.min(best.columns, bodies.length - row * best.columns);
-      body.holder.position.set(
-        ((index % best.columns) - (inRow - 1) / 2) * wide,
-        ((best.rows - 1) / 2 - row) * tall + 0.07 * tall,
-        0,
-      );
+      body.wide = best.rows === 1 ? widths[index] : widest;
+      const across = best.rows === 1
+        ? left + body.wide / 2
+        : ((index % best.columns) - (inRow - 1) / 2) * widest;
+      left += body.wide;
+      body.holder.position.set(across, ((best.rows - 1) / 2 - row) * tall + 0.07 * tall, 0);
       // All stand on one floor.
       body.holder.position.y -= (tallest - body.height) / 2;
       body.floor = body.holder.position.y + (tallest - body.height) / 2 - below * 0.87;
@@ -433,10 +437,10 @@ class Viewer {
       const label = labels[index];
       const x = clientWidth / 2 + (body.holder.position.x - this.panX) * scale;
       const y = clientHeight / 2 - (body.floor - this.panY) * scale;
-      const aside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (this.cell.wide / 2) * scale;
+      const aside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (body.wide / 2) * scale;
       const seen = !aside && y > 0 && y - this.cell.tall * scale < clientHeight;
       label.style.visibility = seen ? "" : "hidden";
-      label.style.maxWidth = `${Math.min(clientWidth, Math.max(60, this.cell.wide * scale - 6))}px`;
+      label.style.maxWidth = `${Math.min(clientWidth, Math.max(60, body.wide * scale - 6))}px`;
       label.style.left = this.within(x - label.offsetWidth / 2, label.offsetWidth, clientWidth);
       label.style.top = this.within(y, label.offsetHeight, clientHeight);
     });

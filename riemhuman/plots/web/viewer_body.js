@@ -62,7 +62,7 @@ function smoothNormals(positions, faces, normals) {
 
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
-  static async from(data, faces, nVertices, shade) {
+  static async from(data, faces, nVertices, { shade, eyes }) {
     const [frames, values, colors, components] = await Promise.all([
       framesOf(data, nVertices),
       data.values && inflate(data.values),
@@ -70,10 +70,10 @@ class Body {
       unpackComponents(data.components),
     ]);
     const numbers = values && new Float32Array(values.buffer);
-    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components, shade });
+    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components, shade, eyes });
   }
 
-  constructor(data, faces, nVertices, { frames, values, colors, components, shade }) {
+  constructor(data, faces, nVertices, { frames, values, colors, components, shade, eyes }) {
     this.label = data.label;
     this.nFrames = frames.nFrames;
     this.frames = frames;
@@ -109,6 +109,7 @@ class Body {
       }
     }
     this.mesh = new THREE.Mesh(this.geometry, material);
+    this.eyes = eyes && new Eyes(this, eyes);
     this.turning = new THREE.Group();
     this.turning.add(this.mesh);
     this.holder = new THREE.Group();
@@ -144,6 +145,7 @@ class Body {
     this.geometry.attributes.position.needsUpdate = true;
     smoothNormals(this.positions, this.faces, this.normals);
     this.geometry.attributes.normal.needsUpdate = true;
+    if (this.eyes) this.eyes.show();
     if (this.ground) {
       if (this.components.length) this.lift = this.ground.lowerTo(this.positions);
       this.ground.cast(this.positions);

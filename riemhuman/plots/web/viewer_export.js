@@ -99,7 +99,7 @@ function surfacesFile(viewer) {
       pbrMetallicRoughness: { baseColorFactor: [...base, 1], metallicFactor: 0, roughnessFactor: SKIN_ROUGHNESS },
     });
     document_.meshes.push({ primitives: [{ attributes, indices, material: index }] });
-    if (index) shift += viewer.cell.wide;
+    if (index) shift += (viewer.bodies()[index - 1].wide + body.wide) / 2;
     document_.nodes.push({ name: body.label || `body ${index + 1}`, mesh: index, translation: [shift, body.height / 2, 0] });
     document_.scenes[0].nodes.push(index);
   });

@@ -60,6 +60,7 @@ class ValueScale {
   drawLines() {
     const { geometry, mesh } = this.body;
     geometry.setAttribute("value", new THREE.BufferAttribute(Float32Array.from(this.values), 1));
+    if (this.body.eyes) this.body.eyes.paint();
     mesh.material.onBeforeCompile = (shader) => {
       shader.uniforms.lineStep = this.lineStep;
       shader.vertexShader = `attribute float value;\nvarying float reading;\n${
@@ -107,6 +108,7 @@ class ValueScale {
     const [low, high] = this.ends;
     const last = this.stops.length - 1;
     this.values.forEach((value, vertex) => {
+      if (Number.isNaN(value)) return; // not known, and grey
       const place = last * Math.min(1, Math.max(0, (value - low) / (high - low)));
       const before = Math.min(Math.floor(place), last - 1);
       for (let k = 0; k < 3; k += 1) {
@@ -115,6 +117,7 @@ class ValueScale {
       }
     });
     this.body.geometry.attributes.color.needsUpdate = true;
+    if (this.body.eyes) this.body.eyes.paint();
   }
 }
 

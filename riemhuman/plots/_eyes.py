@@ -1,0 +1,123 @@
+"""Eyeballs of the open body model, whose own surface ends in empty sockets.
+
+They are drawn with the body, in pages and pictures, and are no part of its data. A socket is nearly
+a sphere. Its centre and half axes are stored as affine combinations of some of its vertices, so
+that eyes follow any body and pose; `tutorials/remake/build_eyes.py` computes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import as_file, files
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.io.arrays import load_arrays
+from riemhuman.plots._occlusion import topology_name
+from riemhuman.plots._packing import deflated
+
+# Rings of an eyeball: degrees from where it looks, and the share of light that the ring throws
+# back. Pupil and iris end between two rings that nearly coincide.
+_RINGS = (
+    *((8.6, 0.14), (8.8, 0.40), (15.0, 0.46), (22.6, 0.34), (23.4, 0.92)),
+    *((31.0, 1.0), (40.0, 1.0), (50.0, 1.0), (60.0, 0.9), (70.0, 0.8)),
+)
+_AROUND = 20  # vertices of a ring
+
+
+@dataclass(frozen=True, eq=False)
+class Eyes:
+    """Both eyes of bodies with certain triangles.
+
+    Parameters
+    ----------
+    sockets : array of int, shape (2, n)
+        Vertices of the body in both sockets.
+    weights : array, shape (2, 4, n)
+        The centre and three half axes of each eye, as combinations of those vertices.
+    """
+
+    sockets: ndarray
+    weights: ndarray
+
+    def points(self, vertices: ndarray) -> ndarray:
+        """Return the vertices of both eyes of a body, shape (n_points, 3)."""
+        ball, _, _ = eyeball()
+        frames = self.weights @ vertices[self.sockets]
+        return np.concatenate([centre + ball @ axes for centre, *axes in frames])
+
+    def faces(self, n_vertices: int) -> ndarray:
+        """Return the triangles of both eyes, whose vertices follow those of the body."""
+        ball, triangles, _ = eyeball()
+        return np.concatenate([triangles, triangles + len(ball)]) + n_vertices
+
+    def shares(self) -> ndarray:
+        """Return the share of light that each vertex throws back, shape (n_points,)."""
+        return np.tile(eyeball()[2], 2)
+
+    def socket_colors(self, corners: ndarray, faces: ndarray) -> ndarray:
+        """Return the mean colours of the sockets for the triangles of both eyes, (F, 3, 3).
+
+        Parameters
+        ----------
+        corners : array, shape (n_faces, 3, 3)
+            Colours of the corners of the body's triangles.
+        faces : array of int, shape (n_faces, 3)
+        """
+        means = [corners[np.isin(faces, socket)].mean(axis=0) for socket in self.sockets]
+        each = np.repeat(means, len(eyeball()[1]), axis=0)
+        return np.repeat(each[:, np.newaxis], 3, axis=1)
+
+    def record(self) -> dict[str, object]:
+        """Return what the page needs, in types that JSON can hold."""
+        ball, triangles, shares = eyeball()
+        return {
+            "sockets": self.sockets.tolist(),
+            "weights": deflated(self.weights.astype("<f4")),
+            "ball": deflated(ball.astype("<f4")),
+            "faces": deflated(triangles.astype("<u4")),
+            "shares": deflated(np.round(255 * shares).astype(np.uint8)),
+        }
+
+
+def eyes_of(faces: ndarray) -> Eyes | None:
+    """Return the eyes of bodies with these triangles; None unless they are the open model's."""
+    return _stored().get(topology_name(faces))
+
+
+@cache
+def eyeball() -> tuple[ndarray, ndarray, ndarray]:
+    """Return the front of a unit sphere that looks along z: vertices, triangles, shares of light."""
+    angles, shares = np.array(_RINGS).T
+    angles = np.radians(angles)[:, np.newaxis]
+    around = 2 * np.pi * np.arange(_AROUND) / _AROUND
+    rings = np.stack(
+        [
+            np.sin(angles) * np.cos(around),
+            np.sin(angles) * np.sin(around),
+            np.repeat(np.cos(angles), _AROUND, axis=1),
+        ],
+        axis=-1,
+    )
+    vertices = np.concatenate([[[0.0, 0.0, 1.0]], rings.reshape(-1, 3)])
+    numbers = 1 + np.arange(len(_RINGS) * _AROUND).reshape(len(_RINGS), _AROUND)
+    beside = np.roll(numbers, -1, axis=1)
+    middle = np.stack([np.zeros(_AROUND, dtype=int), numbers[0], beside[0]], axis=1)
+    inner, outer = (numbers[:-1], beside[:-1]), (numbers[1:], beside[1:])
+    bands = [(inner[0], outer[0], outer[1]), (inner[0], outer[1], inner[1])]
+    triangles = [np.stack([part.ravel() for part in band], axis=1) for band in bands]
+    lightness = np.concatenate([shares[:1], np.repeat(shares, _AROUND)])
+    return vertices, np.concatenate([middle, *triangles]), lightness
+
+
+@cache
+def _stored() -> dict[str, Eyes]:
+    with as_file(files("riemhuman.plots") / "web" / "eyes.npz") as file:
+        stored = load_arrays(file, ())
+    names = {name.removeprefix("sockets_") for name in stored if name.startswith("sockets_")}
+    return {
+        name: Eyes(stored[f"sockets_{name}"].astype(np.int64), stored[f"weights_{name}"])
+        for name in names
+    }

@@ -1,0 +1,130 @@
+"""The open bodies have eyes in their sockets, in pictures and pages; other meshes have none."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.kernels.rotations import rotation_matrix
+from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies
+from riemhuman.plots._eyes import eyeball, eyes_of
+from riemhuman.plots.rendering import Window
+
+COARSE = rh.datasets.load_open_bodies("coarse")
+FULL = rh.datasets.load_open_model("full")
+RESTS = {
+    "coarse": (COARSE.template.vertices, COARSE.template.faces),
+    "full": (FULL.template.vertices, FULL.faces),
+}
+IN_PAGE = """
+const [body] = document.querySelector('.viewer').viewer.bodies();
+return body.eyes ? body.eyes.meshes.map((mesh) => [...mesh.geometry.attributes[arguments[0]].array]) : [];
+"""
+
+
+def face_picture(surface, faces, **settings):
+    """Return the face of a body at rest, seen from the front, 200 pixels of 1 mm."""
+    middle = float(surface[:, 1].max()) - 0.1
+    window = Window((0.0, float(View(0.0, 0.0).rotate(np.array([0.0, middle, 0.0]))[1])), 0.2, 0.2)
+    return render(surface, faces, height=200, view=View(0.0, 0.0), window=window, **settings)
+
+
+@pytest.mark.parametrize("resolution", RESTS)
+def test_eyes_look_ahead_between_the_lids(resolution, monkeypatch):
+    surface, faces = RESTS[resolution]
+    seen = face_picture(surface, faces)[..., :3].astype(int).sum(axis=-1)
+    monkeypatch.setattr("riemhuman.plots.rendering.eyes_of", lambda faces: None)
+    empty = face_picture(surface, faces)[..., :3].astype(int).sum(axis=-1)
+    changed = np.argwhere(np.abs(seen - empty) > 20)
+    for side in (-1, 1):
+        rows, columns = changed[side * (changed[:, 1] - 100) > 0].T
+        assert abs(columns.mean() - 100) == pytest.approx(32, abs=4)  # pupils are 6.4 cm apart
+        assert np.ptp(rows) < 20
+        assert 10 < np.ptp(columns) < 35
+        brighter = (seen - empty)[rows, columns]
+        assert (brighter > 100).sum() > 20  # the white of the eye
+        assert seen[rows, columns].min() < 330  # the pupil
+
+
+def test_eyes_are_of_the_open_templates_alone():
+    for surface, faces in RESTS.values():
+        assert eyes_of(faces) is not None
+        assert eyes_of(faces[::-1]) is None
+        assert '"eyes":' in view_bodies(surface, faces).fragment("a")
+        assert '"eyes":' not in view_bodies(surface, faces[::-1]).fragment("a")
+    ball = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [-1, -1, -1]], dtype=float)
+    tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    assert '"eyes":' not in view_bodies(ball, tetrahedron).fragment("a")
+
+
+@pytest.mark.parametrize("resolution", RESTS)
+def test_eyes_follow_bodies(resolution):
+    surface, faces = RESTS[resolution]
+    eyes = eyes_of(faces)
+    turn = rotation_matrix(np.array([0.3, -1.1, 0.4]))
+    moved = 1.2 * surface @ turn.T + [1.0, 2.0, 3.0]
+    expected = 1.2 * eyes.points(surface) @ turn.T + [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(eyes.points(moved), expected, atol=1e-6)
+
+
+def test_eyes_are_as_large_as_sockets_on_all_people():
+    eyes = eyes_of(COARSE.template.faces)
+    n_points = len(eyeball()[0])
+    for surface in COARSE.points[::7]:
+        for eye, socket in zip(
+            eyes.points(surface).reshape(2, n_points, 3), surface[eyes.sockets], strict=True
+        ):
+            middle = socket.mean(axis=0)
+            inside = np.linalg.norm(socket - middle, axis=1).max()
+            assert np.linalg.norm(eye - middle, axis=1).max() < 1.6 * inside
+            assert 0.3 * inside < np.ptp(eye, axis=0).max() / 2 < 1.2 * inside
+
+
+def test_a_body_coloured_by_values_has_plain_eyes():
+    surface, faces = RESTS["coarse"]
+    colors = np.tile([0.2, 0.4, 0.9], (len(surface), 1))
+    picture = face_picture(surface, faces, color=colors)[..., :3].astype(int)
+    drawn = picture.sum(axis=-1) > 0
+    assert (picture[drawn, 2] > picture[drawn, 0]).all()
+
+
+@pytest.mark.parametrize("values", [None, "heights"])
+def test_pages_draw_the_same_eyes(browser, tmp_path, values):
+    surface, faces = COARSE.points[3], COARSE.template.faces
+    heights = None if values is None else surface[:, 1]
+    body = ViewedBody("", surface[None], values=heights)
+    Viewer(faces, {"": [body]}).save(tmp_path / "page.html")
+    browser.open(tmp_path / "page.html", 400, 400)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    eyes = eyes_of(faces)
+    middle = (surface.min(axis=0) + surface.max(axis=0)) / 2
+    shown = np.reshape(browser.run(IN_PAGE, "position"), (-1, 3))
+    apart = shown - (eyes.points(surface) - middle)
+    assert np.abs(apart - apart.mean(axis=0)).max() < 2e-4  # metres; the page rounds to 0.1 mm
+    colors = np.reshape(browser.run(IN_PAGE, "color"), (2, -1, 3))
+    if values is None:
+        np.testing.assert_allclose(colors[0, :, 0], eyeball()[2], atol=0.5 / 255 + 1e-6)
+    else:
+        assert np.ptp(colors, axis=1).max() < 1e-6
+    assert browser.console() == []
+
+
+def test_pointing_at_an_eye_finds_the_body(browser, tmp_path):
+    view_bodies(COARSE.points[0], COARSE.template.faces).save(tmp_path / "page.html")
+    browser.open(tmp_path / "page.html", 400, 400)
+    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    found = browser.run(
+        """
+        const { viewer } = document.querySelector('.viewer');
+        const [body] = viewer.bodies();
+        const [eye] = body.eyes.meshes;
+        viewer.scene.updateMatrixWorld();
+        const pupil = body.mesh.position.clone().fromArray(eye.geometry.attributes.position.array);
+        pupil.applyMatrix4(eye.matrixWorld).project(viewer.camera);
+        const { x, y } = viewer.middle();
+        const hit = viewer.hit({ x: x * (1 + pupil.x), y: y * (1 - pupil.y) });
+        return [hit.face, hit.vertex];
+        """
+    )
+    head = rh.measurements.open_measurements("coarse").parts["head"]
+    assert found[0] in head
+    assert found[1] < len(COARSE.points[0])
