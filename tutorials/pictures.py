@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import riemhuman as rh
-from riemhuman.plots.rendering import window_around
+from riemhuman.plots.windows import window_around
 
 matplotlib.use("agg")
 

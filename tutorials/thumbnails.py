@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 import riemhuman as rh
 from riemhuman.plots.figures import value_colors
-from riemhuman.plots.rendering import Window, window_around
+from riemhuman.plots.windows import Window, window_around
 
 FOLDER = Path(__file__).parent / "pictures" / "gallery"
 WIDTH, HEIGHT = 480, 320  # pixels

@@ -15,7 +15,7 @@ from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
 from riemhuman.plots.match_plots import plot_match, position_colors
 from riemhuman.plots.measurement_views import plot_measurements, view_measurements
 from riemhuman.plots.motion_views import view_motions
-from riemhuman.plots.rendering import View, render, surfaces_html
+from riemhuman.plots.rendering import render, surfaces_html
 from riemhuman.plots.result_plots import (
     plot_confusion,
     plot_energy,
@@ -32,6 +32,7 @@ from riemhuman.plots.viewer import (
     view_path,
 )
 from riemhuman.plots.views import view
+from riemhuman.plots.windows import View
 
 __all__ = [
     "Contributions",

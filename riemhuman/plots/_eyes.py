@@ -89,7 +89,7 @@ def eyes_of(faces: ndarray) -> Eyes | None:
 
 @cache
 def eyeball() -> tuple[ndarray, ndarray, ndarray]:
-    """Return the front of a unit sphere that looks along z: vertices, triangles, shares of light."""
+    """Return the front of a sphere that looks along z: vertices, triangles, shares of light."""
     angles, shares = np.array(_RINGS).T
     angles = np.radians(angles)[:, np.newaxis]
     around = 2 * np.pi * np.arange(_AROUND) / _AROUND

@@ -18,7 +18,8 @@ from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
 from riemhuman.plots._ground_picture import Ground, over
 from riemhuman.plots.figures import value_colors
-from riemhuman.plots.rendering import View, Window, render, window_around
+from riemhuman.plots.rendering import render
+from riemhuman.plots.windows import View, Window
 from riemhuman.progress import ProgressBar
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ _WIDEST = 1920
 _TURN_SECONDS = 4.0  # in which bodies that do not move turn once
 _MOST_LOOKED_AT = 48  # frames of a body by which the picture is framed
 _MOST_BODIES = 8
-_GROUND = 0.85  # share of the radius of the ground that is always seen
 _N_COLORS = 256  # of a GIF
 _QUALITY = "18"  # of H.264: smaller is better; 18 is hard to tell from the original
 _INK, _PAPER = (60, 66, 74), 255
@@ -130,15 +130,10 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
     for body, ground in zip(film.bodies, grounds, strict=True):
         views = [View(azimuth=azimuth) for azimuth in range(0, 360, 15)] if turns else [View()]
         frames = _some_frames(body, turns)
-        boxes = [window_around(frame, view) for view in views for frame in frames]
+        boxes = [ground.window(frames, view) for view in views]
         centres = np.array([box.centre for box in boxes])
         halves = np.array([(box.width, box.height) for box in boxes]) / 2
-        low, high = (centres - halves).min(axis=0), (centres + halves).max(axis=0)
-        # Most of the ground, whose grid fades outwards.
-        middle = float(View().rotate(ground.middle)[0])
-        low[0] = min(low[0], middle - _GROUND * ground.radius)
-        high[0] = max(high[0], middle + _GROUND * ground.radius)
-        corners.append((low, high))
+        corners.append(((centres - halves).min(axis=0), (centres + halves).max(axis=0)))
     width, height = np.max([high - low for low, high in corners], axis=0)
     # All stand on one floor, above the line of the names.
     below, height = 0.08 * height, 1.08 * height

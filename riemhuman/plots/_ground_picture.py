@@ -1,14 +1,15 @@
-"""The ground below a body in films: the grid and the shadow of the page, see viewer_ground.js."""
+"""The ground below a body in pictures: grid and shadow of the page, see viewer_ground.js."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
 from scipy.ndimage import uniform_filter
 
-from riemhuman.plots.rendering import View, Window
+from riemhuman.plots.windows import View, Window, window_around
 
 _CELLS = 96  # of the shadow, in each direction
 # Where feet touch the ground, and what the body keeps from the sky: height as a share of that of
@@ -16,6 +17,7 @@ _CELLS = 96  # of the shadow, in each direction
 _LAYERS = ((0.025, 3, 0.9), (0.3, 15, 0.55))
 _DARKEST = 0.62
 _SPACING = 0.25  # metres between lines; every fourth is stronger
+SHOWN = 0.85  # share of the radius that pictures hold at least
 _INK = np.array([59.0, 70.0, 82.0])
 
 
@@ -28,14 +30,38 @@ class Ground:
     height: float
 
     @classmethod
-    def below(cls, frames: list[ndarray]) -> Ground:
-        """Return the ground below a body in some frames, each of shape (V, 3)."""
+    def below(
+        cls,
+        frames: Sequence[ndarray],
+        lowest: float | None = None,
+        widest: float = float("inf"),
+    ) -> Ground:
+        """Return the ground below a body in some frames, each of shape (V, 3).
+
+        It is at the height of the lowest vertex, unless that is given, and of a radius of at most
+        `widest`.
+        """
         low = np.min([frame.min(axis=0) for frame in frames], axis=0)
         high = np.max([frame.max(axis=0) for frame in frames], axis=0)
-        middle = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+        level = low[1] if lowest is None else lowest
+        middle = np.array([(low[0] + high[0]) / 2, level, (low[2] + high[2]) / 2])
         around = max(float(np.linalg.norm((f - middle)[:, ::2], axis=1).max()) for f in frames)
         height = float(high[1] - low[1])
-        return cls(middle, 1.15 * max(around, 0.3 * height), height)
+        return cls(middle, min(1.15 * max(around, 0.3 * height), widest), height)
+
+    def window(self, frames: Sequence[ndarray], view: View) -> Window:
+        """Return the window that shows a body in some frames, and most of the ground."""
+        boxes = [window_around(frame, view) for frame in frames]
+        centres = np.array([box.centre for box in boxes])
+        halves = np.array([(box.width, box.height) for box in boxes]) / 2
+        low, high = (centres - halves).min(axis=0), (centres + halves).max(axis=0)
+        across, up, _ = view.rotate(self.middle)
+        reach = SHOWN * self.radius
+        tilt = abs(float(np.sin(np.radians(view.elevation))))
+        low = np.minimum(low, [across - reach, up - reach * tilt])
+        high = np.maximum(high, [across + reach, up + reach * tilt])
+        centre, size = (low + high) / 2, high - low
+        return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
 
     def picture(
         self, surface: ndarray, view: View, window: Window, shape: tuple[int, ...]
@@ -85,6 +111,13 @@ class Ground:
                 cover = uniform_filter(cover, width, mode="constant")
             light *= 1 - strength * (1 - np.exp(-cover))
         return np.asarray(1 - light)
+
+
+def window_of(surface: ndarray, view: View, *, ground: bool) -> Window:
+    """Return the window that shows a surface, and the ground below it."""
+    return (
+        Ground.below([surface]).window([surface], view) if ground else window_around(surface, view)
+    )
 
 
 def _lines(place: ndarray, wide: ndarray, spacing: float) -> ndarray:

@@ -6,7 +6,7 @@ Functions draw into the axes that they are given, or into those of a new figure.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,15 +16,18 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric
+from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels import surface
 from riemhuman.optional import import_matplotlib
+from riemhuman.plots._ground_picture import SHOWN, Ground, window_of
 from riemhuman.plots.figures import (
     SKIN,
     new_axes,
     scale_ends,
     value_colors,
 )
-from riemhuman.plots.rendering import View, as_surfaces, render, surface_values, window_around
+from riemhuman.plots.rendering import as_surfaces, drawn, render, surface_values
+from riemhuman.plots.windows import View, same_heights, window_around
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.terms import EbinTerm, NormalTerm
@@ -41,6 +44,7 @@ def plot_body(
     color: ArrayLike = SKIN,
     view: View | None = None,
     label: str | None = None,
+    ground: bool = True,
     ax: Axes | None = None,
     height: int = 480,
 ) -> Axes:
@@ -60,6 +64,8 @@ def plot_body(
     view : View, optional
     label : str, optional
         Label of a colour bar.
+    ground : bool
+        Whether the body stands on the ground of viewers, a grid of 25 cm with its shadow.
     ax : matplotlib.axes.Axes, optional
     height : int
         Pixels.
@@ -69,10 +75,10 @@ def plot_body(
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> ax = rh.plots.plot_body(bodies[0], bodies.template.faces)
     """
-    vertices, faces = as_surfaces(vertices, faces)
+    vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     ax = new_axes(ax, 3.2, 4.8)
     view = View() if view is None else view
-    window = window_around(vertices, view)
+    window = window_of(vertices, view, ground=ground)
     low, limit = 0.0, 0.0
     if values is not None:
         shades = surface_values(values, len(vertices), len(np.asarray(faces)))
@@ -80,7 +86,9 @@ def plot_body(
             raise ArgumentError(f"values of one body must be one row; found shape {shades.shape}")
         low, limit = scale_ends(shades)
         color = value_colors(shades, limit, signed=low < 0)
-    picture = render(vertices, faces, height=height, view=view, window=window, color=color)
+    picture = render(
+        vertices, faces, height=height, view=view, window=window, color=color, ground=ground
+    )
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
     if values is not None and label is not None:
@@ -102,6 +110,7 @@ def plot_path(
     largest: float | None = None,
     spacing: float | None = None,
     view: View | None = None,
+    ground: bool = True,
     ax: Axes | None = None,
     height: int = 360,
 ) -> Axes:
@@ -122,6 +131,8 @@ def plot_path(
     spacing : float, optional
         Distance between the middles of successive surfaces, metres; by default they do not overlap.
     view : View, optional
+    ground : bool
+        Whether all stand on the ground of viewers, below the lowest, with their shadows.
     ax : matplotlib.axes.Axes, optional
     height : int
         Pixels.
@@ -138,16 +149,18 @@ def plot_path(
         n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
         chosen = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
     view = View() if view is None else view
-    common = window_around(surfaces[chosen], view)
+    step = None if spacing is None else real_number(spacing, "spacing", minimum=0, strict=True)
+    floors = _floors(surfaces[chosen], step) if ground else [None] * len(chosen)
     # Each surface has its own window, so that a walking body stays in its place on the strip.
-    windows = [
-        replace(frame, centre=(frame.centre[0], common.centre[1]), height=common.height)
-        for frame in (window_around(f, view) for f in surfaces[chosen])
-    ]
+    windows = same_heights(
+        [
+            window_around(surface, view) if floor is None else floor.window([surface], view)
+            for surface, floor in zip(surfaces[chosen], floors, strict=True)
+        ]
+    )
     widths = np.array([frame.width for frame in windows])
     middles = np.cumsum(widths) - widths / 2
-    if spacing is not None:
-        step = real_number(spacing, "spacing", minimum=0, strict=True)
+    if step is not None:
         middles = widths[0] / 2 + step * np.arange(len(chosen))
     if values is not None:
         shades = surface_values(values, surfaces.shape[1], len(np.asarray(faces)))
@@ -161,22 +174,29 @@ def plot_path(
     else:
         given = [SKIN] * len(surfaces) if colors is None else colors
         tints = real_array(given, "colors", (len(surfaces), 3), batched=False)
-    ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / common.height), 2.4)
-    for order, (index, frame) in enumerate(zip(chosen, windows, strict=True)):
-        picture = render(
-            surfaces[index], faces, height=height, view=view, window=frame, color=tints[index]
-        )
+    ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / windows[0].height), 2.4)
+    whole_number(height, "height", minimum=1)
+    triangles = check_mesh(surfaces[0], faces)[1]
+    for order, (index, frame, floor) in enumerate(zip(chosen, windows, floors, strict=True)):
+        picture = drawn(surfaces[index], triangles, height, view, frame, tints[index], floor)
         sides = (middles[order] - frame.width / 2, middles[order] + frame.width / 2)
         ax.imshow(
             picture,
-            extent=(*sides, 0.0, common.height),
+            extent=(*sides, 0.0, frame.height),
             interpolation="antialiased",
             zorder=2 + order,
         )
     ax.set_xlim(0.0, middles[-1] + widths[-1] / 2)
-    ax.set_ylim(0.0, common.height)
+    ax.set_ylim(0.0, windows[0].height)
     ax.set_axis_off()
     return ax
+
+
+def _floors(surfaces: ndarray, spacing: float | None) -> list[Ground | None]:
+    """Return the ground below each surface of a strip, at one height; they hardly overlap."""
+    lowest = float(surfaces[..., 1].min())
+    widest = np.inf if spacing is None else spacing / (2 * SHOWN)
+    return [Ground.below([surface], lowest, widest) for surface in surfaces]
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,8 +1,10 @@
-"""Where two bodies differ: millimetres along the normal with their sign, or a metric's density."""
+"""Where two bodies differ: millimetres along the normal with their sign, or a metric's density.
+
+Both bodies are coloured, each compared with the other.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,11 +22,13 @@ from riemhuman.measurements import (
     compare_visits,
     open_measurements,
 )
-from riemhuman.plots.body_plots import contributions, per_area, plot_body
-from riemhuman.plots.figures import new_figure
+from riemhuman.plots.body_plots import contributions, per_area, plot_path
+from riemhuman.plots.figures import colour_limit, new_figure
 from riemhuman.plots.measurement_views import measurement_panel
-from riemhuman.plots.rendering import View, as_surfaces
+from riemhuman.plots.rendering import as_surfaces
+from riemhuman.plots.scan_views import signed_bar
 from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.windows import View
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -46,6 +50,16 @@ class _Difference:
     is_standard: bool  # whether they are in the standard pose
     panel: Panel | None = None
 
+    def outside(self) -> tuple[ndarray, ndarray]:
+        """Return how far each body is outside of the other, along its normals, millimetres.
+
+        The second is outside along the normals of the first, as `VisitComparison` has it.
+        """
+        first, second = self.surfaces
+        back = np.sum((first - second) * vertex_normals(second, self.faces), axis=1)
+        known = np.isfinite(self.displacements)
+        return 1000.0 * np.where(known, back, np.nan), 1000.0 * self.displacements
+
 
 def view_difference(
     point_a: Any,
@@ -57,13 +71,14 @@ def view_difference(
     metric: ElasticMetric | None = None,
     title: str | None = None,
 ) -> Viewer:
-    """Return a page with two bodies side by side, the second coloured by where it differs.
+    """Return a page with two bodies side by side, each coloured by where it differs.
 
-    One choice of the page is how far the surface of the second is outside (+) or inside (−) of the
-    first, in millimetres along its normals; the other what each place adds to the squared distance
-    under a metric. Bodies of a body model with measurements are brought to the standard pose, and
-    their measurements are listed with the changes and the noise of changes; others stand as they
-    are, the second moved onto the first by Procrustes analysis.
+    One choice of the page is how far the surface of each is outside (+) or inside (−) of the
+    other, in millimetres along normals, on one scale; the other what each place adds to the
+    squared distance under a metric, which is the same on both. Bodies of a body model with
+    measurements are brought to the standard pose, and their measurements are listed with the
+    changes and the noise of changes; others stand as they are, the second moved onto the first by
+    Procrustes analysis.
 
     Parameters
     ----------
@@ -86,17 +101,26 @@ def view_difference(
     >>> viewer.save("difference.html")
     """
     difference = _difference(point_a, point_b, faces, measurements, names)
-    first, second = difference.surfaces
-    values: Mapping[str, tuple[ndarray, str]] = {
-        _MILLIMETRES: (1000.0 * difference.displacements, "mm"),
-        _DENSITY: (_density(difference, metric), "per m²"),
+    outside, added = difference.outside(), _density(difference, metric)
+    shown = {
+        _MILLIMETRES: (outside, "mm", [f"+ outside of {name}, − inside" for name in names[::-1]]),
+        _DENSITY: ((added, added), "per m²", 2 * ["share of the squared distance"]),
     }
     choices = {
-        name: [
-            ViewedBody(names[0], first[np.newaxis]),
-            ViewedBody(names[1], second[np.newaxis], values=shown, value_label=unit),
+        choice: [
+            ViewedBody(
+                name,
+                surface[np.newaxis],
+                values=colored,
+                value_label=unit,
+                value_caption=caption,
+                value_limit=colour_limit(np.concatenate(values)),
+            )
+            for name, surface, colored, caption in zip(
+                names, difference.surfaces, values, captions, strict=True
+            )
         ]
-        for name, (shown, unit) in values.items()
+        for choice, (values, unit, captions) in shown.items()
     }
     return Viewer(
         difference.faces,
@@ -118,7 +142,9 @@ def plot_difference(
     view: View | None = None,
     height: int = 640,
 ) -> Figure:
-    """Draw two bodies side by side, the second coloured by where it differs, in millimetres.
+    """Draw two bodies side by side, each coloured by where it differs, in millimetres.
+
+    Both are of one scale, on one floor, and share the scale of the colours.
 
     Parameters
     ----------
@@ -134,21 +160,16 @@ def plot_difference(
     >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
     """
     difference = _difference(point_a, point_b, faces, measurements, names, with_list=False)
+    on_floor = [surface - [0.0, surface[:, 1].min(), 0.0] for surface in difference.surfaces]
+    values = np.stack(difference.outside())
+    limit = colour_limit(values)
     figure = new_figure(7.2, 4.8)
-    left, right = figure.subplots(1, 2)
-    first, second = difference.surfaces
-    plot_body(first, difference.faces, view=view, ax=left, height=height)
-    plot_body(
-        second,
-        difference.faces,
-        1000.0 * difference.displacements,
-        view=view,
-        ax=right,
-        height=height,
-        label=f"outside of {names[0]}, mm",
-    )
-    for ax, name in zip((left, right), names, strict=True):
-        ax.set_title(name, fontsize=10)
+    ax = figure.subplots()
+    plot_path(on_floor, difference.faces, values, largest=limit, view=view, ax=ax, height=height)
+    for image, name in zip(ax.images, names, strict=True):
+        left, right, *_ = image.get_extent()
+        ax.text((left + right) / 2, 0.0, name, ha="center", va="top", fontsize=10)
+    signed_bar(figure, ax, limit or 1.0, "+ outside of the other body, − inside, mm")
     return figure
 
 
@@ -160,7 +181,8 @@ def _description(difference: _Difference, names: tuple[str, str]) -> str:
     said = (
         f"{pose}, half of the surface of {names[1]} is within {np.median(np.abs(known)):.3g} mm of "
         f"that of {names[0]}; it is up to {max(-known.min(), 0.0):.3g} mm inside and "
-        f"{max(known.max(), 0.0):.3g} mm outside."
+        f"{max(known.max(), 0.0):.3g} mm outside. On each body, + is outside of the other and − "
+        "inside."
     )
     unknown = 1.0 - len(known) / len(difference.displacements)
     return f"{said} {100 * unknown:.0f} % was not seen of both and is grey." if unknown else said

@@ -9,7 +9,8 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.plots.figures import new_figure
-from riemhuman.plots.rendering import View, Window, points_picture, render, window_around
+from riemhuman.plots.rendering import points_picture, render
+from riemhuman.plots.windows import View, Window, window_around
 from riemhuman.registration import RegisteredScan, correspondence
 from riemhuman.registration.registered_scans import apply_transform
 

@@ -25,8 +25,9 @@ from riemhuman.plots._measurement_groups import Lines, MeasurementGroup, grouped
 from riemhuman.plots._packing import packed_points
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import new_figure
-from riemhuman.plots.rendering import View, render, window_around
+from riemhuman.plots.rendering import render
 from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.windows import View, window_around
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

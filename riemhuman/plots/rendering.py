@@ -9,7 +9,6 @@ import base64
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -20,7 +19,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
@@ -28,70 +27,16 @@ from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots._depth import draw_triangles, shares_at
 from riemhuman.plots._eyes import eyes_of
+from riemhuman.plots._ground_picture import Ground, over, window_of
 from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots.figures import SKIN
+from riemhuman.plots.windows import View, Window, same_heights, window_around
 
 _REFLECTED = 0.04  # share of the light that skin mirrors when seen from the front
 _SAMPLES = 2  # of a pixel in each direction, which smooth the outline
 _STRIP_HEIGHT = 160  # pixels
 _MOST_SHOWN = 8  # surfaces in a strip
 _DEPTH_SHADE = 0.55  # darkness of the farthest points
-
-
-@dataclass(frozen=True)
-class View:
-    """The direction from which surfaces are viewed.
-
-    Parameters
-    ----------
-    azimuth : float
-        Angle of the eye about the vertical, in degrees, from the front, +z, towards +x.
-    elevation : float
-        Angle of the eye above the horizontal, in degrees.
-
-    Examples
-    --------
-    >>> rh.plots.View(azimuth=90.0)
-    View(azimuth=90.0, elevation=8.0)
-    """
-
-    azimuth: float = 20.0
-    elevation: float = 8.0
-
-    def __post_init__(self) -> None:
-        real_number(self.azimuth, "azimuth")
-        real_number(self.elevation, "elevation")
-
-    def rotate(self, points: ndarray) -> ndarray:
-        """Return points or vectors in the viewer's frame: right, up, towards the eye.
-
-        Parameters
-        ----------
-        points : array, shape (..., 3)
-        """
-        about, above = np.radians([self.azimuth, self.elevation])
-        towards = np.array(
-            [np.sin(about) * np.cos(above), np.sin(above), np.cos(about) * np.cos(above)]
-        )
-        right = np.array([np.cos(about), 0.0, -np.sin(about)])
-        return points @ np.stack([right, np.cross(towards, right), towards], axis=1)
-
-
-@dataclass(frozen=True)
-class Window:
-    """The part of the viewer's picture plane that is shown, metres."""
-
-    centre: tuple[float, float]
-    width: float
-    height: float
-
-
-def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:
-    """Return the smallest window that shows surfaces with a margin, metres."""
-    flat = view.rotate(real_array(points, "points", ("n_vertices", 3)))[..., :2].reshape(-1, 2)
-    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
-    centre, size = (low + high) / 2, high - low
-    return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
 
 
 def as_surfaces(points: Any, faces: Any = None) -> tuple[Any, Any]:
@@ -114,6 +59,7 @@ def render(
     view: View | None = None,
     window: Window | None = None,
     color: ArrayLike = SKIN,
+    ground: bool = False,
 ) -> ndarray:
     """Draw a surface.
 
@@ -132,6 +78,8 @@ def render(
         Red, green and blue between 0 and 1, of the surface, of each triangle or, blended between
         them, of each vertex. In one colour, the folds of the open body model are darker, and its
         eyes have pupils.
+    ground : bool
+        Whether the surface stands on the ground of viewers, a grid of 25 cm with its shadow.
 
     Returns
     -------
@@ -145,34 +93,62 @@ def render(
     100
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
-    colors = _linear(_corner_colors(real_array(color, "color", (3,)), len(vertices), faces))
-    has_one_color = np.ndim(color) == 1
-    shade = shade_of(faces) if has_one_color else None
-    if shade is not None:
-        colors *= shade[faces][..., None]
-    eyes = eyes_of(faces)
-    if eyes is not None:
-        if has_one_color:
-            around = eyes.shares()[eyes.faces(0)][..., None] * _linear(np.asarray(color))
-        else:
-            around = eyes.socket_colors(colors, faces)
-        colors = np.concatenate([colors, around])
-        faces = np.concatenate([faces, eyes.faces(len(vertices))])
-        vertices = np.concatenate([vertices, eyes.points(vertices)])
+    colors = real_array(color, "color", (3,))
     whole_number(height, "height", minimum=1)
     view = View() if view is None else view
-    window = window_around(vertices, view) if window is None else window
+    floor = Ground.below([vertices]) if ground else None
+    window = window_of(vertices, view, ground=ground) if window is None else window
+    return drawn(vertices, faces, height, view, window, colors, floor)
+
+
+def drawn(
+    vertices: ndarray,
+    faces: ndarray,
+    height: int,
+    view: View,
+    window: Window,
+    color: ndarray,
+    floor: Ground | None = None,
+) -> ndarray:
+    """Draw a checked surface, over a ground if there is one; see `render`."""
+    corner_colors = _linear(_corner_colors(color, len(vertices), faces))
+    shade = shade_of(faces) if np.ndim(color) == 1 else None
+    if shade is not None:
+        corner_colors *= shade[faces][..., None]
+    points, triangles, corner_colors = _with_eyes(vertices, faces, color, corner_colors)
+
     width = max(1, round(height * window.width / window.height))
     scale, shape = height * _SAMPLES / window.height, (height * _SAMPLES, width * _SAMPLES)
-    rotated = view.rotate(vertices)
-    normals = vertex_normals(rotated, faces)
+    rotated = view.rotate(points)
+    normals = vertex_normals(rotated, triangles)
     columns = (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2
     rows = shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale
-    corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
+    corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[triangles]
     owner, picture = np.full(shape, -1), np.empty((height, width, 4), dtype=np.uint8)
     draw_triangles(corners, np.full(shape, -np.inf), owner)
-    _paint(corners, normals[faces], colors, *_light(), owner, picture)
-    return picture
+    _paint(corners, normals[triangles], corner_colors, *_light(), owner, picture)
+    if floor is None:
+        return picture
+    below = floor.picture(vertices, view, window, (height, width))
+    return np.round(over(picture, below)).astype(np.uint8)
+
+
+def _with_eyes(
+    vertices: ndarray, faces: ndarray, color: ndarray, corner_colors: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Add the eyes of open bodies: vertices, triangles and colours of the corners of triangles."""
+    eyes = eyes_of(faces)
+    if eyes is None:
+        return vertices, faces, corner_colors
+    if np.ndim(color) == 1:
+        eye_colors = eyes.shares()[eyes.faces(0)][..., None] * _linear(color)
+    else:
+        eye_colors = eyes.socket_colors(corner_colors, faces)
+    return (
+        np.concatenate([vertices, eyes.points(vertices)]),
+        np.concatenate([faces, eyes.faces(len(vertices))]),
+        np.concatenate([corner_colors, eye_colors]),
+    )
 
 
 def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
@@ -359,20 +335,34 @@ def strip_picture(
     faces: ndarray | None,
     colors: Sequence[ArrayLike] | None = None,
     height: int = _STRIP_HEIGHT,
+    *,
+    one_floor: bool = False,
 ) -> ndarray:
-    """Draw at most eight surfaces side by side at one scale, evenly chosen from more."""
+    """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
+
+    Each stands on its own ground, or all of a path on the ground below the lowest.
+    """
     n_surfaces, view = len(surfaces), View()
-    shown = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
-    chosen = np.stack([surfaces[number] for number in shown])
-    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
-    window = window_around(chosen, view)
+    chosen = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
+    shown = np.stack([surfaces[number] for number in chosen])
+    low, high = shown.min(axis=1, keepdims=True), shown.max(axis=1, keepdims=True)
+    lowest = low.min(axis=0, keepdims=True) if one_floor else low
+    shown = shown - (low + high) / 2 * [1.0, 0.0, 1.0] - lowest * [0.0, 1.0, 0.0]
+    tints = [np.asarray(SKIN if colors is None else colors[number]) for number in chosen]
     if faces is None:
-        pictures = [points_picture(points, window, height) for points in chosen]
-    else:
-        tints = [SKIN if colors is None else colors[number] for number in shown]
+        windows = same_heights([window_around(points, view) for points in shown])
         pictures = [
-            render(surface, faces, height=height, view=view, window=window, color=tint)
-            for surface, tint in zip(chosen, tints, strict=True)
+            points_picture(points, window, height)
+            for points, window in zip(shown, windows, strict=True)
+        ]
+    else:
+        floors = [Ground.below([surface], lowest=0.0) for surface in shown]
+        windows = same_heights(
+            [floor.window([f], view) for floor, f in zip(floors, shown, strict=True)]
+        )
+        pictures = [
+            drawn(surface, faces, height, view, window, tint, floor)
+            for surface, window, tint, floor in zip(shown, windows, tints, floors, strict=True)
         ]
     return np.concatenate(pictures, axis=1)
 

@@ -16,8 +16,9 @@ from riemhuman.optional import import_matplotlib
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_colors
-from riemhuman.plots.rendering import View, Window, points_picture, render, window_around
+from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.windows import View, Window, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 
 if TYPE_CHECKING:
@@ -245,4 +246,9 @@ def signed_bar(figure: Figure, ax: Axes, limit: float, label: str) -> None:
     colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
     table = colors.ListedColormap(value_colors(np.linspace(-1.0, 1.0, 256)))
     scale = cm.ScalarMappable(colors.Normalize(-limit, limit), table)
-    figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02, format="%+g")
+    figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02, format=_signed)
+
+
+def _signed(value: float, _: object) -> str:
+    """Return a number with its sign, and a real minus."""
+    return f"{value:+g}".replace("-", "\u2212") if value else "0"

@@ -47,14 +47,13 @@ from riemhuman.plots.figures import (
     value_colors,
 )
 from riemhuman.plots.rendering import (
-    View,
     as_surfaces,
     image_source,
     png_bytes,
     strip_picture,
     surface_values,
-    window_around,
 )
+from riemhuman.plots.windows import View, window_around
 
 if TYPE_CHECKING:
     from riemhuman.motions import Warp
@@ -149,7 +148,11 @@ class ViewedBody:
         colours; 1 % of their sizes exceed that of the last colour. The scale begins at 0 or, if
         some are negative, goes to both sides of it.
     value_label : str
-        Label of the colour scale.
+        Unit of the values, at the end of the colour scale.
+    value_caption : str
+        What the values or their signs mean, below the colour scale.
+    value_limit : float, optional
+        Value of the last colour, such as one that several bodies share.
     components : ComponentChanges, optional
         What the sliders of `view_components` change about the only surface in `frames`.
     times : array, shape (n,), optional
@@ -166,12 +169,16 @@ class ViewedBody:
     color: tuple[float, float, float] = SKIN
     values: ndarray | None = None
     value_label: str = ""
+    value_caption: str = ""
+    value_limit: float | None = None
     components: ComponentChanges | None = None
     times: ndarray | None = None
 
     @property
     def limit(self) -> float:
         """Value of the last colour; 0 without values."""
+        if self.value_limit is not None:
+            return self.value_limit
         return 0.0 if self.values is None else colour_limit(self.values)
 
     @property
@@ -358,7 +365,8 @@ class Viewer:
         shown = None if self.panel is None else self.panel.picture(height)
         if shown is not None:
             return shown
-        if len(bodies) == 1:
+        is_path = len(bodies) == 1
+        if is_path:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
             bodies = [replace(body, frames=body.frames[round(place)][None]) for place in places]
@@ -369,7 +377,7 @@ class Viewer:
             else value_colors(body.values, body.limit, signed=body.signed)
             for body in bodies
         ]
-        return strip_picture(surfaces, self.faces, colors, height)
+        return strip_picture(surfaces, self.faces, colors, height, one_floor=is_path)
 
 
 def _parts_of(faces: ndarray) -> Mapping[str, ndarray]:
@@ -420,6 +428,7 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
         record["signed"] = body.signed
         record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
         record["value_label"] = body.value_label
+        record["value_caption"] = body.value_caption
     if body.components is not None:
         changes = (body.components.linear, body.components.quadratic)
         pairs = [

@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots.figures import SKIN, value_colors
-from riemhuman.plots.rendering import View, Window, render
+from riemhuman.plots.rendering import render
+from riemhuman.plots.windows import View, Window
 from riemhuman.report.sheet_values import SheetSubject, SheetValues
 
 # Degrees about the vertical, from a body that faces the eye.

@@ -15,9 +15,10 @@ from numpy import ndarray
 from riemhuman.io.files import convert_errors, write_text
 from riemhuman.measurements import readable_gap
 from riemhuman.plots.figures import VALUE_COLORS, value_colors
-from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
+from riemhuman.plots.rendering import image_source, points_picture, render
 from riemhuman.plots.scan_views import view_scan
 from riemhuman.plots.viewer import web_file
+from riemhuman.plots.windows import View, window_around
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.report._page import Image, Section, fill, page
 from riemhuman.surfaces import triangle_areas

@@ -57,7 +57,7 @@ def test_values_of_vertices_are_drawn_on_bodies_and_strips():
 
 def test_negative_values_are_seen_on_bodies_and_strips():
     heights = TEMPLATE.vertices[TEMPLATE.faces].mean(axis=1)[:, 1]
-    ax = plot_body(TEMPLATE.vertices, TEMPLATE.faces, heights, label="mm", height=80)
+    ax = plot_body(TEMPLATE.vertices, TEMPLATE.faces, heights, label="mm", ground=False, height=80)
     picture = ax.images[0].get_array().astype(int)
     middle = picture.shape[1] // 2
     assert picture[10, middle, 0] > picture[10, middle, 2] + 40  # orange above
@@ -66,7 +66,7 @@ def test_negative_values_are_seen_on_bodies_and_strips():
     assert -low == high > 0
     # One scale for all surfaces: the first, without negative values, is drawn on it too.
     values = np.stack([np.zeros(len(heights)), heights])
-    first, second = plot_path(PATH[:2], TEMPLATE.faces, values, height=60).images
+    first, second = plot_path(PATH[:2], TEMPLATE.faces, values, ground=False, height=60).images
     colors = second.get_array().astype(int)
     assert (colors[..., 2] > colors[..., 0] + 40).any()
     assert (colors[..., 0] > colors[..., 2] + 40).any()

@@ -24,12 +24,21 @@ def compared():
 
 def test_both_bodies_in_the_standard_pose_with_signed_millimetres(compared):
     viewer = view_difference(compared, measurements=MEASUREMENTS, names=("Ann", "Ben"))
-    (first, second), (_, dense) = viewer.choices.values()
+    (first, second), (same, dense) = viewer.choices.values()
     assert [first.label, second.label] == ["Ann", "Ben"]
     assert np.array_equal(first.frames[0], compared.points_before)
     np.testing.assert_allclose(second.values, 1000.0 * compared.displacements)
     assert second.signed
     assert second.value_label == "mm"
+    # Each is compared with the other, on one scale: where one is outside, the other is inside.
+    assert first.limit == second.limit > 0
+    far = np.abs(second.values) > 0.3 * second.limit
+    assert far.sum() > 50
+    assert np.mean(np.sign(first.values[far]) == -np.sign(second.values[far])) > 0.95
+    assert first.value_caption == "+ outside of Ben, − inside"
+    assert second.value_caption == "+ outside of Ann, − inside"
+    assert "On each body, + is outside of the other" in viewer.description
+    np.testing.assert_array_equal(same.values, dense.values)
     assert not dense.signed
     assert dense.values.min() >= 0
     assert "standard pose" in viewer.description
@@ -48,8 +57,9 @@ def test_other_surfaces_are_compared_as_they_stand():
     ball = rh.Template(*_ball())
     larger = 1.1 * ball.vertices + [3.0, 0.0, 0.0]
     viewer = view_difference(ball.vertices, larger, ball.faces)
-    (_, second), _ = viewer.choices.values()
+    (first, second), _ = viewer.choices.values()
     np.testing.assert_allclose(second.values, 100.0, rtol=0.02)
+    np.testing.assert_allclose(first.values, -100.0, rtol=0.02)
     assert viewer.panel is None
     assert "As they stand" in viewer.description
 
@@ -77,7 +87,15 @@ def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
     bar = figure.axes[-1]
     low, high = bar.get_ylim()
     assert low == -high
-    assert "mm" in bar.get_ylabel()
+    assert bar.get_ylabel() == "+ outside of the other body, − inside, mm"
+    # Both bodies are coloured, and stand on one floor.
+    first, second = (image.get_array().astype(int) for image in figure.axes[0].images)
+    blue = [(picture[..., 2] > picture[..., 0] + 40).mean() for picture in (first, second)]
+    assert min(blue) < max(blue) / 3
+    red = [(picture[..., 0] > picture[..., 2] + 110).mean() for picture in (first, second)]
+    assert min(red) < max(red) / 3
+    feet = [np.flatnonzero((p[..., 3] == 255).any(axis=1))[-1] for p in (first, second)]
+    assert abs(feet[0] - feet[1]) <= 2
 
 
 def test_bad_arguments(compared):

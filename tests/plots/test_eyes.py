@@ -7,7 +7,7 @@ import riemhuman as rh
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies
 from riemhuman.plots._eyes import eyeball, eyes_of
-from riemhuman.plots.rendering import Window
+from riemhuman.plots.windows import Window
 
 COARSE = rh.datasets.load_open_bodies("coarse")
 FULL = rh.datasets.load_open_model("full")
@@ -17,7 +17,8 @@ RESTS = {
 }
 IN_PAGE = """
 const [body] = document.querySelector('.viewer').viewer.bodies();
-return body.eyes ? body.eyes.meshes.map((mesh) => [...mesh.geometry.attributes[arguments[0]].array]) : [];
+const meshes = body.eyes ? body.eyes.meshes : [];
+return meshes.map((mesh) => [...mesh.geometry.attributes[arguments[0]].array]);
 """
 
 

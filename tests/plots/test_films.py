@@ -59,7 +59,7 @@ def test_bodies_stand_on_a_ground_with_their_shadow(turning):
         ground = light[340:385]
         assert (ground < 250).mean() > 0.2
         assert ground.min() < 180
-    assert np.abs(frames[0] - frames[5])[370:385].max() > 10
+    assert np.abs(frames[0] - frames[5])[350:370].max() > 10
 
 
 @pytest.mark.slow

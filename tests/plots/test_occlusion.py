@@ -7,7 +7,7 @@ import trimesh
 import riemhuman as rh
 from riemhuman.plots import render, view_bodies
 from riemhuman.plots._occlusion import _stored, open_shares, shade_of, topology_name
-from riemhuman.plots.rendering import View, Window
+from riemhuman.plots.windows import View, Window
 
 MODEL = rh.datasets.load_open_model("coarse")
 

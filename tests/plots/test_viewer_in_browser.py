@@ -11,7 +11,7 @@ from PIL import Image
 from riemhuman.datasets import load_open_bodies
 from riemhuman.measurements import open_measurements
 from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies, view_path
-from riemhuman.plots.rendering import Window
+from riemhuman.plots.windows import Window
 
 BODIES = load_open_bodies("coarse")
 FACES = BODIES.template.faces

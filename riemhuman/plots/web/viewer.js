@@ -355,7 +355,7 @@ class Viewer {
   // As many columns as let the bodies appear largest. In a single row each has its own width.
   arrange(aspect) {
     const bodies = this.bodies();
-    const widths = bodies.map((body) => 2 * body.radius * 0.94);
+    const widths = bodies.map((body) => 2 * body.radius);
     const widest = Math.max(...widths);
     const inOneRow = widths.reduce((sum, width) => sum + width, 0);
     const tallest = Math.max(...bodies.map((body) => body.height));

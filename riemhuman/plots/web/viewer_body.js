@@ -89,6 +89,7 @@ class Body {
     this.signed = Boolean(data.signed);
     this.scale = data.scale;
     this.valueLabel = data.value_label;
+    this.valueCaption = data.value_caption || "";
     this.geometry = new THREE.BufferGeometry();
     this.positions = new Float32Array(3 * nVertices);
     this.normals = new Float32Array(3 * nVertices);

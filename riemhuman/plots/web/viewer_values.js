@@ -151,6 +151,7 @@ class ValueBars {
     const numbers = [part(row, "span")];
     const bar = part(row, "i");
     numbers.push(part(row, "span"));
+    if (body.valueCaption) part(label, "span", "caption").textContent = body.valueCaption;
     const handles = ["Lowest", "Highest"].map((name, end) => {
       const handle = part(bar, "b");
       handle.tabIndex = 0;

@@ -1,0 +1,77 @@
+"""From where surfaces are viewed, and which part of the picture plane is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array, real_number
+
+
+@dataclass(frozen=True)
+class View:
+    """The direction from which surfaces are viewed.
+
+    Parameters
+    ----------
+    azimuth : float
+        Angle of the eye about the vertical, in degrees, from the front, +z, towards +x.
+    elevation : float
+        Angle of the eye above the horizontal, in degrees.
+
+    Examples
+    --------
+    >>> rh.plots.View(azimuth=90.0)
+    View(azimuth=90.0, elevation=8.0)
+    """
+
+    azimuth: float = 20.0
+    elevation: float = 8.0
+
+    def __post_init__(self) -> None:
+        real_number(self.azimuth, "azimuth")
+        real_number(self.elevation, "elevation")
+
+    def rotate(self, points: ndarray) -> ndarray:
+        """Return points or vectors in the viewer's frame: right, up, towards the eye.
+
+        Parameters
+        ----------
+        points : array, shape (..., 3)
+        """
+        about, above = np.radians([self.azimuth, self.elevation])
+        towards = np.array(
+            [np.sin(about) * np.cos(above), np.sin(above), np.cos(about) * np.cos(above)]
+        )
+        right = np.array([np.cos(about), 0.0, -np.sin(about)])
+        return points @ np.stack([right, np.cross(towards, right), towards], axis=1)
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the viewer's picture plane that is shown, metres."""
+
+    centre: tuple[float, float]
+    width: float
+    height: float
+
+
+def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:
+    """Return the smallest window that shows surfaces with a margin, metres."""
+    flat = view.rotate(real_array(points, "points", ("n_vertices", 3)))[..., :2].reshape(-1, 2)
+    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
+    centre, size = (low + high) / 2, high - low
+    return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
+
+
+def same_heights(windows: Sequence[Window]) -> list[Window]:
+    """Return windows of their own widths and places, which all show the same heights, metres."""
+    low = min(window.centre[1] - window.height / 2 for window in windows)
+    high = max(window.centre[1] + window.height / 2 for window in windows)
+    return [
+        Window((window.centre[0], (low + high) / 2), window.width, high - low) for window in windows
+    ]
