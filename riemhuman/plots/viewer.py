@@ -629,7 +629,9 @@ def save_picture(
     chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
     shown = [bodies[number] for number in (*chosen, *[-1] * mean)]
     labels = [body.label for body in shown]
-    frames, colors = [body.frames[0] for body in shown], [body.color for body in shown]
+    # All stand on one floor.
+    frames = [surface - [0.0, surface[:, 1].min(), 0.0] for surface in (b.frames[0] for b in shown)]
+    colors = [body.color for body in shown]
     spacing = max(window_around(frame, View()).width for frame in frames)
     with figure_style():
         figure = new_figure(1.9 * len(shown), 3.0)
