@@ -18,6 +18,7 @@ __all__ = [
     "Booleans",
     "Callback",
     "Contents",
+    "FeatureRows",
     "Fields",
     "Image",
     "Integers",
@@ -38,7 +39,7 @@ __all__ = [
 Array: TypeAlias = NDArray[np.float64]
 """Real numbers in double precision."""
 
-Integers: TypeAlias = NDArray[np.int64]
+Integers: TypeAlias = NDArray[np.int64 | np.intp]
 """Whole numbers, such as indices."""
 
 Booleans: TypeAlias = NDArray[np.bool_]
@@ -52,7 +53,10 @@ TangentVectors: TypeAlias = NDArray[np.float64]
 Fields: TypeAlias = tuple[NDArray[np.float64], ...]
 """Fields of surfaces, arrays of shape (..., F) or (..., F, n)."""
 
-Triangles: TypeAlias = NDArray[np.int64]
+FeatureRows: TypeAlias = NDArray[np.float64]
+"""Features of surfaces, in double or single precision; loops over them have one type for both."""
+
+Triangles: TypeAlias = NDArray[np.int64 | np.intp]
 """Vertex indices of triangles, shape (F, 3), counted from 0."""
 
 Image: TypeAlias = NDArray[np.uint8]

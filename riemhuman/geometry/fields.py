@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import autograd.numpy as np
 
-from riemhuman.arrays import Array, ArrayLike, Booleans, Points, TangentVectors
+from riemhuman.arrays import Array, ArrayLike, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import Rng, generator, joint_shape, real_array, refuse_type, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
@@ -21,9 +21,9 @@ from riemhuman.kernels.rotations import axial, cross_product_matrix, transpose
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._drivers import SumOfTerms
+from riemhuman.terms._drivers import BulkOfFields
 from riemhuman.terms.normals import NormalTerm, RotationTerm
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import Term
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -60,13 +60,6 @@ class TriangleFields(Manifold):
         return stack_samples(self.projection(noise), n_samples)
 
 
-class FaceAreas(Protocol):
-    """What integrals over triangles need of a template."""
-
-    @property
-    def face_areas(self) -> Array: ...
-
-
 class FieldMetric(RiemannianMetric):
     """An integral over the triangles of a template, with closed forms on each."""
 
@@ -94,7 +87,7 @@ class FieldMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         fields = partial(self._fields, name="points")
-        return SumOfTerms([self._term], self._template, fields)
+        return BulkOfFields(self._term, self._areas, fields)
 
     @abstractmethod
     def _fields(self, point: Points, name: str) -> Fields:
@@ -111,7 +104,7 @@ class FieldMetric(RiemannianMetric):
     def injectivity_radius(self, base_point: Points | None = None) -> Array:
         r"""Return π√w of the smallest triangle, on which a way around has twice that length."""
         leading = () if base_point is None else np.shape(base_point)[: -self.space.point_ndim]
-        return np.full(leading, np.pi * np.sqrt(self._template.face_areas.min()))
+        return np.full(leading, np.pi * np.sqrt(self._areas.min()))
 
     def curvature_form(
         self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
@@ -134,14 +127,15 @@ class FieldMetric(RiemannianMetric):
         return values + np.zeros(point.shape[: -self.space.point_ndim])
 
     @property
-    def _template(self) -> FaceAreas:
+    def _areas(self) -> Array:
+        """The areas of the triangles that fields are integrated over."""
         space = self.space.factors[0] if self.space.factors else self.space
         if space.template is None:
             refuse_type(space, "space", "fields on a template")
-        return space.template
+        return space.template.face_areas
 
     def _integral(self, values: Array) -> Array:
-        return np.sum(values * self._template.face_areas, axis=-1)
+        return np.sum(values * self._areas, axis=-1)
 
 
 class MetricFields(TriangleFields):
@@ -233,7 +227,7 @@ class ConeMetric(FieldMetric):
         radii = 4.0 * np.sqrt(self._term.b * np.sqrt(cones.determinants(g)))
         # The angle on the cone to the antipodal normal; from ½π on the apex is nearer.
         angle = min(np.pi * self._term.angle_per_turn, 0.5 * np.pi) if self._term.c else 0.5 * np.pi
-        return np.min(np.sqrt(self._template.face_areas) * np.sin(angle) * radii, axis=-1)
+        return np.min(np.sqrt(self._areas) * np.sin(angle) * radii, axis=-1)
 
     def _fields(self, point: Points, name: str) -> Fields:
         g, *n = self._checked(point, name)

@@ -23,7 +23,7 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import fill_quaternions, nearest_rotations, transpose
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms._drivers import SumOfTerms, area_ratios
+from riemhuman.terms._drivers import BulkOfFields, area_ratios
 from riemhuman.terms.normals import RotationTerm
 
 # The skin of an adult, m², by whose area the default times of other templates follow.
@@ -153,7 +153,7 @@ class RotationMetric(SmoothedMetric):
                     fill_quaternions(of_one_kind(self.rotations(f)), quaternions)
             return (components,)
 
-        return SumOfTerms([RotationTerm()], self.space.template, fields)
+        return BulkOfFields(RotationTerm(), self.space.template.face_areas, fields)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         rotations = self.rotations(points)

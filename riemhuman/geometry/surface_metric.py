@@ -13,7 +13,7 @@ from autograd.extend import defvjp, primitive
 from autograd.tracer import isbox
 from scipy import sparse
 
-from riemhuman.arrays import Array, Points, TangentVectors
+from riemhuman.arrays import Array, Fields, Points, TangentVectors
 from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.fields import (
@@ -35,7 +35,7 @@ from riemhuman.terms._quadratic import QuadraticTerm
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.term import Term
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

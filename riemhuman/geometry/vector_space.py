@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import autograd.numpy as np
 
-from riemhuman.arrays import Array, Booleans, Points, TangentVectors
+from riemhuman.arrays import Array, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import Rng, generator, metric_weight, real_array
-from riemhuman.geometry.fields import FaceAreas, FieldMetric
+from riemhuman.geometry.fields import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.surface import Derivatives
 from riemhuman.terms import FlatTerm
-from riemhuman.terms.term import Fields
 
 
 class VectorSpace(Manifold):
@@ -92,10 +90,9 @@ class FlatMetric(FieldMetric):
         self._weights = weights
 
     @property
-    def _template(self) -> FaceAreas:
-        """What stands for a template: a triangle for each number, with its weight for an area."""
-        areas = np.repeat(self._weights, int(np.prod(self.space.shape[1:])))
-        return SimpleNamespace(faces=None, frame_coefficients=None, face_areas=areas)
+    def _areas(self) -> Array:
+        """A triangle for each number, with its weight for an area."""
+        return np.repeat(self._weights, int(np.prod(self.space.shape[1:])))
 
     def _fields(self, point: Points, name: str) -> Fields:
         return (self._numbers(self.space.check_point(point, name))[..., None],)

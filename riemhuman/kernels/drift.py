@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points
 from riemhuman.kernels.rotations import nearest_rotations
 
 _N_ROUNDS = 60
@@ -16,7 +16,7 @@ _TOLERANCE = 1e-5
 _SMALLEST = 1e-4
 
 
-def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
+def still_path(path: Points, weights: Array, *, rotations: bool) -> Array:
     r"""Move interior surfaces rigidly, as near as possible to the straight path.
 
     Each surface f_i takes the rigid motion of least :math:`\sum_v w_v \|R f_i(v) + b - l_i(v)\|`,
@@ -35,8 +35,8 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
 
 
 def rigid_motions(
-    surfaces: ndarray, target: ndarray, weights: ndarray, *, rotations: bool
-) -> tuple[ndarray, ndarray]:
+    surfaces: Points, target: Points, weights: Array, *, rotations: bool
+) -> tuple[Array, Array]:
     r"""Return R and b of least :math:`\sum_v w_v \|f(v) R + b - l(v)\|` for surfaces f.
 
     They start from the motions of least squares, so that they turn with what they are given. The
@@ -59,7 +59,7 @@ def rigid_motions(
     return turns, shifts
 
 
-def steady_path(path: ndarray, weights: ndarray) -> ndarray:
+def steady_path(path: Points, weights: Array) -> Array:
     """Translate interior surfaces so that the centroid moves uniformly between the ends."""
     centroids = centroid(path, weights)
     times = np.linspace(0.0, 1.0, len(path))[:, None, None]
@@ -68,14 +68,15 @@ def steady_path(path: ndarray, weights: ndarray) -> ndarray:
     return moved
 
 
-def centroid(f: ndarray, weights: ndarray) -> ndarray:
+def centroid(f: Points, weights: Array) -> Array:
     """Return the weighted mean of vertices."""
-    return (weights / weights.sum())[None] @ f
+    shares: Array = (weights / weights.sum())[None]
+    return shares @ f
 
 
 def least_squares_motions(
-    f: ndarray, target: ndarray, weights: ndarray, *, rotations: bool = True
-) -> tuple[ndarray, ndarray]:
+    f: Points, target: Points, weights: Array, *, rotations: bool = True
+) -> tuple[Array, Array]:
     """Return R and b of least weighted squared distance between f R + b and the target.
 
     Target and weights are those of all surfaces f, or have an entry for each.

@@ -6,24 +6,24 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.compilation import FUSED, compiled
 
 
 class Elimination(NamedTuple):
     """The elimination A = L D Lᵀ of matrices with one pattern of blocks, prepared once."""
 
-    order: ndarray
-    ends: ndarray
-    rows: ndarray
-    columns: ndarray
-    row_ends: ndarray
-    by_row: ndarray
-    sources: ndarray
-    targets: ndarray
+    order: Integers
+    ends: Integers
+    rows: Integers
+    columns: Integers
+    row_ends: Integers
+    by_row: Integers
+    sources: Integers
+    targets: Integers
 
 
 def symmetric_factor(matrix: sparse.csr_array) -> SuperLU:
@@ -51,7 +51,7 @@ class SymmetricSolver:
         self._entries, self._pivots = below.data, factor.U.diagonal()
         self._place, self._order = factor.perm_r, np.argsort(factor.perm_r)
 
-    def solve(self, values: ndarray) -> ndarray:
+    def solve(self, values: Array) -> Array:
         """Return X for right sides B, shape (n,) or (n, k)."""
         columns = values.reshape(len(values), -1)
         solved, first = np.empty(columns.shape), 0
@@ -72,11 +72,11 @@ _ALONE, _TOGETHER = (0,), (0,) * 8
 
 @compiled(fastmath=FUSED)
 def _solve_columns(
-    ends: ndarray,
-    rows: ndarray,
-    entries: ndarray,
-    pivots: ndarray,
-    x: ndarray,
+    ends: Integers,
+    rows: Integers,
+    entries: Array,
+    pivots: Array,
+    x: Array,
     together: tuple[int, ...],
 ) -> None:
     """Replace X by (L D Lᵀ)⁻¹ X."""
@@ -131,7 +131,7 @@ def _elimination(row_ends: bytes, columns: bytes) -> Elimination:
     )
 
 
-def _order(ends: ndarray, indices: ndarray) -> ndarray:
+def _order(ends: Integers, indices: Integers) -> Integers:
     """Return an order of minimum degree."""
     size = len(ends) - 1
     pattern = sparse.csr_array((np.ones(len(indices)), indices, ends), shape=(size, size))
@@ -140,7 +140,7 @@ def _order(ends: ndarray, indices: ndarray) -> ndarray:
     return np.argsort(symmetric_factor(matrix).perm_c)
 
 
-def _filled(n: int, columns: ndarray, rows: ndarray) -> tuple[ndarray, ndarray]:
+def _filled(n: int, columns: Integers, rows: Integers) -> tuple[Integers, Integers]:
     """Return how many blocks each column of L has, and their rows."""
     below: list[set[int]] = [set() for _ in range(n)]
     for j, i in zip(columns.tolist(), rows.tolist(), strict=True):
@@ -160,13 +160,13 @@ WIDTH = 20
 
 @compiled(fastmath=FUSED)
 def eliminate(
-    ends: ndarray,
-    rows: ndarray,
-    columns: ndarray,
-    row_ends: ndarray,
-    by_row: ndarray,
-    blocks: ndarray,
-    pivots: ndarray,
+    ends: Integers,
+    rows: Integers,
+    columns: Integers,
+    row_ends: Integers,
+    by_row: Integers,
+    blocks: Array,
+    pivots: Array,
 ) -> None:
     """Replace the lower triangle of A by L, column by column of blocks."""
     n = len(pivots)
@@ -208,7 +208,7 @@ def eliminate(
 
 @compiled(fastmath=FUSED)
 def solve_lower(
-    ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray, lanes: tuple[int, ...] | None
+    ends: Integers, rows: Integers, blocks: Array, x: Array, lanes: tuple[int, ...] | None
 ) -> None:
     """Replace X by L⁻¹ X."""
     k = x.shape[1] // 3 if lanes is None else len(lanes)
@@ -231,7 +231,7 @@ def solve_lower(
 
 @compiled(fastmath=FUSED)
 def solve_upper(
-    ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray, lanes: tuple[int, ...] | None
+    ends: Integers, rows: Integers, blocks: Array, x: Array, lanes: tuple[int, ...] | None
 ) -> None:
     """Replace X by L⁻ᵀ X."""
     k = x.shape[1] // 3 if lanes is None else len(lanes)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Self
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points
 from riemhuman.kernels.threads import slices
 
 # Eigenvalues of a Gram matrix below this share of the largest are rounding errors.
@@ -22,19 +22,19 @@ class Projection:
     inequality for the residuals.
     """
 
-    def __init__(self, mean: ndarray, components: ndarray) -> None:
+    def __init__(self, mean: Array, components: Array) -> None:
         self.mean = mean
         self.components = components
 
     @classmethod
-    def fit(cls, sample: ndarray, n_components: int) -> Self:
+    def fit(cls, sample: Array, n_components: int) -> Self:
         """Return the projection to the principal components of a sample."""
         mean, components = principal_components(sample, n_components)
         # QR makes the components orthonormal to rounding; otherwise distances could increase.
         orthonormal, _ = np.linalg.qr(components.T)
         return cls(mean, np.ascontiguousarray(orthonormal.T))
 
-    def __call__(self, rows: ndarray) -> ndarray:
+    def __call__(self, rows: Array) -> Array:
         """Return the projected rows."""
         centered = rows - self.mean
         projected = centered @ self.components.T
@@ -42,9 +42,7 @@ class Projection:
         return np.column_stack([projected, np.sqrt(np.maximum(rest, 0.0))])
 
 
-def principal_components(
-    sample: ndarray, n_components: int | None = None
-) -> tuple[ndarray, ndarray]:
+def principal_components(sample: Array, n_components: int | None = None) -> tuple[Array, Array]:
     """Return the mean of rows and their principal directions, shape (k, m), the largest first."""
     mean = sample.mean(axis=0)
     centered = sample - mean
@@ -54,11 +52,11 @@ def principal_components(
     return mean, (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
 
 
-def field_coordinates(values: ndarray, areas: ndarray) -> ndarray:
+def field_coordinates(values: Array, areas: Array) -> Array:
     r"""Return coordinates whose distances are those of fields, :math:`L^2(T)`."""
     return (np.sqrt(areas)[:, None] * values).reshape(*values.shape[:-2], -1)
 
 
-def in_blocks(function: Callable[[ndarray], ndarray], points: ndarray) -> ndarray:
+def in_blocks(function: Callable[[Array], Array], points: Points) -> Array:
     """Return rows that a function computes of points, some at a time to save memory."""
     return np.concatenate([function(points[part]) for part in slices(len(points), _BLOCK)])

@@ -8,14 +8,12 @@ quaternion, and the angle is twice that between the quaternions, up to sign.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
 from autograd.extend import defvjp, primitive
-from numpy import ndarray
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Booleans, TangentVectors
 from riemhuman.checks import real_array, values_of
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import dot, square_root
@@ -73,7 +71,7 @@ def rotation_derivative(axis_angle: ArrayLike) -> Array:
     return np.eye(3) + cosine_quotient * cross + third_quotient * np.matmul(cross, cross)
 
 
-def _parts(axis_angle: Any) -> tuple[Any, ...]:
+def _parts(axis_angle: ArrayLike) -> tuple[Array, Booleans, Array, Array, Array]:
     """Return K, whether θ is small, θ² where it is, θ where it is not, and (1 − cos θ)/θ²."""
     vector = real_array(axis_angle, "axis_angle", (3,))
     squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
@@ -88,7 +86,7 @@ def _parts(axis_angle: Any) -> tuple[Any, ...]:
     return cross_product_matrix(vector), small, x, angle, cosine_quotient
 
 
-def cross_product_matrix(vector: Any) -> Any:
+def cross_product_matrix(vector: Array) -> Array:
     """Return the matrices of the cross products with vectors, shape (..., 3, 3)."""
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     zero = np.zeros(np.shape(x))
@@ -96,12 +94,12 @@ def cross_product_matrix(vector: Any) -> Any:
     return np.reshape(entries, (*np.shape(x), 3, 3))
 
 
-def transpose(matrices: ndarray) -> ndarray:
+def transpose(matrices: Array) -> Array:
     """Return the transposed matrices, shape (..., 3, 3)."""
     return np.swapaxes(matrices, -1, -2)
 
 
-def axial(matrices: ndarray) -> ndarray:
+def axial(matrices: Array) -> Array:
     """Return the vectors of the skew parts, ½ (M − Mᵀ) = [v]×."""
     return 0.5 * np.stack(
         [
@@ -113,7 +111,7 @@ def axial(matrices: ndarray) -> ndarray:
     )
 
 
-def quaternions(rotations: ndarray) -> ndarray:
+def quaternions(rotations: Array) -> Array:
     """Return unit quaternions of rotations, of either sign; the scalar part comes first.
 
     Of the columns of q qᵀ, all of them multiples of q, the longest is scaled to unit length, so
@@ -140,7 +138,7 @@ def quaternions(rotations: ndarray) -> ndarray:
 
 
 @compiled
-def fill_quaternions(rotations: ndarray, quaternions: ndarray) -> None:
+def fill_quaternions(rotations: Array, quaternions: Array) -> None:
     """Fill `quaternions` of rotations, shape (n, 3, 3)."""
     q = onp.empty(4)
     for t in range(len(rotations)):
@@ -167,7 +165,7 @@ def fill_quaternions(rotations: ndarray, quaternions: ndarray) -> None:
             quaternions[t, k] = q[k] / length
 
 
-def log(r1: ndarray, r2: ndarray) -> ndarray:
+def log(r1: Array, r2: Array) -> Array:
     """Return the vector ω, of length at most π, of the shortest rotation: r₂ = r₁ exp [ω]×."""
     q = quaternions(np.matmul(transpose(r1), r2))
     q = q * np.where(q[..., :1] < 0, -1.0, 1.0)
@@ -178,12 +176,12 @@ def log(r1: ndarray, r2: ndarray) -> ndarray:
     return scale[..., None] * vector
 
 
-def exp(omega: ndarray, r: ndarray) -> ndarray:
+def exp(omega: Array, r: Array) -> Array:
     """Return r exp [ω]×."""
     return np.matmul(r, rotation_matrix(omega))
 
 
-def parallel_transport(vector: ndarray, omega: ndarray) -> ndarray:
+def parallel_transport(vector: TangentVectors, omega: Array) -> Array:
     """Transport along t ↦ r exp(t [ω]×), for unit time, in the body's axes.
 
     The tangent vector r [v]× becomes r exp([ω]×) [w]×, with w = exp(−½ [ω]×) v.
@@ -192,7 +190,7 @@ def parallel_transport(vector: ndarray, omega: ndarray) -> ndarray:
 
 
 @primitive
-def nearest_rotations(matrices: ndarray) -> ndarray:
+def nearest_rotations(matrices: Array) -> Array:
     """Return the rotations R nearest to matrices, which make tr(Rᵀ M) largest.
 
     Where several are as near, which is where the singular values σ₂ and σ₃ of M are equal and
@@ -209,7 +207,7 @@ def nearest_rotations(matrices: ndarray) -> ndarray:
 
 
 @compiled
-def _by_newton(matrices: ndarray, nearest: ndarray, near: ndarray) -> None:
+def _by_newton(matrices: Array, nearest: Array, near: Array) -> None:
     """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it."""
     # Faster than singular values and as exact (Higham, "Computing the polar decomposition", 1986).
     x, cofactors = onp.empty((3, 3)), onp.empty((3, 3))
@@ -238,17 +236,20 @@ def _by_newton(matrices: ndarray, nearest: ndarray, near: ndarray) -> None:
 
 
 @compiled
-def _fill_cofactors(x: ndarray, cofactors: ndarray) -> float:
+def _fill_cofactors(x: Array, cofactors: Array) -> float:
     """Fill the cofactors of a matrix; return its determinant."""
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
             c, d = (j + 1) % 3, (j + 2) % 3
             cofactors[i, j] = x[a, c] * x[b, d] - x[a, d] * x[b, c]
-    return x[0, 0] * cofactors[0, 0] + x[0, 1] * cofactors[0, 1] + x[0, 2] * cofactors[0, 2]
+    determinant: float = (
+        x[0, 0] * cofactors[0, 0] + x[0, 1] * cofactors[0, 1] + x[0, 2] * cofactors[0, 2]
+    )
+    return determinant
 
 
-def _turned_back(answer: ndarray, matrices: ndarray, upstream: ndarray) -> ndarray:
+def _turned_back(answer: Array, matrices: Array, upstream: Array) -> Array:
     """Return the transposed derivative of `nearest_rotations`."""
     # With S = Rᵀ M, dR = R [a]×, where (tr(S) I − S) a is twice the axial vector of Rᵀ dM.
     stretch = np.matmul(transpose(answer), matrices)

@@ -13,17 +13,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
 from autograd.core import make_vjp
 from autograd.extend import defjvp, defvjp, primitive
 from autograd.numpy.numpy_vjps import unbroadcast_f
-from numpy import ndarray
 from scipy.sparse import csr_array, csr_matrix
 
-from riemhuman.arrays import Array, Booleans
+from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels.compilation import compiled
 
@@ -74,14 +73,14 @@ class Derivatives(NamedTuple):
     degenerate: Booleans
 
 
-def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
+def derivatives(points: Points, operator: csr_matrix) -> Derivatives:
     """Return the first derivatives of surfaces with the quantities computed from them."""
     # det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle;
     # from rounded entries of g, the square of that ratio would count.
     return follow_up(*partial_derivatives(points, operator))
 
 
-def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
+def follow_up(f_u: Array, f_v: Array) -> Derivatives:
     """Return first derivatives with the quantities computed from them."""
     area_vectors = np.cross(f_u, f_v)
     squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
@@ -91,7 +90,7 @@ def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
     return Derivatives(f_u, f_v, area_vectors, areas, e, dot(f_u, f_v), degenerate)
 
 
-def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
+def frame_components(first: Derivatives, h_u: Array, h_v: Array) -> Array:
     r"""Return the derivatives of deformations along and across each triangle.
 
     In the orthonormal frame e₁ ∥ f_u, e₂, n of a triangle of the surface, a deformation h has the
@@ -112,19 +111,19 @@ def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
     return np.stack([dot(axis, h) for axis in axes for h in (along, across)], axis=-1)
 
 
-Forms = Sequence[tuple[ndarray, ndarray]]
+Forms = Sequence[tuple[Array, Array]]
 """Quadratic forms, shape (6, 6) or (..., F, 6, 6), each with a scale for every triangle."""
 
 
 def product_by_forms(
-    h: ndarray, k: ndarray, first: Derivatives, operator: csr_matrix, forms: Forms
-) -> ndarray:
+    h: TangentVectors, k: TangentVectors, first: Derivatives, operator: csr_matrix, forms: Forms
+) -> Array:
     """Return the sums over triangles of quadratic forms of `frame_components` of h and k."""
     along_h = frame_components(first, *partial_derivatives(h, operator))
     along_k = along_h
     if k is not h:
         along_k = frame_components(first, *partial_derivatives(k, operator))
-    total: Any = 0.0
+    total = np.zeros(())
     for form, scale in forms:
         if form.ndim == 2:
             values = dot(np.matmul(along_h, form), along_k)
@@ -134,7 +133,7 @@ def product_by_forms(
     return total
 
 
-def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: Forms) -> None:
+def add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Forms) -> None:
     """Add quadratic forms of `frame_components` as forms of the nine numbers of corners."""
     one, two, three = (f[corners] for corners in faces.T)
     x, y = two - one, three - one
@@ -150,17 +149,19 @@ def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: Forms) -> Non
     along[:, 0, 1], along[:, 1, 1], along[:, 1, 2] = 1.0 / p, -dot(y, e1) * over_r / p, over_r
     along[:, :, 0] = -along[:, :, 1] - along[:, :, 2]
     maps = (axes[:, :, None, None, :] * along[:, None, :, :, None]).reshape(-1, 6, 9)
-    total: Any = sum(scale[:, None, None] * form for form, scale in forms)
+    total = sum((scale[:, None, None] * form for form, scale in forms), start=onp.zeros(()))
     blocks += onp.matmul(onp.swapaxes(maps, 1, 2), onp.matmul(total, maps))
 
 
-def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray, ndarray]:
+def partial_derivatives(points: Points, operator: csr_matrix) -> tuple[Array, Array]:
     """Return f_u and f_v of every triangle."""
     f_u, f_v = np.split(apply_operator(operator, points), 2, axis=-2)
     return f_u, f_v
 
 
-def differential(map: Callable[[Any], Any], tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+def differential(
+    map: Callable[[Array], Array], tangent_vec: TangentVectors, base_point: Points
+) -> Array:
     r"""Apply the differential of a map to tangent vectors, :math:`d_x\varphi(v)`.
 
     The transposed differential :math:`w \mapsto d_x\varphi^T w` that reverse-mode automatic
@@ -173,12 +174,12 @@ def differential(map: Callable[[Any], Any], tangent_vec: ndarray, base_point: nd
 
 
 @primitive
-def square_root(x: ndarray) -> ndarray:
+def square_root(x: Array) -> Array:
     """Return the square root, with subgradient 0 at 0 (rounding below 0 counts as 0)."""
     return np.sqrt(np.maximum(x, 0.0))
 
 
-def _square_root_slope(answer: ndarray) -> ndarray:
+def _square_root_slope(answer: Array) -> Array:
     return np.where(answer > 0, 0.5 / np.where(answer > 0, answer, 1.0), 0.0)
 
 
@@ -189,11 +190,12 @@ defvjp(
 
 
 @primitive
-def apply_operator(operator: csr_matrix, values: ndarray) -> ndarray:
+def apply_operator(operator: csr_matrix, values: Array) -> Array:
     """Apply a sparse operator along the second to last axis."""
     # By autograd, the transpose of gathering vertices by index is far slower than its forward pass.
     if values.ndim == 2:
-        return operator @ values
+        applied: Array = operator @ values
+        return applied
     *leading, length, width = values.shape
     columns = np.moveaxis(values, -2, 0).reshape(length, math.prod(leading) * width)
     images = (operator @ columns).reshape(operator.shape[0], *leading, width)
@@ -213,7 +215,7 @@ defjvp(
 
 
 @primitive
-def dot(a: ndarray, b: ndarray) -> ndarray:
+def dot(a: Array, b: Array) -> Array:
     """Return the inner products of vectors along the last axis; sums of products take longer."""
     return np.einsum("...i,...i->...", a, b)
 
@@ -230,28 +232,28 @@ defjvp(
 )
 
 
-def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
+def symmetric_matrices(e: Array, m: Array, g: Array) -> Array:
     """Return the matrices [[e, m], [m, g]]."""
     return np.reshape(np.stack([e, m, m, g], axis=-1), (*np.shape(e), 2, 2))
 
 
-def first_fundamental_form(f_u: ndarray, f_v: ndarray) -> ndarray:
+def first_fundamental_form(f_u: Array, f_v: Array) -> Array:
     """Return g = [[f_u·f_u, f_u·f_v], [f_u·f_v, f_v·f_v]]."""
     return symmetric_matrices(dot(f_u, f_u), dot(f_u, f_v), dot(f_v, f_v))
 
 
-def unit_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
+def unit_normals(f_u: Array, f_v: Array) -> Array:
     """Return n = f_u × f_v / ‖f_u × f_v‖; not defined on triangles without area."""
     area_vectors = np.cross(f_u, f_v)
     return area_vectors / np.sqrt(dot(area_vectors, area_vectors))[..., None]
 
 
-def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
+def is_degenerate(f_u: Array, f_v: Array) -> Booleans:
     """Tell the triangles on which g is singular to working precision, see `Derivatives`."""
     return follow_up(f_u, f_v).degenerate
 
 
-def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
+def refuse_degenerate(degenerate: Booleans, name: str = "the surface") -> None:
     """Refuse surfaces with triangles without area."""
     refuse_triangles(
         degenerate,
@@ -261,17 +263,17 @@ def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
     )
 
 
-def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None:
+def refuse_triangles(bad: Booleans, message: str, error: type[Exception]) -> None:
     """Raise an error naming the first bad triangle, its surface if there are several, the count."""
     _refuse(bad, message, error, "triangle", "triangles")
 
 
-def refuse_vertices(bad: ndarray, message: str, error: type[Exception]) -> None:
+def refuse_vertices(bad: Booleans, message: str, error: type[Exception]) -> None:
     """Raise an error naming the first bad vertex, its surface if there are several, the count."""
     _refuse(bad, message, error, "vertex", "vertices")
 
 
-def _refuse(bad: ndarray, message: str, error: type[Exception], one: str, several: str) -> None:
+def _refuse(bad: Booleans, message: str, error: type[Exception], one: str, several: str) -> None:
     if not bad.any():
         return
     *leading, first = (int(i) for i in np.argwhere(bad)[0])
@@ -281,13 +283,13 @@ def _refuse(bad: ndarray, message: str, error: type[Exception], one: str, severa
     raise error(f"{message}; found otherwise at {one} {first}{where}{others}")
 
 
-def triangle_frames(points: ndarray, operator: object) -> ndarray:
+def triangle_frames(points: Points, operator: object) -> Array:
     """Return the matrices with columns f_u, f_v and n."""
     f_u, f_v = partial_derivatives(points, operator)
     return np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
 
 
-def polar_frames(f_u: ndarray, f_v: ndarray) -> ndarray:
+def polar_frames(f_u: Array, f_v: Array) -> Array:
     r"""Return the orthonormal frames of polar decompositions, and the normal as third column.
 
     The differential of a surface is df = Q √g with Q isometric. In the plane of the triangle, Q is
@@ -302,7 +304,7 @@ def polar_frames(f_u: ndarray, f_v: ndarray) -> ndarray:
 
 
 @compiled
-def fill_rotations(f_u: ndarray, f_v: ndarray, axes: ndarray, rotations: ndarray) -> bool:
+def fill_rotations(f_u: Array, f_v: Array, axes: Array, rotations: Array) -> bool:
     """Fill `polar_frames` times axes transposed; return whether every triangle has an area."""
     for t in range(len(f_u)):
         u, v = f_u[t], f_v[t]
@@ -332,17 +334,17 @@ def _cross(
     return x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
 
 
-def deformation_gradients(before: ndarray, after: ndarray) -> ndarray:
+def deformation_gradients(before: Array, after: Array) -> Array:
     """Return the matrices that take one surface's triangles and normals to another's."""
     return after @ np.linalg.inv(before)
 
 
-def stacked_derivatives(frames: ndarray) -> ndarray:
+def stacked_derivatives(frames: Array) -> Array:
     """Return f_u of all triangles, then f_v, as the template's operator does."""
     return np.concatenate([frames[..., 0], frames[..., 1]], axis=-2)
 
 
-def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
+def cotangent_laplacian(f: Points, faces: Triangles) -> csr_array:
     r"""Return the matrix L of the Dirichlet energy hᵀL h of functions linear on every triangle.
 
     :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)`; open and non-manifold meshes have it as well.
@@ -356,7 +358,7 @@ def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
     return csr_array((entries.ravel(), places), shape=(len(f), len(f)))
 
 
-def vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
+def vertex_normals(points: Points, faces: Triangles) -> Array:
     """Return unit normals of the vertices, averaged over their triangles with areas as weights."""
     one, two, three = (points[corners] for corners in faces.T)
     areas = onp.repeat(onp.cross(two - one, three - one), 3, axis=0)
@@ -364,7 +366,8 @@ def vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
     return unit_vectors(onp.stack(sums, axis=1))
 
 
-def unit_vectors(vectors: ndarray) -> ndarray:
+def unit_vectors(vectors: TangentVectors) -> Array:
     """Return vectors at unit length; zero vectors stay zero."""
     lengths = onp.linalg.norm(vectors, axis=-1, keepdims=True)
-    return onp.divide(vectors, lengths, out=onp.zeros_like(vectors), where=lengths > 0)
+    scaled: Array = onp.divide(vectors, lengths, out=onp.zeros_like(vectors), where=lengths > 0)
+    return scaled

@@ -8,21 +8,22 @@ alone, not on other points, tiles or threads.
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache, lru_cache
-from typing import Any, TypeVar
+from typing import TypeVar, TypeVarTuple
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 from threadpoolctl import ThreadpoolController
 
+from riemhuman.arrays import Array, Integers, TangentVectors
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
 
@@ -33,6 +34,8 @@ _IN_CACHE = 16384
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Sums = TypeVarTuple("Sums")
+Kind = TypeVar("Kind", Array, Integers)
 
 
 def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) -> list[Result]:
@@ -43,15 +46,12 @@ def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) 
 
 
 def sums_in_chunks(
-    task: Callable[[int, int], tuple[Any, ...]], size: int, *, threaded: bool
-) -> tuple[Any, ...]:
-    """Return the sums of what a task returns for parts of range(size)."""
-    first, *others = in_chunks(task, size, threaded=threaded)
-    totals = list(first)
-    for part in others:
-        for k, value in enumerate(part):
-            totals[k] += value
-    return tuple(totals)
+    task: Callable[[int, int], tuple[*Sums]], size: int, *, threaded: bool
+) -> tuple[*Sums]:
+    """Return the sums of what a task returns for parts of range(size), numbers and arrays."""
+    parts = in_chunks(task, size, threaded=threaded)
+    sums = (functools.reduce(operator.iadd, values) for values in zip(*parts, strict=True))
+    return tuple(sums)
 
 
 def thread_count(n_jobs: int | None) -> int:
@@ -110,29 +110,30 @@ def check_interrupt() -> None:
 
 _lock = threading.Lock()
 _n_limited = 0
-_limiter: Any = None
+_restore_limits: Callable[[], object] | None = None
 
 
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
     """Keep libraries in the calling thread, for code that runs threads of its own."""
     # Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
-    global _n_limited, _limiter
+    global _n_limited, _restore_limits
     with _lock:
         # One limit for all who are in it: limits that overlap would restore what another has set.
         if _n_limited == 0:
-            _limiter = _controller(len(sys.modules)).limit(limits=1)
+            limiter = _controller(len(sys.modules)).limit(limits=1)
+            _restore_limits = limiter.restore_original_limits
         _n_limited += 1
     try:
         yield
     finally:
         with _lock:
             _n_limited -= 1
-            if _n_limited == 0:
-                _limiter.restore_original_limits()
+            if _n_limited == 0 and _restore_limits is not None:
+                _restore_limits()
 
 
-@lru_cache(maxsize=1)
+@functools.lru_cache(maxsize=1)
 def _controller(n_modules: int) -> ThreadpoolController:
     # Looking for libraries takes milliseconds; imports alone load new ones.
     return ThreadpoolController()
@@ -143,7 +144,7 @@ def _renew_lock() -> None:
     _lock = threading.Lock()
 
 
-def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:
+def combine_rows(coefficients: Array, rows: Array) -> Array:
     """Return coefficients @ rows for long rows."""
     combined = np.empty((len(coefficients), rows.shape[1]))
 
@@ -154,20 +155,21 @@ def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:
     return combined
 
 
-def pair_with_rows(vectors: ndarray, rows: ndarray) -> ndarray:
+def pair_with_rows(vectors: TangentVectors, rows: Array) -> Array:
     """Return vectors @ rows.T for long rows."""
 
-    def task(first: int, last: int) -> ndarray:
+    def task(first: int, last: int) -> Array:
         total = np.zeros((len(vectors), len(rows)))
         for start in range(first, last, _IN_CACHE):
             part = slice(start, min(start + _IN_CACHE, last))
             total += vectors[:, part] @ rows[:, part].T
         return total
 
-    return np.add.reduce(in_chunks(task, rows.shape[1], threaded=_is_large(rows)))
+    products: Array = np.add.reduce(in_chunks(task, rows.shape[1], threaded=_is_large(rows)))
+    return products
 
 
-def quadratic_form(matrix: sparse.csr_array, rows: ndarray) -> ndarray:
+def quadratic_form(matrix: sparse.csr_array, rows: Array) -> Array:
     """Return rows @ matrix @ rows.T for long rows."""
     columns = np.empty((rows.shape[1], rows.shape[0]))
     threaded = _is_large(rows)
@@ -175,19 +177,21 @@ def quadratic_form(matrix: sparse.csr_array, rows: ndarray) -> ndarray:
     def transpose(first: int, last: int) -> None:
         columns[first:last] = rows[:, first:last].T
 
-    def task(first: int, last: int) -> ndarray:
-        return rows[:, first:last] @ (matrix[first:last] @ columns)
+    def task(first: int, last: int) -> Array:
+        part: Array = rows[:, first:last] @ (matrix[first:last] @ columns)
+        return part
 
     in_chunks(transpose, len(columns), threaded=threaded)
     with single_threaded_libraries():
-        return np.add.reduce(in_chunks(task, len(columns), threaded=threaded))
+        form: Array = np.add.reduce(in_chunks(task, len(columns), threaded=threaded))
+    return form
 
 
-def _is_large(rows: ndarray) -> bool:
+def _is_large(rows: Array) -> bool:
     return rows.size > 500_000
 
 
-@cache
+@functools.cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(N_CHUNKS, thread_name_prefix="riemhuman-kernels")
 
@@ -217,13 +221,13 @@ _TILE_WORK = 320_000_000
 _TILES_A_THREAD = 4
 
 
-def slices(n: int, size: int) -> Iterator[slice]:
+def slices(n: int, size: int) -> Iterator[slice[int, int, None]]:
     """Yield consecutive parts of range(n), all but the last of one size."""
     for start in range(0, n, size):
         yield slice(start, min(start + size, n))
 
 
-def of_one_kind(array: ndarray) -> ndarray:
+def of_one_kind(array: Kind) -> Kind:
     """Return a read-only C-contiguous array, the kind that loops are compiled for."""
     # Loops over another kind would be compiled again, and could add up in another order.
     view = np.ascontiguousarray(array).view()
@@ -232,11 +236,11 @@ def of_one_kind(array: ndarray) -> ndarray:
 
 
 def in_tiles(
-    run: Callable[[tuple[tuple[ndarray, ...], tuple[ndarray, ...]]], ndarray],
-    a: Sequence[ndarray],
-    b: Sequence[ndarray],
+    run: Callable[[tuple[tuple[Array, ...], tuple[Array, ...]]], Array],
+    a: Sequence[Array],
+    b: Sequence[Array],
     n_threads: int,
-) -> ndarray:
+) -> Array:
     """Return sums over pairs, computed tile by tile in threads."""
     within = all(one is other for one, other in zip(a, b, strict=True))
     a, b = tuple(map(of_one_kind, a)), tuple(map(of_one_kind, b))

@@ -54,7 +54,7 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         # own areas.
         near = np.concatenate([vertices, 0.05 * normals], axis=1)
         owners = cKDTree(near[numbers]).query(near)[1]
-        shares = np.bincount(owners, areas, len(numbers))
+        shares = np.bincount(owners, areas, len(numbers)).astype(np.float64, copy=False)
     n_joints = model.n_joints
     skeleton = Skeleton(model, with_hands=True)
     n_features = 0 if model.posedirs is None else model.posedirs.shape[-1]

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import linalg, sparse
 
-from riemhuman.arrays import Array, Points, TangentVectors
+from riemhuman.arrays import Array, Integers, Points, TangentVectors
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
@@ -129,7 +129,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         )
         if not np.all(pivots > 0.0):
             raise ArgumentError(_INDEFINITE)
-        self._lower: tuple[Array, Array, Array] = elimination.ends, elimination.rows, lower
+        self._lower: tuple[Integers, Integers, Array] = elimination.ends, elimination.rows, lower
         self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
 
@@ -149,7 +149,7 @@ class SparseCholeskyFactor(CholeskyFactor):
 
     def _solve_lower(self, columns: Array) -> Array:
         """Return the solution in the order of elimination, for a diagonal of 1."""
-        x = columns[self._order]
+        x: Array = columns[self._order]
         solve_lower(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
         return x
 

@@ -6,11 +6,11 @@ from abc import abstractmethod
 from typing import Self
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import squareform
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import Rng, distance_matrix, generator, one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
@@ -19,7 +19,7 @@ LINKAGES = ("ward", "average", "complete", "single", "weighted")
 
 
 class _Clustering(Estimator):
-    labels_: ndarray
+    labels_: Integers
 
     @abstractmethod
     def fit(self, X: ArrayLike, y: object = None) -> Self:
@@ -33,7 +33,7 @@ class _Clustering(Estimator):
             Not used.
         """
 
-    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+    def fit_predict(self, X: ArrayLike, y: object = None) -> Integers:
         """Fit, and return the labels."""
         return self.fit(X).labels_
 
@@ -78,7 +78,7 @@ class KMedoids(_Clustering):
     [0, 0, 1, 1]
     """
 
-    medoid_indices_: ndarray
+    medoid_indices_: Integers
     inertia_: float
     n_iter_: int
 
@@ -103,7 +103,7 @@ class KMedoids(_Clustering):
         self.labels_[self.medoid_indices_] = np.arange(k)
         return self
 
-    def predict(self, X: ArrayLike) -> ndarray:
+    def predict(self, X: ArrayLike) -> Integers:
         """Return the nearest medoid of points.
 
         Parameters
@@ -118,7 +118,8 @@ class KMedoids(_Clustering):
                 f"X must hold the distances to all fitted points; found {distances.shape[1]} "
                 f"columns and a medoid {self.medoid_indices_[-1]}"
             )
-        return np.argmin(distances[:, self.medoid_indices_], axis=1)
+        nearest: Integers = np.argmin(distances[:, self.medoid_indices_], axis=1)
+        return nearest
 
 
 class HierarchicalClustering(_Clustering):
@@ -147,7 +148,7 @@ class HierarchicalClustering(_Clustering):
     [0, 0, 1, 1]
     """
 
-    linkage_matrix_: ndarray
+    linkage_matrix_: Array
 
     def __init__(self, n_clusters: int = 2, *, linkage: str = "ward") -> None:
         self.n_clusters = n_clusters
@@ -167,7 +168,7 @@ class HierarchicalClustering(_Clustering):
         return self
 
 
-def _greedy_medoids(distances: ndarray, k: int) -> ndarray:
+def _greedy_medoids(distances: Array, k: int) -> Integers:
     """Return k medoids, each the best there is beside those before it."""
     medoids = [int(np.argmin(distances.sum(axis=0)))]
     nearest = distances[medoids[0]]
@@ -179,7 +180,7 @@ def _greedy_medoids(distances: ndarray, k: int) -> ndarray:
     return np.array(medoids)
 
 
-def _exchange(distances: ndarray, medoids: ndarray) -> tuple[ndarray, float, int]:
+def _exchange(distances: Array, medoids: Integers) -> tuple[Integers, float, int]:
     """Exchange medoids for other points while the sum of distances falls."""
     medoids, n_exchanges = medoids.copy(), 0
     rounding = 1e-12 * distances.sum()

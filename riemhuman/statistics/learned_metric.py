@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from functools import partial
 from itertools import combinations
-from typing import Any, Self
+from typing import Self
 
 import autograd.numpy as anp
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.distance import cdist
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import class_numbers, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
@@ -78,8 +77,8 @@ class LearnedMetric(Transformer):
 
     metric_: PullbackMetric
     shrinkage_: float
-    mean_: ndarray
-    components_: ndarray
+    mean_: Array
+    components_: Array
 
     def __init__(
         self, metric: RiemannianMetric, *, shrinkage: str | float = LEDOIT_WOLF, n_folds: int = 5
@@ -89,7 +88,7 @@ class LearnedMetric(Transformer):
         self.n_folds = n_folds
 
     @enough_memory("a metric that is learned from these bodies")
-    def fit(self, X: ndarray, y: Sequence[Hashable] | ndarray) -> Self:
+    def fit(self, X: Array, y: Sequence[Hashable] | Array) -> Self:
         r"""Learn the metric.
 
         Parameters
@@ -112,7 +111,7 @@ class LearnedMetric(Transformer):
         )
         return self
 
-    def transform(self, X: ndarray) -> ndarray:
+    def transform(self, X: Array) -> Array:
         r"""Return coordinates whose Euclidean distances are those of the learned metric.
 
         Parameters
@@ -124,7 +123,7 @@ class LearnedMetric(Transformer):
         coordinates = (self._coordinates(X) - self.mean_) @ self.components_.T
         return self._in_container(coordinates, X)
 
-    def fit_transform(self, X: ndarray, y: Sequence[Hashable] | ndarray) -> ndarray:
+    def fit_transform(self, X: Array, y: Sequence[Hashable] | Array) -> Array:
         """Learn the metric, and return the coordinates of the same points.
 
         Parameters
@@ -135,8 +134,8 @@ class LearnedMetric(Transformer):
         return self.fit(X, y).transform(X)
 
     def held_out_distances(
-        self, X: ndarray, y: Sequence[Hashable] | ndarray, groups: Sequence[Hashable] | ndarray
-    ) -> ndarray:
+        self, X: Array, y: Sequence[Hashable] | Array, groups: Sequence[Hashable] | Array
+    ) -> Array:
         r"""Return distances of all pairs in metrics fitted without the groups of both points.
 
         Groups are dealt to folds. For every two folds, a metric is fitted to all others: it gives
@@ -179,17 +178,16 @@ class LearnedMetric(Transformer):
         self._require_fit("components_")
         return len(self.components_)
 
-    def _coordinates(self, X: ArrayLike) -> ndarray:
+    def _coordinates(self, X: ArrayLike) -> Array:
         points = self.metric.check_points(X, "X")
         return in_blocks(self.metric.lower_bound_coordinates, points)
 
-    def _whitening(self, coordinates: ndarray, classes: ndarray) -> tuple[ndarray, float]:
+    def _whitening(self, coordinates: Array, classes: Integers) -> tuple[Array, float]:
         """Return the rows that whiten the scatter within classes, and the shrinkage."""
-        shrinkage: Any = self.shrinkage
-        if isinstance(shrinkage, str):
-            one_of(shrinkage, "shrinkage", (LEDOIT_WOLF,))
-        elif not 0.0 < real_number(shrinkage, "shrinkage", minimum=0.0, strict=True) <= 1.0:
-            raise ArgumentError(f"shrinkage must be at most 1; found {shrinkage:g}")
+        if isinstance(self.shrinkage, str):
+            one_of(self.shrinkage, "shrinkage", (LEDOIT_WOLF,))
+        elif real_number(self.shrinkage, "shrinkage", minimum=0.0, strict=True) > 1.0:
+            raise ArgumentError(f"shrinkage must be at most 1; found {self.shrinkage:g}")
         _, directions, reduced = _principal(coordinates)
         numbers, classes = np.unique(classes, return_inverse=True)
         if len(numbers) < 2:
@@ -202,19 +200,21 @@ class LearnedMetric(Transformer):
         if np.abs(within).max(initial=0.0) <= 1e-9 * np.abs(reduced).max(initial=0.0):
             raise ArgumentError("y must give the same class to two different points to learn from")
         scatter = within.T @ within / len(within)
-        if shrinkage == LEDOIT_WOLF:
+        if isinstance(self.shrinkage, str):
             covariance = import_optional("sklearn.covariance", "statistics")
-            shrinkage = covariance.ledoit_wolf_shrinkage(within, assume_centered=True)
+            shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
+        else:
+            shrinkage = float(self.shrinkage)
         scatter = (1.0 - shrinkage) * scatter
         scatter += shrinkage * np.sum(within**2) / within.size * np.eye(len(scatter))
-        return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, float(shrinkage)
+        return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, shrinkage
 
 
-def _whitened(metric: RiemannianMetric, mean: ndarray, components: ndarray, points: Array) -> Array:
+def _whitened(metric: RiemannianMetric, mean: Array, components: Array, points: Array) -> Array:
     return anp.dot(metric.lower_bound_coordinates(points) - mean, components.T)
 
 
-def _principal(coordinates: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+def _principal(coordinates: Array) -> tuple[Array, Array, Array]:
     """Return the mean, the principal directions, and the coordinates along these."""
     mean, directions = principal_components(coordinates)
     return mean, directions, (coordinates - mean) @ directions.T

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, ArrayLike, Labels, PointsLike
 from riemhuman.checks import Rng, class_numbers, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.solvers import GeodesicRegression
+from riemhuman.geometry import Manifold
+from riemhuman.geometry.strategies import MeanSolver
+from riemhuman.solvers import GeodesicRegression, NearestSurface
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +40,25 @@ class ShapeRegression:
     n_permutations: int
 
 
+class RegressionOptions(TypedDict, total=False):
+    """Arguments of `rh.GeodesicRegression`."""
+
+    mean: MeanSolver | ArrayLike | None
+    image: str
+    nearest: NearestSurface | None
+    tolerance: float
+    max_iter: int
+
+
 def regress_shape(
-    space: Any,
-    values: Any,
-    points: Any,
+    space: Manifold,
+    values: ArrayLike,
+    points: PointsLike,
     *,
-    people: Any = None,
+    people: Labels | None = None,
     n_permutations: int = 999,
     rng: Rng = None,
-    **options: Any,
+    **options: Unpack[RegressionOptions],
 ) -> ShapeRegression:
     r"""Fit bodies by a geodesic in a number, and test the fit by permutations.
 
@@ -85,17 +97,17 @@ def regress_shape(
     True
     """
     points = space.metric.check_points(points, "points")
-    values = real_array(values, "values", (len(points),), batched=False)
+    numbers = real_array(values, "values", (len(points),), batched=False)
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     labels = range(len(points)) if people is None else people
     of_person, _ = class_numbers(labels, "people", len(points))
     _, first = np.unique(of_person, return_index=True)
-    if (values != values[first][of_person]).any():
+    if (numbers != numbers[first][of_person]).any():
         raise ArgumentError("values must be the same for all bodies of a person")
-    regression = GeodesicRegression(space, **options).fit(values, points)
+    regression = GeodesicRegression(space, **options).fit(numbers, points)
     gram = regression.gram_matrix(points)
     rng = generator(rng)
-    responses = values[first]
+    responses = numbers[first]
     explained = _explained(gram, responses[of_person])
     permuted = [
         _explained(gram, rng.permutation(responses)[of_person]) for _ in range(n_permutations)
@@ -105,6 +117,6 @@ def regress_shape(
     return ShapeRegression(regression, explained, p_value, n_permutations)
 
 
-def _explained(gram: ndarray, values: ndarray) -> float:
+def _explained(gram: Array, values: Array) -> float:
     centred = values - values.mean()
     return float(centred @ gram @ centred / (centred @ centred * np.trace(gram)))

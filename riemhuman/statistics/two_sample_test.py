@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.checks import (
     Rng,
     class_numbers,
@@ -55,7 +55,7 @@ class TwoSampleResult(Record):
     p_value: float
     n_permutations: int
     exact: bool
-    statistics: ndarray
+    statistics: Array
 
 
 def two_sample_test(
@@ -141,7 +141,7 @@ def two_sample_test(
     return TwoSampleResult(float(observed), p_value, count, exact, statistics)
 
 
-def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
+def _units(units: ArrayLike | None, first: Booleans) -> tuple[Integers, Booleans]:
     """Return the unit of every point, and which units are in the first group."""
     if units is None:
         return np.arange(len(first)), first
@@ -155,7 +155,7 @@ def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
     return members, share > 0
 
 
-def _statistics(matrix: ndarray, splits: ndarray) -> ndarray:
+def _statistics(matrix: Array, splits: Booleans) -> Array:
     """Return the energy statistic of every split, given as rows of booleans."""
     first = splits.astype(np.float64)
     second = 1.0 - first
@@ -163,6 +163,6 @@ def _statistics(matrix: ndarray, splits: ndarray) -> ndarray:
     to_first = first @ matrix
     across = np.sum(to_first * second, axis=1) / (n * m)
     within = np.sum(to_first * first, axis=1) / n**2
-    return (
-        n * m / (n + m) * (2.0 * across - within - np.sum(second @ matrix * second, axis=1) / m**2)
-    )
+    within_second = np.sum(second @ matrix * second, axis=1) / m**2
+    statistics: Array = n * m / (n + m) * (2.0 * across - within - within_second)
+    return statistics

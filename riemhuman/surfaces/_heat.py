@@ -6,6 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.kernels.elimination import SymmetricSolver
 from riemhuman.surfaces.measures import adjacent_triangles
 
@@ -17,7 +18,7 @@ class HeatFlow:
     that no triangle uses, the flow ends at 0.
     """
 
-    def __init__(self, masses: np.ndarray, laplacian: sparse.csr_array) -> None:
+    def __init__(self, masses: Array, laplacian: sparse.csr_array) -> None:
         self.masses, self.laplacian = masses, laplacian
         self._steps: dict[float, LinearOperator] = {}
 
@@ -33,10 +34,10 @@ class HeatFlow:
         diagonal = np.where(masses > 0.0, masses, 1.0)
         solver = SymmetricSolver(sparse.diags_array(diagonal) + time * laplacian)
 
-        def flow(values: np.ndarray) -> np.ndarray:
+        def flow(values: Array) -> Array:
             return solver.solve((masses * values.T).T)
 
-        def transposed(values: np.ndarray) -> np.ndarray:
+        def transposed(values: Array) -> Array:
             return (masses * solver.solve(values).T).T
 
         size = (len(masses), len(masses))
@@ -50,14 +51,14 @@ class TriangleHeat(HeatFlow):
     # length ℓ, the conductance is ℓ/d, where d = 2(w_s + w_t)/(3ℓ) is the sum of the distances of
     # both centroids from the edge.
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, face_areas: np.ndarray) -> None:
+    def __init__(self, vertices: Array, faces: Triangles, face_areas: Array) -> None:
         pairs, edges = adjacent_triangles(faces)
         squared_lengths = np.sum((vertices[edges[:, 0]] - vertices[edges[:, 1]]) ** 2, axis=1)
         flows = 1.5 * squared_lengths / face_areas[pairs].sum(axis=1)
         self._pairs, self._flows = pairs, flows
         super().__init__(face_areas, _laplacian(pairs, flows, len(face_areas)))
 
-    def step_through(self, conductances: np.ndarray, time: float) -> LinearOperator:
+    def step_through(self, conductances: Array, time: float) -> LinearOperator:
         """Return one implicit step of the flow with different conductivities of the triangles."""
         both = conductances[self._pairs]
         means = 2.0 * both[:, 0] * both[:, 1] / both.sum(axis=1)
@@ -65,7 +66,7 @@ class TriangleHeat(HeatFlow):
         return self._step(time, laplacian)
 
 
-def _laplacian(pairs: np.ndarray, flows: np.ndarray, n: int) -> sparse.csr_array:
+def _laplacian(pairs: Integers, flows: Array, n: int) -> sparse.csr_array:
     links = sparse.coo_array((flows, tuple(pairs.T)), shape=(n, n))
     links = (links + links.T).tocsr()
     return sparse.diags_array(links.sum(axis=1)) - links

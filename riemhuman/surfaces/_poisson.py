@@ -14,11 +14,11 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.sparse.linalg import splu
 
+from riemhuman.arrays import Array, Points, TangentVectors, Triangles
 from riemhuman.kernels.rotations import log, nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, dot, triangle_frames, unit_vectors
 from riemhuman.kernels.threads import single_threaded_libraries
@@ -30,10 +30,10 @@ class PoissonInterpolator:
 
     def __init__(
         self,
-        faces: ndarray,
+        faces: Triangles,
         differential_operator: sparse.csr_array,
-        face_areas: ndarray,
-        first_copies: ndarray | None = None,
+        face_areas: Array,
+        first_copies: Array | None = None,
     ) -> None:
         n_vertices = differential_operator.shape[1]
         # Of vertices that a seam doubles, the first copy alone is sought, and the others follow.
@@ -55,23 +55,23 @@ class PoissonInterpolator:
             (1.0 / sizes[component], (component, np.arange(n_vertices)))
         )
 
-    def _weigh(self, weights: ndarray) -> None:
+    def _weigh(self, weights: Array) -> None:
         self._divergence = self._operator.T @ sparse.diags_array(np.tile(weights, 2))
         laplacian = (self._divergence @ self._operator).tocsc()
         self._factor = splu(laplacian[self._free][:, self._free])
 
-    def with_weights(self, weights: ndarray) -> PoissonInterpolator:
+    def with_weights(self, weights: Array) -> PoissonInterpolator:
         """Return an interpolator with other weights of the triangles."""
         interpolator = copy(self)
         interpolator._weigh(self._areas * weights)
         return interpolator
 
-    def rotations(self, start: ndarray, end: ndarray) -> ndarray:
+    def rotations(self, start: Points, end: Points) -> Array:
         """Return the shortest rotations of the triangles between two surfaces, shape (F, 3)."""
         frames = (triangle_frames(f, self._operator) for f in (start, end))
         return log(np.eye(3), nearest_rotations(deformation_gradients(*frames)))
 
-    def unwrap(self, rotations: ndarray) -> ndarray:
+    def unwrap(self, rotations: Array) -> Array:
         """Return the same rotations plus multiples of 2π, so that neighbours rotate alike."""
         first, second = self._neighbours.T
         gaps = rotations[first] - rotations[second]
@@ -107,7 +107,7 @@ class PoissonInterpolator:
                 factors[t] = 1.0 + 2.0 * np.pi * turns / angle
         return np.array(factors)[:, None] * rotations
 
-    def parts(self, chosen: ndarray) -> list[ndarray]:
+    def parts(self, chosen: Array) -> list[Array]:
         """Return the connected parts of a set of triangles, the largest first."""
         first, second = self._neighbours[chosen[self._neighbours].all(axis=1)].T
         shape = (len(chosen), len(chosen))
@@ -119,8 +119,8 @@ class PoissonInterpolator:
         return [triangles[part == k] for k in np.argsort(-areas, kind="stable")]
 
     def interpolate(
-        self, start: ndarray, end: ndarray, times: ndarray, rotations: ndarray | None = None
-    ) -> ndarray:
+        self, start: Points, end: Points, times: Array, rotations: Array | None = None
+    ) -> Array:
         """Return the surfaces (n, V, 3) between two surfaces at some times (n,) in [0, 1]."""
         if len(times) == 0:
             return np.empty((0, *start.shape))
@@ -131,9 +131,7 @@ class PoissonInterpolator:
         weights = times[:, None]
         return self._solve(source, (1.0 - weights) * first[:, None] + weights * last[:, None])
 
-    def rotated_sources(
-        self, start: ndarray, end: ndarray, times: ndarray, rotations: ndarray
-    ) -> ndarray:
+    def rotated_sources(self, start: Points, end: Points, times: Array, rotations: Array) -> Array:
         """Return the divergences of J(t), shape (V, n, 3)."""
         before, after = ((self._operator @ f).reshape(2, -1, 3) for f in (start, end))
         angles, axes = np.linalg.norm(rotations, axis=1), unit_vectors(rotations)
@@ -142,15 +140,16 @@ class PoissonInterpolator:
         both = [(1.0 - times)[:, None] * shares, times[:, None] * shares]
         parts = [_parts(before, axes), _parts(back, axes)]
         wanted = np.matmul(np.concatenate(both, axis=-1), np.concatenate(parts, axis=-2))
-        source = self._divergence @ wanted.reshape(before[..., 0].size, -1)
+        source: Array = self._divergence @ wanted.reshape(before[..., 0].size, -1)
         return source.reshape(-1, len(times), 3)
 
-    def surface_of(self, derivatives: ndarray, placed_as: ndarray) -> ndarray:
+    def surface_of(self, derivatives: Array, placed_as: Array) -> Array:
         """Return the surface whose first derivatives are closest to given ones."""
         source = self._divergence @ derivatives
-        return self._solve(source[:, None], (self._average @ placed_as)[:, None])[0]
+        surface: Array = self._solve(source[:, None], (self._average @ placed_as)[:, None])[0]
+        return surface
 
-    def _solve(self, source: ndarray, centroids: ndarray) -> ndarray:
+    def _solve(self, source: Points, centroids: Array) -> Array:
         """Return the surfaces, shape (n, V, 3), with divergences (V, n, 3) and given centroids."""
         points = np.zeros((len(source), source[0].size))
         with single_threaded_libraries():
@@ -162,12 +161,12 @@ class PoissonInterpolator:
         return np.ascontiguousarray(np.swapaxes(points.reshape(source.shape), 0, 1))
 
 
-def _parts(vectors: ndarray, axes: ndarray) -> ndarray:
+def _parts(vectors: TangentVectors, axes: Array) -> Array:
     """Return the parts of vectors across axes, their cross products, and the parts along."""
     along = dot(vectors, axes)[..., None] * axes
     return np.stack([vectors - along, np.cross(axes, vectors), along], axis=-2)
 
 
-def _shares(angles: ndarray) -> ndarray:
+def _shares(angles: Array) -> Array:
     """Return the shares of these parts in vectors rotated about the axes."""
     return np.stack([np.cos(angles), np.sin(angles), np.ones_like(angles)], axis=-1)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sized
 from itertools import chain
-from typing import Any
+from typing import TypeAlias, TypeGuard
 
 import autograd.numpy as anp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, PointsOnDemand
 from riemhuman.checks import check_same_scale, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -20,6 +20,8 @@ from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template
+
+MotionLike: TypeAlias = Iterable[object] | PointsOnDemand
 
 # A deformation lies in a basis if less than this share of its size is outside.
 _OUTSIDE = 1e-9
@@ -79,14 +81,14 @@ class DeformationBasis:
                     f"are up to {deviation:.3g} away from it: pass orthonormalize=True to make "
                     "them so"
                 )
-        self.explained_variance: np.ndarray | None = None
-        self.explained_variance_ratio: np.ndarray | None = None
+        self.explained_variance: Array | None = None
+        self.explained_variance_ratio: Array | None = None
 
     @classmethod
     @enough_memory("a basis of motions", _FEWER_COMPONENTS)
     def from_motions(
         cls,
-        motions: Iterable[Any],
+        motions: Iterable[MotionLike],
         n_components: int = 100,
         step: int = 10,
         *,
@@ -119,7 +121,7 @@ class DeformationBasis:
         first = next(pairs)
         largest = 0.0
 
-        def deformations() -> Iterator[np.ndarray]:
+        def deformations() -> Iterator[Array]:
             nonlocal largest
             for start, end in chain([first], pairs):
                 largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
@@ -210,12 +212,12 @@ class DeformationBasis:
         save_arrays(path, fields)
 
     @property
-    def vectors(self) -> np.ndarray:
+    def vectors(self) -> Array:
         """The deformations, shape (K, V, 3), read-only, orthonormal."""
         return self._vectors
 
     @property
-    def flat(self) -> np.ndarray:
+    def flat(self) -> Array:
         """The deformations as rows, shape (K, 3V), read-only, C-contiguous, not copied."""
         return self._vectors.reshape(len(self), -1)
 
@@ -227,7 +229,7 @@ class DeformationBasis:
     @property
     def n_vertices(self) -> int:
         """Number of vertices V."""
-        return self._vectors.shape[1]
+        return len(self._vectors[0])
 
     def coefficients(self, deformation: ArrayLike) -> Array:
         """Return the inner products of deformations with the vectors, shape (..., K).
@@ -298,7 +300,7 @@ class DeformationBasis:
             basis.explained_variance_ratio = self.explained_variance_ratio[:kept]
         return basis
 
-    def extend(self, deformations: np.ndarray) -> DeformationBasis:
+    def extend(self, deformations: Array) -> DeformationBasis:
         """Return this basis extended by more deformations.
 
         Parameters
@@ -319,7 +321,7 @@ class DeformationBasis:
         added = len(flat) > len(self)
         return DeformationBasis(flat.reshape(-1, self.n_vertices, 3)) if added else self
 
-    def _set_statistics(self, variance: np.ndarray | None, ratio: np.ndarray | None) -> None:
+    def _set_statistics(self, variance: Array | None, ratio: Array | None) -> None:
         if variance is not None:
             variance = real_array(variance, "explained_variance", (len(self),), batched=False)
             self.explained_variance = read_only(variance)
@@ -332,8 +334,8 @@ _REMEDY = "a basis weighs deformations by their lengths"
 
 
 def frames_apart(
-    motions: Iterable[Array], step: int = 10, *, progress: bool = False
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    motions: Iterable[MotionLike], step: int = 10, *, progress: bool = False
+) -> Iterator[tuple[Array, Array]]:
     """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, …."""
     step = whole_number(step, "step", minimum=1)
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
@@ -341,7 +343,7 @@ def frames_apart(
             f"motions must hold several motions; found one, of shape {motions.shape}: give it "
             "in a list, [motion]"
         )
-    first: np.ndarray | None = None
+    first: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
     listed = _iterate(motions, "motions")
     bar = ProgressBar(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
@@ -362,10 +364,10 @@ def frames_apart(
         raise ArgumentError("motions holds no motion; at least one is needed")
 
 
-def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
+def _every(motion: object, step: int, name: str) -> Iterator[Array]:
     """Yield every step-th frame of a motion; of one on disk, or on demand, no others are read."""
-    numbered: Iterable[tuple[int, Any]]
-    if hasattr(motion, "__getitem__") and not isinstance(motion, (np.ndarray, list, tuple, str)):
+    numbered: Iterable[tuple[int, object]]
+    if _is_on_demand(motion):
         n_frames = len(motion)
         numbered = ((k, motion[k]) for k in range(0, n_frames if n_frames > step else 0, step))
     else:
@@ -388,9 +390,14 @@ def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
         )
 
 
-def _iterate(items: Any, name: str) -> Iterator[Any]:
+def _is_on_demand(motion: object) -> TypeGuard[PointsOnDemand]:
+    is_in_memory = isinstance(motion, (np.ndarray, list, tuple, str))
+    return hasattr(motion, "__getitem__") and not is_in_memory
+
+
+def _iterate(items: object, name: str) -> Iterator[object]:
     try:
-        return iter(items)
+        return iter(items)  # type: ignore[call-overload, no-any-return]  # or a TypeError
     except TypeError as error:
         raise ArgumentTypeError(
             f"{name} must be an array or something to iterate over; found {items!r}"
@@ -398,8 +405,8 @@ def _iterate(items: Any, name: str) -> Iterator[Any]:
 
 
 def singular_rows(
-    rows: Iterable[np.ndarray], n_components: int, n_features: int, memory: int = 2**28
-) -> tuple[np.ndarray, np.ndarray, int, float]:
+    rows: Iterable[Array], n_components: int, n_features: int, memory: int = 2**28
+) -> tuple[Array, Array, int, float]:
     """Return the strongest singular values S and S Vᵀ of rows, their number and sum of squares.
 
     Rows are collected up to `memory` bytes. The rows A = U S Vᵀ of a full buffer are replaced by
@@ -427,18 +434,18 @@ def singular_rows(
     return values, buffer[: len(values)], n_rows, sum_of_squares
 
 
-def _merge(rows: np.ndarray, most: int) -> np.ndarray:
+def _merge(rows: Array, most: int) -> Array:
     """Replace the first rows by the strongest rows of S Vᵀ; return their singular values."""
     # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
     # singular values to full precision.
-    triangle: Any = np.linalg.qr(rows.T, mode="r")
+    triangle: Array = np.linalg.qr(rows.T, mode="r")  # type: ignore[assignment]  # not a pair
     left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
     values = values[:most]
     rows[: len(values)] = left[:, : len(values)].T @ rows
     return values
 
 
-def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:
+def orthonormal_rows(rows: Array, name: str) -> Array:
     """Orthonormalise rows by the Gram–Schmidt process."""
     sizes = np.linalg.norm(rows, axis=1)
     sizes[sizes == 0] = 1.0

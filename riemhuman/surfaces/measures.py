@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from riemhuman.arrays import Array, Integers, Points, Triangles
 from riemhuman.checks import real_array
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
 _FLAT = 1e-4
 
 
-def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
+def triangle_areas(points: Points, faces: Triangles) -> Array:
     """Return the areas of triangles, square metres, shape (..., F).
 
     Parameters
@@ -29,10 +29,11 @@ def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
     """
     points = real_array(points, "points", ("n_vertices", 3))
     first, second, third = (points[..., corner, :] for corner in faces.T)
-    return 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=-1)
+    double_areas: Array = np.linalg.norm(np.cross(second - first, third - first), axis=-1)
+    return 0.5 * double_areas
 
 
-def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
+def edge_lengths(points: Points, edges: Integers) -> Array:
     """Return the lengths of edges, metres, shape (..., E).
 
     Parameters
@@ -48,10 +49,12 @@ def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
     (3600,)
     """
     points = real_array(points, "points", ("n_vertices", 3))
-    return np.linalg.norm(points[..., edges[:, 1], :] - points[..., edges[:, 0], :], axis=-1)
+    sides = points[..., edges[:, 1], :] - points[..., edges[:, 0], :]
+    lengths: Array = np.linalg.norm(sides, axis=-1)
+    return lengths
 
 
-def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
+def signed_volume(points: Points, faces: Triangles) -> Array:
     """Return the volumes of closed surfaces, Σ_t det(q₁, q₂, q₃)/6, cubic metres, shape (...).
 
     They are positive if normals point outward, and NaN if the mesh is not closed.
@@ -73,15 +76,15 @@ def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
     return _enclosed(points, faces)
 
 
-def _enclosed(points: ndarray, faces: ndarray) -> ndarray:
+def _enclosed(points: Points, faces: Triangles) -> Array:
     # Relative to the first vertex, to keep precision for bodies far from the origin.
     points = points - points[..., :1, :]
     first, second, third = (points[..., corner, :] for corner in faces.T)
-    volumes: ndarray = np.sum(first * np.cross(second, third), axis=(-2, -1)) / 6.0
+    volumes: Array = np.sum(first * np.cross(second, third), axis=(-2, -1)) / 6.0
     return volumes
 
 
-def body_size(surface: ndarray, faces: ndarray | None) -> tuple[float, float]:
+def body_size(surface: Points, faces: Triangles | None) -> tuple[float, float]:
     """Return the largest extent and the volume, NaN if flat or without triangles that enclose it.
 
     Parameters
@@ -95,7 +98,7 @@ def body_size(surface: ndarray, faces: ndarray | None) -> tuple[float, float]:
     return extent, volume if abs(volume) > _FLAT * extent**3 else np.nan
 
 
-def is_closed(faces: ndarray) -> bool:
+def is_closed(faces: Triangles) -> bool:
     """Return whether every edge belongs to two triangles, which pass it in opposite directions.
 
     Parameters
@@ -115,7 +118,7 @@ def is_closed(faces: ndarray) -> bool:
     return bool(len(np.unique(keys)) == len(keys) and np.isin(reversed_keys, keys).all())
 
 
-def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
+def adjacent_triangles(faces: Triangles) -> tuple[Integers, Integers]:
     """Return pairs of triangles that share an edge; more than two at an edge form a chain.
 
     Parameters
@@ -144,8 +147,9 @@ def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
     return pairs, np.stack([lower, higher], axis=1)
 
 
-def vertex_components(faces: ndarray, n_vertices: int) -> ndarray:
+def vertex_components(faces: Triangles, n_vertices: int) -> Integers:
     """Return the connected component of every vertex; one of no triangle is one by itself."""
     first, second = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
     links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n_vertices,) * 2)
-    return connected_components(links, directed=False)[1]
+    components: Integers = connected_components(links, directed=False)[1]
+    return components

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Integers, Points, Triangles
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.threads import of_one_kind, slices
 
@@ -35,13 +36,11 @@ class SurfacePoints(NamedTuple):
     ((3,), (3, 3))
     """
 
-    triangles: np.ndarray
-    barycentric: np.ndarray
+    triangles: Integers
+    barycentric: Array
 
 
-def nearest_points(
-    queries: np.ndarray, points: np.ndarray, faces: np.ndarray
-) -> tuple[SurfacePoints, np.ndarray]:
+def nearest_points(queries: Array, points: Points, faces: Triangles) -> tuple[SurfacePoints, Array]:
     """Return the nearest points of a surface.
 
     A triangle with edges no longer than l has a corner within l/√3 of each of its points. So if a
@@ -65,55 +64,56 @@ def nearest_points(
     >>> faces = bodies.template.faces
     >>> points, distances = rh.surfaces.nearest_points(bodies[0] + 0.01, bodies[0], faces)
     """
-    queries, points, faces = map(of_one_kind, (queries, points, faces))
+    queries, points = of_one_kind(queries), of_one_kind(points)
+    faces = of_one_kind(faces)
     corners, corner = points[faces], faces.ravel()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     reach = np.zeros(len(points))
     np.maximum.at(reach, corner, np.repeat(longest, 3) / math.sqrt(3.0))
     around, starts = _triangles_around(faces, len(points))
     surface = (points, faces, around, starts, (1.0 + 1e-9) * reach)
-    nearest = _nothing_found(len(queries))
+    triangles, barycentric, squares = places = _nothing_found(len(queries))
     used = np.flatnonzero(np.diff(starts))
     near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
     ends = near.shape[1] * np.arange(len(queries) + 1)
-    _try_vertices(queries, used[near].ravel(), ends, *surface, *nearest)
+    _try_vertices(queries, used[near].ravel(), ends, *surface, *places)
     # Few vertices have long edges; those with short edges need only be searched nearby.
     sizes = np.ceil(np.log2(np.maximum(reach[used], np.finfo(float).tiny)))
     for size in np.unique(sizes):
         members = used[sizes == size]
         tree, farthest = cKDTree(points[members]), (1.0 + 1e-9) * reach[members].max()
         for part in slices(len(queries), _BLOCK):
-            few = [array[part] for array in nearest]
-            nearby = tree.query_ball_point(queries[part], np.sqrt(few[2]) + farthest)
+            nearby = tree.query_ball_point(queries[part], np.sqrt(squares[part]) + farthest)
             ends = np.cumsum([0, *map(len, nearby)])
             vertices = members[np.fromiter(chain.from_iterable(nearby), np.int64, ends[-1])]
-            _try_vertices(of_one_kind(queries[part]), vertices, ends, *surface, *few)
-    triangles, barycentric, squares = nearest
+            some = of_one_kind(queries[part])
+            places = triangles[part], barycentric[part], squares[part]
+            _try_vertices(some, vertices, ends, *surface, *places)
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
 
 
 def nearest_points_around(
-    queries: np.ndarray, vertices: np.ndarray, points: np.ndarray, faces: np.ndarray
-) -> tuple[SurfacePoints, np.ndarray]:
+    queries: Array, vertices: Integers, points: Points, faces: Triangles
+) -> tuple[SurfacePoints, Array]:
     """Return the nearest places in the triangles at given vertices, (N, k), of each query."""
-    queries, points, faces = map(of_one_kind, (queries, points, faces))
-    nearest = _nothing_found(len(queries))
+    queries, points = of_one_kind(queries), of_one_kind(points)
+    faces = of_one_kind(faces)
+    triangles, barycentric, squares = places = _nothing_found(len(queries))
     ends = vertices.shape[1] * np.arange(len(queries) + 1)
-    around = _triangles_around(faces, len(points))
-    everywhere = np.full(len(points), np.inf)
-    _try_vertices(queries, vertices.ravel(), ends, points, faces, *around, everywhere, *nearest)
-    triangles, barycentric, squares = nearest
+    around, starts = _triangles_around(faces, len(points))
+    surface = (points, faces, around, starts, np.full(len(points), np.inf))
+    _try_vertices(queries, vertices.ravel(), ends, *surface, *places)
     return SurfacePoints(triangles, barycentric), np.sqrt(squares)
 
 
-def _triangles_around(faces: np.ndarray, n_points: int) -> tuple[np.ndarray, np.ndarray]:
+def _triangles_around(faces: Triangles, n_points: int) -> tuple[Integers, Integers]:
     """Return the triangles at all vertices in one row, and where those of each vertex start."""
     corner = faces.ravel()
     order = np.argsort(corner, kind="stable")
     return order // 3, np.searchsorted(corner[order], np.arange(n_points + 1))
 
 
-def _nothing_found(n_queries: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _nothing_found(n_queries: int) -> tuple[Integers, Array, Array]:
     """Return triangles, barycentric coordinates and squared distances before a search."""
     return np.zeros(n_queries, np.int64), np.zeros((n_queries, 3)), np.full(n_queries, np.inf)
 
@@ -121,17 +121,17 @@ def _nothing_found(n_queries: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 # More than eight arguments: a compiled loop takes plain arrays.
 @compiled
 def _try_vertices(
-    queries: np.ndarray,
-    vertices: np.ndarray,
-    ends: np.ndarray,
-    points: np.ndarray,
-    faces: np.ndarray,
-    around: np.ndarray,
-    starts: np.ndarray,
-    reach: np.ndarray,
-    triangles: np.ndarray,
-    barycentric: np.ndarray,
-    squares: np.ndarray,
+    queries: Array,
+    vertices: Integers,
+    ends: Integers,
+    points: Points,
+    faces: Triangles,
+    around: Integers,
+    starts: Integers,
+    reach: Array,
+    triangles: Integers,
+    barycentric: Array,
+    squares: Array,
 ) -> None:
     """Keep the nearest places in the triangles at some vertices of each point.
 
@@ -155,9 +155,7 @@ def _try_vertices(
 
 
 @compiled
-def _closest_in_triangle(
-    query: np.ndarray, points: np.ndarray, corners: np.ndarray, weights: np.ndarray
-) -> float:
+def _closest_in_triangle(query: Array, points: Points, corners: Integers, weights: Array) -> float:
     """Fill the barycentric coordinates of the closest point, and return its squared distance."""
     # The regions are those of Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Points
 from riemhuman.checks import (
     UNITS,
     check_resolution,
@@ -33,7 +33,7 @@ def procrustes(
     *,
     scale: bool | None = False,
     weights: ArrayLike | None = None,
-) -> np.ndarray:
+) -> Array:
     """Align surfaces in known correspondence with a reference, or with each other.
 
     Each surface x is moved to s R x + b, with the rotation R (never a reflection), the translation
@@ -88,7 +88,7 @@ def generalized_procrustes(
     weights: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_iter: int = 200,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Array, Array]:
     """Align surfaces in known correspondence with each other, and return their mean.
 
     Surfaces are aligned with their mean and the mean is computed again, in turn: every step lowers
@@ -154,14 +154,14 @@ def generalized_procrustes(
     return _align(surfaces, mean, shares, bool(scale)), mean
 
 
-def _shares(weights: ArrayLike | None, n_vertices: int) -> np.ndarray:
+def _shares(weights: ArrayLike | None, n_vertices: int) -> Array:
     """Return vertex weights that sum to one."""
     if n_vertices == 0:
         raise ArgumentError("points has no vertices; there is nothing to align")
     return weight_shares(weights, n_vertices)
 
 
-def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool) -> np.ndarray:
+def _align(surfaces: Points, to: Array, shares: Array, scale: bool) -> Array:
     """Move each surface onto the reference `to`."""
     source, target = _center(surfaces, shares), _center(to, shares)
     left, spread, right = np.linalg.svd(target.T @ (shares[:, np.newaxis] * source))
@@ -183,20 +183,22 @@ def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool
             f"points{f'[{index}]' if index else ''} has no single best alignment: it or its "
             "reference lies on a line or in a point, or the two are mirror images"
         )
-    rotation = left @ right
+    rotation: Array = left @ right
     if scale:
         rotation *= (spread.sum(axis=-1) / squared_size)[..., np.newaxis, np.newaxis]
-    return source @ np.swapaxes(rotation, -1, -2) + shares @ to
+    aligned: Array = source @ np.swapaxes(rotation, -1, -2) + shares @ to
+    return aligned
 
 
-def _center(surfaces: np.ndarray, shares: np.ndarray) -> np.ndarray:
+def _center(surfaces: Points, shares: Array) -> Array:
     """Move the weighted centre of each surface to the origin."""
     return surfaces - (shares @ surfaces)[..., np.newaxis, :]
 
 
-def _squared_size(centred: np.ndarray, shares: np.ndarray) -> np.ndarray:
+def _squared_size(centred: Array, shares: Array) -> Array:
     """Return the weighted mean squared distance of vertices from the origin."""
-    return np.sum(centred**2, axis=-1) @ shares
+    squared_size: Array = np.sum(centred**2, axis=-1) @ shares
+    return squared_size
 
 
 # Rotations to y up by the axis that points up, about the third axis.
@@ -212,7 +214,7 @@ AXES = tuple(_ROTATIONS)
 """Names of the axes that may point up."""
 
 
-def make_upright(points: ndarray, unit: str | None = None, up: str | None = None) -> ndarray:
+def make_upright(points: Points, unit: str | None = None, up: str | None = None) -> Array:
     """Return surfaces in metres, rotated so that y points up, shape (..., 3).
 
     Parameters

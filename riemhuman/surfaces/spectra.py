@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
@@ -47,10 +48,10 @@ class Spectrum(Record):
     (4, 1202)
     """
 
-    eigenvalues: np.ndarray
-    functions: np.ndarray
-    constants: np.ndarray
-    areas: np.ndarray
+    eigenvalues: Array
+    functions: Array
+    constants: Array
+    areas: Array
 
     def first(self, n_eigenvalues: int) -> Spectrum:
         """Return the lowest part of the spectrum.
@@ -118,7 +119,7 @@ def spectrum(
     return Spectrum(values, functions, constants, mesh.vertex_areas)
 
 
-def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int) -> Spectrum:
+def _robust_spectrum(vertices: Array, faces: Triangles, n_eigenvalues: int) -> Spectrum:
     robust_laplacian = import_optional("robust_laplacian", "spectra")
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, compact = np.unique(faces, return_inverse=True)
@@ -131,7 +132,7 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     return Spectrum(*eigenfunctions, _constants(faces, areas), areas)
 
 
-def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
+def _constants(faces: Triangles, areas: Array) -> Array:
     components = vertex_components(faces, len(areas))
     sizes = np.bincount(components, areas)
     return np.divide(1.0, sizes, where=sizes > 0, out=np.zeros_like(sizes))[components]
@@ -147,7 +148,7 @@ _SMALL_PART = 64
 
 def harmonics(
     template: Template, n_harmonics: int, name: str = "n_harmonics"
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Array, Array]:
     """Return the lowest solutions of L h = μ A h with μ > 0, A the vertex areas, 0 where unused.
 
     Copies of vertices along seams have equal values, those of the joined mesh.
@@ -159,17 +160,18 @@ def harmonics(
     return values, functions[:, template.seams.first_copies] if template.seams else functions
 
 
-def _joined_areas(template: Template) -> np.ndarray:
+def _joined_areas(template: Template) -> Array:
     """Return the vertex areas, at the first copies of vertices that seams double."""
     if not template.seams:
         return template.vertex_areas
     copies = template.seams.first_copies
-    return np.bincount(copies, template.vertex_areas, minlength=template.n_vertices)
+    areas = np.bincount(copies, template.vertex_areas, minlength=template.n_vertices)
+    return areas.astype(np.float64, copy=False)
 
 
 def _eigenfunctions(
-    laplacian: sparse.csr_array, areas: np.ndarray, faces: np.ndarray, count: int, name: str
-) -> tuple[np.ndarray, np.ndarray]:
+    laplacian: sparse.csr_array, areas: Array, faces: Triangles, count: int, name: str
+) -> tuple[Array, Array]:
     """Return the lowest eigenfunctions with μ > 0, from the Laplacian at vertices with areas."""
     used, n_used = np.flatnonzero(areas), len(np.unique(faces))
     n_unused = len(areas) - n_used
@@ -189,8 +191,8 @@ def _eigenfunctions(
 
 
 def _eigenpairs_of_parts(
-    laplacian: sparse.csr_array, areas: np.ndarray, components: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
+    laplacian: sparse.csr_array, areas: Array, components: Integers, count: int
+) -> tuple[Array, Array]:
     """Return the lowest eigenvalues above zero, and eigenvectors as rows, part by part.
 
     The zeros of thousands of parts are as many, and Lanczos iterations would look for them all.
@@ -200,12 +202,12 @@ def _eigenpairs_of_parts(
     starts = np.concatenate([[0], np.cumsum(sizes)])
     blocks = laplacian[order][:, order].tocsr()
     areas = areas[order]
-    pairs: list[tuple[float, np.ndarray, np.ndarray]] = []
+    pairs: list[tuple[float, Array, Integers]] = []
     for size in np.unique(sizes[sizes > 1]):
         first = starts[:-1][sizes == size]
         members = first[:, np.newaxis] + np.arange(size)
         n_pairs = min(count, int(size) - 1)
-        eigenpairs: Iterator[tuple[np.ndarray, np.ndarray]]
+        eigenpairs: Iterator[tuple[Array, Array]]
         if size > _SMALL_PART:
             slices = [slice(start, start + size) for start in first]
             eigenpairs = (
@@ -224,8 +226,8 @@ def _eigenpairs_of_parts(
 
 
 def _dense_eigenpairs(
-    laplacian: sparse.csr_array, areas: np.ndarray, members: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    laplacian: sparse.csr_array, areas: Array, members: Integers
+) -> tuple[Array, Array]:
     """Return all eigenpairs of parts of one size, whose vertices are rows of `members`."""
     n_parts, size = members.shape
     local = np.zeros((n_parts, size, size))
@@ -237,25 +239,25 @@ def _dense_eigenpairs(
     return values, vectors / roots[:, :, np.newaxis]
 
 
-def lowest_eigenpairs(
-    laplacian: sparse.csr_array, areas: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
+def lowest_eigenpairs(laplacian: sparse.csr_array, areas: Array, count: int) -> tuple[Array, Array]:
     """Return the lowest eigenvalues and eigenvectors of L h = μ A h."""
     n_vertices = len(areas)
     if 2 * count >= n_vertices:  # Lanczos iterations need room; a small mesh has none
-        return linalg.eigh(
+        values, vectors = linalg.eigh(
             laplacian.toarray(), np.diag(areas), subset_by_index=(0, count - 1), check_finite=False
         )
+        return values, vectors
     shift = _SHIFT * 4 * np.pi / areas.sum()
     roots = np.sqrt(areas)
     masses = sparse.diags_array(areas)
     factor = symmetric_factor(laplacian + shift * masses)
     start = np.random.default_rng(0).normal(size=n_vertices)
 
-    def more(n_more: int, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        def inverse(vector: np.ndarray) -> np.ndarray:
+    def more(n_more: int, known: Array) -> tuple[Array, Array]:
+        def inverse(vector: Array) -> Array:
             image = roots * factor.solve(roots * vector.ravel())
-            return image - known @ (known.T @ image)
+            projected: Array = image - known @ (known.T @ image)
+            return projected
 
         operator = LinearOperator((n_vertices, n_vertices), matvec=inverse, dtype=np.float64)
         # More Lanczos vectors need fewer restarts, but more orthogonalisation.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers, Points, Triangles
 from riemhuman.checks import (
     check_human_size,
     check_resolution,
@@ -38,6 +38,10 @@ from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.surfaces._heat import HeatFlow, TriangleHeat
 from riemhuman.surfaces._poisson import PoissonInterpolator
 from riemhuman.surfaces.measures import body_size, is_closed
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 # A triangle is flat if its height is within rounding of zero: relative to its longest side, or to
 # the coordinates from which it was computed.
@@ -80,7 +84,7 @@ class Template:
     [0.5]
     """
 
-    def __init__(self, vertices: Any, faces: ArrayLike | None = None) -> None:
+    def __init__(self, vertices: object, faces: ArrayLike | None = None) -> None:
         if faces is None:
             vertices, faces = as_arrays(vertices)
         points, triangles = check_mesh(vertices, faces)
@@ -134,7 +138,7 @@ class Template:
             seams = common_seams(seams, self.check_points(points), self.faces)
         return Template(seams.join(self.vertices), seams.faces), seams
 
-    def to_trimesh(self, points: ArrayLike | None = None) -> Any:
+    def to_trimesh(self, points: ArrayLike | None = None) -> trimesh.Trimesh:
         """Return the template, or a surface registered to it, as a trimesh mesh.
 
         Parameters
@@ -144,7 +148,7 @@ class Template:
         """
         return to_trimesh(self._surface(points), self.faces)
 
-    def to_pyvista(self, points: ArrayLike | None = None) -> Any:
+    def to_pyvista(self, points: ArrayLike | None = None) -> pyvista.PolyData:
         """Return the template, or a surface registered to it, as a PyVista mesh.
 
         Parameters
@@ -164,12 +168,12 @@ class Template:
         save_mesh(path, self.vertices, self.faces)
 
     @property
-    def vertices(self) -> np.ndarray:
+    def vertices(self) -> Array:
         """Vertex positions, shape (V, 3), read-only, in metres."""
         return self._vertices
 
     @property
-    def faces(self) -> np.ndarray:
+    def faces(self) -> Triangles:
         """Vertex indices of each triangle, shape (F, 3), read-only int64."""
         return self._faces
 
@@ -184,17 +188,17 @@ class Template:
         return len(self._faces)
 
     @property
-    def face_areas(self) -> np.ndarray:
+    def face_areas(self) -> Array:
         """Triangle areas w_t, shape (F,), read-only, in square metres."""
         return self._face_areas
 
     @property
-    def frame_coefficients(self) -> np.ndarray:
+    def frame_coefficients(self) -> Array:
         """The numbers (1/u2, 1/v3, u3/(v3 u2)) of each triangle, shape (F, 3), read-only."""
         return self._frame_coefficients
 
     @cached_property
-    def vertex_areas(self) -> np.ndarray:
+    def vertex_areas(self) -> Array:
         """A third of the area of the triangles around each vertex, shape (V,), read-only."""
         return read_only(
             np.bincount(
@@ -203,7 +207,7 @@ class Template:
         )
 
     @cached_property
-    def edges(self) -> np.ndarray:
+    def edges(self) -> Integers:
         """Each undirected edge once, lower vertex index first, shape (E, 2), read-only int64."""
         sides = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         return read_only(distinct_pairs(np.sort(sides, axis=1))[0])
@@ -224,7 +228,7 @@ class Template:
         return find_seams(self.vertices, self.faces)
 
     @property
-    def joined_faces(self) -> np.ndarray:
+    def joined_faces(self) -> Triangles:
         """Triangles over the first copy of every vertex that seams double, shape (F, 3)."""
         return self.seams.first_copies[self.faces] if self.seams else self.faces
 
@@ -271,7 +275,9 @@ class Template:
         """The flow of heat between the vertices, of which seams leave the first copies alone."""
         faces = self.joined_faces
         masses = np.bincount(faces.ravel(), np.repeat(self.face_areas / 3, 3), self.n_vertices)
-        return HeatFlow(masses, cotangent_laplacian(self.vertices, faces))
+        return HeatFlow(
+            masses.astype(np.float64, copy=False), cotangent_laplacian(self.vertices, faces)
+        )
 
     @cached_property
     def averaging_operator(self) -> sparse.csr_array:
@@ -286,7 +292,7 @@ class Template:
         # Cached properties are left out, since some cannot be pickled.
         return {name: value for name, value in vars(self).items() if name.startswith("_")}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, Array | Triangles]) -> None:
         # Unpickled arrays are writable.
         vars(self).update((name, read_only(array)) for name, array in state.items())
 
@@ -320,14 +326,14 @@ class Template:
         if difference:
             raise ArgumentError(f"{name} must be the triangles of the template: {difference}")
 
-    def _surface(self, points: ArrayLike | None) -> np.ndarray:
+    def _surface(self, points: ArrayLike | None) -> Array:
         return self.vertices if points is None else self.check_points(points)
 
     def __repr__(self) -> str:
         return f"Template(n_vertices={self.n_vertices}, n_faces={self.n_faces})"
 
 
-def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
     """Return triangle areas and frame coefficients; raise if a triangle has no area."""
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]
@@ -357,7 +363,7 @@ def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarr
 class TriangleAssembler:
     """Sums 9 x 9 matrices of triangles into sparse (3V, 3V) matrices of one pattern."""
 
-    def __init__(self, faces: np.ndarray, n_vertices: int) -> None:
+    def __init__(self, faces: Triangles, n_vertices: int) -> None:
         self._size = 3 * n_vertices
         # Each pair of vertices that share a triangle has a block of 3 x 3 entries.
         faces = faces.astype(np.int64)
@@ -374,14 +380,14 @@ class TriangleAssembler:
         self._row_ends = np.concatenate([[0], np.cumsum(np.repeat(3 * counts, 3))]).astype(np.int32)
         self._positions = entries[blocks.reshape(pairs.shape)].swapaxes(2, 3).ravel()
 
-    def assemble(self, blocks: np.ndarray) -> sparse.csr_array:
+    def assemble(self, blocks: Array) -> sparse.csr_array:
         """Return the sum of the matrices of all triangles."""
         entries = np.bincount(self._positions, blocks.ravel(), minlength=len(self._columns))
         shape = (self._size, self._size)
         return sparse.csr_array((entries, self._columns, self._row_ends), shape=shape)
 
 
-def check_body_sizes(points: np.ndarray, template: Template, name: str) -> None:
+def check_body_sizes(points: Points, template: Template, name: str) -> None:
     """Raise an error if surfaces, shape (..., V, 3), have sizes that no human body has.
 
     If the template has no such size either, it is no body in metres: a hand, or a template in

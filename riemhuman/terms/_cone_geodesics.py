@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import autograd.numpy as np
 from autograd.extend import defvjp, primitive
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels import sphere
 from riemhuman.kernels.sphere import sine_cardinal
 from riemhuman.kernels.surface import DEGENERATE, dot, square_root, symmetric_matrices
@@ -24,7 +24,7 @@ from riemhuman.terms.cone import (
     inverse_hyperbolic_sine_cardinal,
 )
 
-Parts = Sequence[ndarray]
+Parts = Sequence[Array]
 
 _FEW_DIGITS = 1e5 * np.finfo(float).eps
 
@@ -33,7 +33,7 @@ _FEW_DIGITS = 1e5 * np.finfo(float).eps
 
 
 @primitive
-def product_minus_square(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
+def product_minus_square(a: Array, b: Array, c: Array) -> Array:
     """Return ab − c² to working precision, however much the two terms cancel, shape (...)."""
     # Both products are formed with their rounding errors (Dekker's algorithm).
     product, product_error = _exact_product(a, b)
@@ -41,7 +41,7 @@ def product_minus_square(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
     return (product - square) + (product_error - square_error)
 
 
-def _exact_product(a: ndarray, b: ndarray) -> tuple[ndarray, ndarray]:
+def _exact_product(a: Array, b: Array) -> tuple[Array, Array]:
     """Return the rounded product and its rounding error."""
     product = a * b
     (a_high, a_low), (b_high, b_low) = _halves(a), _halves(b)
@@ -49,7 +49,7 @@ def _exact_product(a: ndarray, b: ndarray) -> tuple[ndarray, ndarray]:
     return product, error
 
 
-def _halves(a: ndarray) -> tuple[ndarray, ndarray]:
+def _halves(a: Array) -> tuple[Array, Array]:
     """Return two numbers of half the digits that add up to a."""
     shifted = 134217729.0 * a  # 2²⁷ + 1
     high = shifted - (shifted - a)
@@ -64,28 +64,28 @@ defvjp(
 )
 
 
-def determinants(g: ndarray) -> ndarray:
+def determinants(g: Array) -> Array:
     """Return det g to working precision, also for near-degenerate g."""
     return product_minus_square(g[..., 0, 0], g[..., 1, 1], g[..., 0, 1])
 
 
-def is_rounding_error(determinant: ndarray, g: ndarray) -> ndarray:
+def is_rounding_error(determinant: Array, g: Array) -> Booleans:
     """Return whether a known det g is rounding error alone: det g ≤ 8 ε g₁₁ g₂₂."""
     return determinant <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
 
 
-def is_degenerate(g: ndarray) -> ndarray:
+def is_degenerate(g: Array) -> Booleans:
     """Return whether g is singular to working precision."""
     return is_rounding_error(determinants(g), g)
 
 
-def has_lost_its_shape(g: ndarray) -> ndarray:
+def has_lost_its_shape(g: Array) -> Booleans:
     """Return whether g overflows, or det g has fewer than five digits."""
     # Infinite entries, whose determinants are NaN, count too.
     return ~(determinants(g) > _FEW_DIGITS * g[..., 0, 0] * g[..., 1, 1])
 
 
-def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+def coordinates(g: Array) -> tuple[Array, Array, Array]:
     """Return the half-plane coordinates x, y of ĝ and the radius s = (det g)^(1/4)."""
     # A degenerate g is the apex s = 0 of the cone, where x = 0, y = 1 stand for the undefined ĝ.
     determinant = determinants(g)
@@ -94,7 +94,7 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     return half_plane(np.where(degenerate, 1.0, g[..., 0, 0]), g[..., 0, 1], areas, degenerate)
 
 
-def unit_determinant(g: ndarray) -> ndarray:
+def unit_determinant(g: Array) -> Array:
     """Return ĝ = g/√det g; the identity stands in where g is degenerate."""
     x, y, _ = coordinates(g)
     return symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)
@@ -103,28 +103,28 @@ def unit_determinant(g: ndarray) -> ndarray:
 # Tangent vectors: symmetric matrices.
 
 
-def trace(matrices: ndarray) -> ndarray:
+def trace(matrices: Array) -> Array:
     """Return the traces."""
     return matrices[..., 0, 0] + matrices[..., 1, 1]
 
 
-def traceless(matrices: ndarray) -> ndarray:
+def traceless(matrices: Array) -> Array:
     """Return A − ½ tr(A) I of symmetric matrices A."""
     half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
     return symmetric_matrices(half, matrices[..., 0, 1], -half)
 
 
-def symmetric_part(matrices: ndarray) -> ndarray:
+def symmetric_part(matrices: Array) -> Array:
     """Return ½(A + Aᵀ)."""
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
-def size(v: ndarray) -> ndarray:
+def size(v: Array) -> Array:
     """Return √(½ tr v²) of symmetric traceless v."""
     return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
 
 
-def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
+def whiten(delta_g: Array, g: Array) -> Array:
     """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ."""
     # Symmetric and similar to g⁻¹δg, whose digits are lost where g is strongly anisotropic.
     # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
@@ -137,7 +137,7 @@ def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
     return symmetric_matrices(e / first, mixed / first, last / first)
 
 
-def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
+def unwhiten(matrices: Array, g: Array) -> Array:
     """Return L W Lᵀ of symmetric W, where g = L Lᵀ: the inverse of `whiten`."""
     x, y, _ = coordinates(g)
     e = matrices[..., 0, 0] + np.zeros_like(x)
@@ -147,7 +147,7 @@ def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
     return symmetric_matrices(first * e, first * mixed, first * corner)
 
 
-def inner_product(a: Parts, b: Parts, point: Parts, cone: ConeTerm) -> ndarray:
+def inner_product(a: Parts, b: Parts, point: Parts, cone: ConeTerm) -> Array:
     """Return the inner product of tangent vectors (equation 2, both terms under the integral)."""
     first, second = whiten(a[0], point[0]), whiten(b[0], point[0])
     shear = np.sum(traceless(first) * traceless(second), axis=(-2, -1))
@@ -157,12 +157,12 @@ def inner_product(a: Parts, b: Parts, point: Parts, cone: ConeTerm) -> ndarray:
     return values * np.sqrt(determinants(point[0]))
 
 
-def hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
+def hyperbolic_sine_cardinal(x: Array) -> Array:
     """Return sinh(x)/x, 1 at 0."""
     return np.where(x == 0, 1.0, np.sinh(x) / np.where(x == 0, 1.0, x))
 
 
-def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
+def traceless_exp(v: Array, factor: Array) -> Array:
     """Return exp(factor · v) of symmetric traceless v."""
     length = factor * size(v)
     even, odd = np.cosh(length), factor * hyperbolic_sine_cardinal(length)
@@ -170,7 +170,7 @@ def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
     return symmetric_matrices(even + diagonal, mixed, even - diagonal)
 
 
-def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
+def traceless_log(g1: Array, g2: Array) -> tuple[Array, Array]:
     """Return g₁L₀, whitened, and ℓ = √(½ tr L₀²), L₀ the traceless part of log(g₁⁻¹g₂)."""
     # exp of a traceless 2 × 2 matrix is cosh ℓ I + (sinh ℓ/ℓ) L₀: L₀ is along that of ĝ₁⁻¹ĝ₂.
     (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
@@ -186,7 +186,7 @@ def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
 # Geodesics of points (g,) or (g, n).
 
 
-def exp(velocity: Parts, point: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
+def exp(velocity: Parts, point: Parts, cone: ConeTerm) -> tuple[Parts, Booleans]:
     """Follow the geodesic with an initial velocity for unit time."""
     # With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν² = (a tr v² + c |δn|²)/(16b), the
     # cone unrolls to the line (s + δs, sν) = r(cos φ, sin φ): g(1) = r²/s² g exp(φ/ν v), and n
@@ -201,7 +201,7 @@ def exp(velocity: Parts, point: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
     return (end, *ends), _has_met_apex(along, across, delta_g, g, cone)
 
 
-def _unroll(velocity: Parts, g: ndarray, cone: ConeTerm) -> tuple[ndarray, ndarray, ndarray]:
+def _unroll(velocity: Parts, g: Array, cone: ConeTerm) -> tuple[Array, Array, Array]:
     """Return the whitened shear of δg, and the end in the unrolled cone where s = 1."""
     whitened = whiten(velocity[0], g)
     shear = traceless(whitened)
@@ -209,15 +209,15 @@ def _unroll(velocity: Parts, g: ndarray, cone: ConeTerm) -> tuple[ndarray, ndarr
     return shear, 1.0 + 0.25 * trace(whitened), across
 
 
-def _angle(cone: ConeTerm, length: ndarray, turns: Parts) -> ndarray:
+def _angle(cone: ConeTerm, length: Array, turns: Parts) -> Array:
     """Return ψ of a hyperbolic length and, where there are normals, their angle."""
     psi = cone.angle_per_length * length
     return square_root(psi**2 + (cone.angle_per_turn * turns[0]) ** 2) if turns else psi
 
 
 def _has_met_apex(
-    along: ndarray, across: ndarray, delta_g: ndarray, g: ndarray, cone: ConeTerm
-) -> ndarray:
+    along: Array, across: Array, delta_g: Array, g: Array, cone: ConeTerm
+) -> Booleans:
     x, y, _ = coordinates(g)
     skew = np.abs(x) / y
     e, m, last = (np.abs(delta_g[..., i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
@@ -228,7 +228,7 @@ def _has_met_apex(
     return (along <= rounding) & (across <= rounding)
 
 
-def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
+def angle_per_unit(along: Array, across: Array) -> Array:
     """Return φ/ν, φ = atan2(ν, along) of ν = across ≥ 0, in its limit 1/along at ν = 0."""
     straight = across == 0
     safe = np.where(straight & (along <= 0), 1.0, along)
@@ -238,7 +238,7 @@ def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
     )
 
 
-def log(start: Parts, end: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
+def log(start: Parts, end: Parts, cone: ConeTerm) -> tuple[Parts, Array]:
     """Return the initial velocity of the minimal geodesic, where ψ < π, and ψ."""
     # δg = g₁ (s₂ sin ψ/(s₁ψ) L₀ + 2 (s₂ cos ψ − s₁)/s₁ I), δn = s₂ sin ψ/(s₁ψ) log n₂.
     (g1, *n1), (g2, *n2) = start, end
@@ -252,20 +252,20 @@ def log(start: Parts, end: Parts, cone: ConeTerm) -> tuple[Parts, ndarray]:
     return (unwhiten(velocity, g1), *(share[..., None] * turn for turn in turns)), psi
 
 
-def angle(start: Parts, end: Parts, cone: ConeTerm) -> ndarray:
+def angle(start: Parts, end: Parts, cone: ConeTerm) -> Array:
     """Return ψ, the angle between two points on the cone, not cut off at π."""
     (x1, y1, _), (x2, y2, _) = coordinates(start[0]), coordinates(end[0])
     turns = [sphere.angle(a, b) for a, b in zip(start[1:], end[1:], strict=True)]
     return _angle(cone, hyperbolic_distance(excess(x1, y1, x2, y2)), turns)
 
 
-def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> ndarray:
+def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> Booleans:
     """Return whether the minimal path runs through g = 0: ψ ≥ π, or an end is degenerate."""
     ends_there = is_degenerate(start[0]) | is_degenerate(end[0])
     return ends_there | (angle(start, end, cone) >= np.pi)
 
 
-def geodesic(start: Parts, end: Parts, t: ndarray, cone: ConeTerm) -> Parts:
+def geodesic(start: Parts, end: Parts, t: Array, cone: ConeTerm) -> Parts:
     """Return the minimal path of the completion at times t in [0, 1]."""
     # For ψ ≥ π, or a degenerate end point, straight through the apex g = 0, where the normal jumps.
     (g1, *n1), (g2, *n2) = start, end

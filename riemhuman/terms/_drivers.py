@@ -21,25 +21,22 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as onp
-from numpy import ndarray
 from scipy.sparse import csr_array
 
-from riemhuman.arrays import Array, Points
+from riemhuman.arrays import Array, FeatureRows, Fields, Points, TangentVectors, Triangles
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.surface import follow_up
 from riemhuman.kernels.threads import LANES, in_tiles, mapped, of_one_kind, sums_in_chunks
+from riemhuman.surfaces.template import Template
 from riemhuman.terms._quadratic import QuadraticTerm, by_vertex
 from riemhuman.terms.flat import FlatTerm
-from riemhuman.terms.term import LENGTH, Fields, Term
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
+from riemhuman.terms.term import LENGTH, Term
 
 Features = tuple[Array, ...]
 
@@ -53,16 +50,16 @@ class SumOnSurfaces(Protocol):
     """A weighted sum of terms on the surfaces over a template, which others have checked."""
 
     @abstractmethod
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         """Return the inner products of deformations h and k at surfaces f, differentiably."""
 
     @abstractmethod
-    def matrix(self, surfaces: ndarray) -> csr_array:
+    def matrix(self, surfaces: Points) -> csr_array:
         """Return the matrix of the inner product, the mean over surfaces."""
 
     @abstractmethod
-    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
-        """Return the energy of a path, infinite where it has none, and its gradient."""
+    def path_energy(self, path: Points, *, gradient: bool = True) -> tuple[float, Array]:
+        """Return the energy of a path, infinite where it has none, and its gradient if wanted."""
 
 
 class Bulk(Protocol):
@@ -83,28 +80,80 @@ class Bulk(Protocol):
         """Return the table of squared distances; the same features twice for those within a set."""
 
 
-class SumOfTerms(SumOnSurfaces, Bulk):
+class BulkOfTerms(Bulk):
+    """Distances by a weighted sum of terms; features are of each term an array, and its rounding.
+
+    The numbers `areas` are those of the triangles that the terms are integrated over.
+    """
+
+    def __init__(self, terms: Sequence[Term], areas: Array) -> None:
+        self.terms, self.areas = tuple(terms), areas
+        self.n_arrays = 2 * len(self.terms)
+
+    def _empty_features(self, n_points: int, precision: str) -> Features:
+        packed: Features = ()
+        for term in self.terms:
+            real = onp.float32 if precision == "single" and term.single else onp.float64
+            shape = (n_points, term.n_features, -(-len(self.areas) // LANES) * LANES)
+            packed += onp.zeros(shape, real), onp.zeros(n_points)
+        return packed
+
+    def rounding(self, features: Features) -> Array:
+        """Return a bound on the rounding error of each point's features, as a distance."""
+        total = onp.zeros(())
+        for term, gaps in zip(self.terms, features[1::2], strict=True):
+            total = total + term.weight * gaps**2
+        return onp.sqrt(total)
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        """Return all squared distances between two sets of points."""
+
+        def run(pair: tuple[Features, Features]) -> Array:
+            total = onp.zeros(())
+            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
+                total = total + term.weight * term.squared_distances(
+                    row_features, column_features, self.areas
+                )
+            return total
+
+        return in_tiles(run, a[::2], b[::2], n_threads)
+
+
+def _root_of_gap(gap: float, kept: FeatureRows) -> float:
+    """Return the rounding of features as a distance; those in double precision have none."""
+    return math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
+
+
+class BulkOfFields(BulkOfTerms):
+    """Distances of points that are fields themselves, by the one term that compares them."""
+
+    def __init__(self, term: Term, areas: Array, fields_of: Callable[[Points], Fields]) -> None:
+        super().__init__([term], areas)
+        self._fields_of = fields_of
+
+    def features(self, points: Points, precision: str) -> Features:
+        """Return the features of fields."""
+        [term], (rows, gaps) = self.terms, self._empty_features(len(points), precision)
+        fields = tuple(map(of_one_kind, self._fields_of(points)))
+        for i, kept in enumerate(rows):
+            gap = term.pack(tuple(field[i] for field in fields), self.areas, kept)
+            gaps[i] = _root_of_gap(gap, kept)
+        return rows, gaps
+
+
+class SumOfTerms(SumOnSurfaces, BulkOfTerms):
     """A weighted sum of terms on the surfaces over a template, which others have checked."""
 
-    # Of points that are no surfaces, `fields_of` returns the fields of its one term. Features are
-    # what distances need to know of surfaces: of each term an array, and its rounding.
-
-    def __init__(
-        self,
-        terms: Sequence[Term],
-        template: Any,
-        fields_of: Callable[[ndarray], Fields] | None = None,
-    ) -> None:
-        self.terms, self.template, self._fields_of = tuple(terms), template, fields_of
-        self.n_arrays = 2 * len(self.terms)
+    def __init__(self, terms: Sequence[Term], template: Template) -> None:
+        BulkOfTerms.__init__(self, terms, template.face_areas)
+        self.template = template
         self.needs_area = any(term.needs_area for term in self.terms)
         self._faces, self._frames = template.faces, template.frame_coefficients
-        self.areas = template.face_areas
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.terms, self.template, self._fields_of)
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.terms, self.template)
 
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         """Return the inner product of the derivatives of the fields along h and k."""
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
@@ -115,63 +164,32 @@ class SumOfTerms(SumOnSurfaces, Bulk):
         scales = [term.weight * self.areas * first.areas**term.area_power for term in self.terms]
         return [(term.form(first), scale) for term, scale in zip(self.terms, scales, strict=True)]
 
-    def features(self, points: ndarray, precision: str) -> Features:
+    def features(self, points: Points, precision: str) -> Features:
         """Return the features of surfaces."""
-        n_faces, fields = len(self.areas), None
-        if self._fields_of is not None:
-            fields = tuple(map(of_one_kind, self._fields_of(points)))
-        packed: Features = ()
-        for term in self.terms:
-            real = onp.float32 if precision == "single" and term.single else onp.float64
-            shape = (len(points), term.n_features, -(-n_faces // LANES) * LANES)
-            packed += onp.zeros(shape, real), onp.zeros(len(points))
+        n_faces, packed = len(self.areas), self._empty_features(len(points), precision)
         records = onp.empty((1, LENGTH, n_faces))
         degenerate = onp.zeros((len(points), n_faces), dtype=bool)
         for i, point in enumerate(points):
-            if fields is None:
-                surface_alone = of_one_kind(point)[:, None]
-                fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
-                if self.needs_area and not records[0, 9].all():
-                    degenerate[i] = records[0, 9] == 0.0
-                    continue
+            surface_alone = of_one_kind(point)[:, None]
+            fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
+            if self.needs_area and not records[0, 9].all():
+                degenerate[i] = records[0, 9] == 0.0
+                continue
             for term, kept, gaps in zip(self.terms, packed[::2], packed[1::2], strict=True):
-                if fields is None:
-                    gap = term.pack_record(records[0], self.areas, kept[i])
-                else:
-                    gap = term.pack(tuple(field[i] for field in fields), self.areas, kept[i])
-                gaps[i] = math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
+                gap = term.pack_record(records[0], self.areas, kept[i])
+                gaps[i] = _root_of_gap(gap, kept)
         if degenerate.any():
             surface.refuse_degenerate(degenerate)
         return packed
 
-    def rounding(self, features: Features) -> ndarray:
-        """Return a bound on the rounding error of each point's features, as a distance."""
-        total: Any = 0.0
-        for term, gaps in zip(self.terms, features[1::2], strict=True):
-            total = total + term.weight * gaps**2
-        return onp.sqrt(total)
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        """Return all squared distances between two sets of points."""
-
-        def run(pair: tuple[Features, Features]) -> ndarray:
-            total: Any = 0.0
-            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
-                total = total + term.weight * term.squared_distances(
-                    row_features, column_features, self.areas
-                )
-            return total
-
-        return in_tiles(run, a[::2], b[::2], n_threads)
-
-    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+    def path_energy(self, path: Points, *, gradient: bool = True) -> tuple[float, Array]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
         faces, frames, areas = self._faces, self._frames, self.areas
         # Vertex by vertex, all times together: what one triangle reads lies close together.
         surfaces, n_times = onp.ascontiguousarray(onp.swapaxes(path, 0, 1)), len(path)
         surfaces.flags.writeable = False  # the kind that loops are compiled for
 
-        def run(first: int, last: int) -> tuple[Any, ...]:
+        def run(first: int, last: int) -> tuple[float, Array]:
             total, slopes_of_path = 0.0, onp.zeros(surfaces.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
             for start in range(first, last, size):
@@ -187,24 +205,24 @@ class SumOfTerms(SumOnSurfaces, Bulk):
         threaded = len(faces) * n_times > _WORTH_THREADS
         energy, slope = sums_in_chunks(run, len(faces), threaded=threaded)
         if not gradient:
-            return energy * (n_times - 1), None
+            return energy * (n_times - 1), slope
         slope *= n_times - 1
         return energy * (n_times - 1), onp.ascontiguousarray(onp.swapaxes(slope, 0, 1))
 
     def squared_dists(
         self,
-        point: ndarray,
-        others: ndarray,
-        weights: ndarray,
-        other_faces: ndarray | None = None,
-    ) -> tuple[ndarray, ndarray]:
+        point: Points,
+        others: Points,
+        weights: Array,
+        other_faces: Triangles | None = None,
+    ) -> tuple[Array, Array]:
         """Return the squared distances of one surface from others, and the slope of their sum."""
         faces, frames, areas = self._faces, self._frames, self.areas
-        other_faces = faces if other_faces is None else of_one_kind(other_faces)
+        faces_of_others = faces if other_faces is None else of_one_kind(other_faces)
         f = of_one_kind(point)[:, None]
         kinds = [of_one_kind(other)[:, None] for other in others]
 
-        def run(first: int, last: int) -> tuple[ndarray, ndarray]:
+        def run(first: int, last: int) -> tuple[Array, Array]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
             for start in range(first, last, size):
@@ -213,7 +231,7 @@ class SumOfTerms(SumOnSurfaces, Bulk):
                 fill_records(f, faces, frames, start, end, records[1:])
                 for i, other in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
-                    fill_records(other, other_faces, frames, start, end, records[:1])
+                    fill_records(other, faces_of_others, frames, start, end, records[:1])
                     weighted = of_one_kind(weights[i] * areas[start:end])
                     for term in self.terms:
                         squared[i] += term.add_segments(records, slopes, weighted)
@@ -224,7 +242,7 @@ class SumOfTerms(SumOnSurfaces, Bulk):
         squared, gradient = sums_in_chunks(run, len(faces), threaded=threaded)
         return squared / weights, gradient[:, 0]
 
-    def matrix(self, surfaces: ndarray) -> csr_array:
+    def matrix(self, surfaces: Points) -> csr_array:
         """Return the matrix of the inner product, the mean over surfaces."""
         blocks = onp.zeros((len(self._faces), 9, 9))
         for f in surfaces:
@@ -239,15 +257,15 @@ class SumOfQuadraticTerms(SumOnSurfaces):
     def __init__(self, terms: Sequence[QuadraticTerm], template: Template) -> None:
         self.terms, self.template = tuple(terms), template
 
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         """Return the inner product of deformations."""
         self._refuse_degenerate(f)
-        total: Any = 0.0
+        total = onp.zeros(())
         for term in self.terms:
             total = total + term.inner_product(h, k, f)
         return total
 
-    def matrix(self, surfaces: ndarray) -> csr_array:
+    def matrix(self, surfaces: Points) -> csr_array:
         """Return the matrix of the inner product, the mean over surfaces."""
         self._refuse_degenerate(surfaces)
         size = surfaces[0].size
@@ -257,13 +275,13 @@ class SumOfQuadraticTerms(SumOnSurfaces):
                 total = total + term.matrix(f)
         return total / len(surfaces)
 
-    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+    def path_energy(self, path: Points, *, gradient: bool = True) -> tuple[float, Array]:
         """Return n Σ G at the midpoints of the n segments of a path, and its gradient."""
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(onp.diff(path, axis=0))
         if not gradient:
             values = sum(term.squared_norms(steps, surfaces) for term in self.terms)
-            return n_segments * float(values), None
+            return n_segments * float(values), onp.zeros(0)
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
         values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
         slopes = onp.zeros(path.shape)
@@ -271,7 +289,7 @@ class SumOfQuadraticTerms(SumOnSurfaces):
         slopes[1:] += by_vertex(0.5 * in_surfaces + in_steps)
         return n_segments * float(values), n_segments * slopes
 
-    def _refuse_degenerate(self, f: ndarray) -> None:
+    def _refuse_degenerate(self, f: Points) -> None:
         first = surface.derivatives(values_of(f), self.template.differential_operator)
         surface.refuse_degenerate(first.degenerate, "base_point")
 
@@ -354,7 +372,7 @@ def first_forms(
 
 @compiled
 def fill_records(
-    f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
+    f: Points, faces: Triangles, frames: Array, first: int, last: int, records: Array
 ) -> None:
     """Fill the records of the triangles from `first` to `last`."""
     for i in range(f.shape[1]):
@@ -370,7 +388,7 @@ def fill_records(
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _complete(record: ndarray) -> None:
+def _complete(record: Array) -> None:
     """Fill what follows from f_u and f_v."""
     u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
     normal0, normal1, normal2 = record[6], record[7], record[8]
@@ -384,13 +402,13 @@ def _complete(record: ndarray) -> None:
 
 @compiled
 def add_gradient(
-    records: ndarray,
-    slopes: ndarray,
-    faces: ndarray,
-    frames: ndarray,
+    records: Array,
+    slopes: Array,
+    faces: Triangles,
+    frames: Array,
     first: int,
     last: int,
-    gradient: ndarray,
+    gradient: Array,
 ) -> None:
     """Add slopes by records up to slopes by vertices; triangles without area have none."""
     for i in range(len(records)):
@@ -409,7 +427,7 @@ def add_gradient(
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _join(record: ndarray, slope: ndarray) -> None:
+def _join(record: Array, slope: Array) -> None:
     """Add slopes by what follows from f_u and f_v up to slopes by these."""
     for t in range(record.shape[1]):
         has_area = record[9, t] > 0.0
@@ -433,22 +451,22 @@ def _join(record: ndarray, slope: ndarray) -> None:
             slope[3 + k, t] = in_v if has_area else 0.0
 
 
-def _records(surfaces: ndarray, template: Template) -> Iterator[ndarray]:
+def _records(surfaces: Points, template: Template) -> Iterator[Array]:
     """Yield the records of one surface after the other, in one array."""
     records = onp.empty((1, LENGTH, template.n_faces))
-    over = template.faces, template.frame_coefficients, 0, template.n_faces
+    faces, frames = template.faces, template.frame_coefficients
     for f in surfaces:
-        fill_records(of_one_kind(f)[:, None], *over, records)
+        fill_records(of_one_kind(f)[:, None], faces, frames, 0, len(faces), records)
         yield records[0]
 
 
-def area_ratios(surfaces: ndarray, template: Template) -> Iterator[ndarray]:
+def area_ratios(surfaces: Points, template: Template) -> Iterator[Array]:
     """Yield the area ratios of the triangles of one surface after the other."""
     for record in _records(surfaces, template):
         yield record[9]
 
 
-def nearly_degenerate(surfaces: ndarray, template: Template) -> ndarray:
+def nearly_degenerate(surfaces: Points, template: Template) -> Array:
     """Tell the triangles of surfaces that have no area, or hardly more than none."""
     flagged = onp.empty((len(surfaces), template.n_faces), dtype=bool)
     for record, marked in zip(_records(surfaces, template), flagged, strict=True):

@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
+from riemhuman.arrays import Array
 from riemhuman.kernels.compilation import FUSED, compiled
 
 
@@ -195,12 +196,13 @@ def excess_at_pi(ratio: float) -> float:
 
 
 @cache
-def half_angle_fit(ratio: float, dtype: np.dtype) -> tuple[float, ...]:
+def half_angle_fit(ratio: float, dtype: np.dtype[np.float64]) -> tuple[float, ...]:
     """Return the coefficients P of sin²(½ψ) = z P(z), z in [0, 1] the share of `excess_at_pi`."""
     kappa, reach = 0.5 / np.sqrt(2.0 * ratio), excess_at_pi(ratio)
 
-    def quotient(z: np.ndarray) -> np.ndarray:
-        return np.sin(kappa * np.arcsinh(np.sqrt(0.5 * reach * z))) ** 2 / z
+    def quotient(z: Array) -> Array:
+        half_sines: Array = np.sin(kappa * np.arcsinh(np.sqrt(0.5 * reach * z))) ** 2
+        return half_sines / z
 
     fit = Chebyshev.interpolate(quotient, _DEGREES[dtype], domain=[0.0, 1.0])
     powers = fit.convert(kind=Polynomial, domain=[-1.0, 1.0], window=[-1.0, 1.0])

@@ -23,14 +23,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
-from numpy import ndarray
 from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
 
+from riemhuman.arrays import Array, Booleans, Integers, Points, TangentVectors, Triangles
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import distinct_pairs
@@ -38,17 +37,15 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
 from riemhuman.kernels.threads import sums_in_chunks
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.template import Template
 
 # Below this many triangles times surfaces, threads cost more than they bring.
 _WORTH_THREADS = 20_000
 
-Slopes = tuple[float, ndarray, ndarray]
+Slopes = tuple[float, Array, Array]
 
 
-def by_vertex(surfaces: ndarray) -> ndarray:
+def by_vertex(surfaces: Points) -> Array:
     """Return surfaces vertex by vertex, or back."""
     return onp.ascontiguousarray(onp.swapaxes(surfaces, 0, 1))
 
@@ -61,19 +58,19 @@ class QuadraticTerm(ABC):
     is_reparametrization_invariant = False
 
     @abstractmethod
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         """Return the inner product of deformations, by `autograd.numpy`: the definition."""
 
     @abstractmethod
-    def matrix(self, f: ndarray) -> csr_array:
+    def matrix(self, f: Points) -> csr_array:
         """Return the matrix M of the inner product, ⟨h, k⟩ = h·(M k), vertices flattened."""
 
-    def squared_norms(self, vectors: ndarray, surfaces: ndarray) -> float:
+    def squared_norms(self, vectors: TangentVectors, surfaces: Points) -> float:
         """Return the sum of the squared norms of deformations, see `squared_norms_and_slopes`."""
         return self.squared_norms_and_slopes(vectors, surfaces)[0]
 
     @abstractmethod
-    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
         """Return the sum of the squared norms of deformations at surfaces, and its slopes."""
 
 
@@ -86,7 +83,7 @@ class FirstOrderWeights(NamedTuple):
     d1: float = 0.0
     bend: float = 0.0
 
-    def forms(self) -> tuple[ndarray, ndarray]:
+    def forms(self) -> tuple[Array, Array]:
         """Return the quadratic forms of `surface.frame_components`, by area of both surfaces."""
         a1, b1, c1, d1, bend = self
         moving = onp.zeros((6, 6))
@@ -98,7 +95,7 @@ class FirstOrderWeights(NamedTuple):
         return moving, still
 
     @classmethod
-    def from_forms(cls, moving: ndarray, still: ndarray) -> FirstOrderWeights | None:
+    def from_forms(cls, moving: Array, still: Array) -> FirstOrderWeights | None:
         """Return the weights that have these forms, or None if there are none."""
         term = cls(
             a1=moving[0, 0] - moving[0, 3],
@@ -121,7 +118,7 @@ class FirstOrderTerm(QuadraticTerm):
         self.template, self.weights = template, weights
         self.is_stretch_invariant = weights.a1 == 0.0 and weights.b1 == 0.0
 
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
         return surface.product_by_forms(h, k, first, operator, self._forms(first))
@@ -130,34 +127,33 @@ class FirstOrderTerm(QuadraticTerm):
         areas, (moving, still) = self.template.face_areas, self.weights.forms()
         return [(moving, areas * first.areas), (still, areas)]
 
-    def matrix(self, f: ndarray) -> csr_array:
+    def matrix(self, f: Points) -> csr_array:
         first = surface.derivatives(f, self.template.differential_operator)
         blocks = onp.zeros((self.template.n_faces, 9, 9))
         surface.add_blocks(blocks, f, self.template.faces, self._forms(first))
         return self.template.assembler.assemble(blocks)
 
-    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        weights = self.template.face_areas, tuple(self.weights)
-        given = surfaces, self.template.faces, vectors, *weights
-        return _in_chunks(_first_order_norms, given, surfaces.shape, surfaces.shape)
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+        faces, areas, weights = self.template.faces, self.template.face_areas, tuple(self.weights)
+
+        def run(first: int, last: int) -> Slopes:
+            slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
+            value = _first_order_norms(
+                surfaces, faces, vectors, areas, weights, first, last, slopes
+            )
+            return value, *slopes
+
+        return sums_in_chunks(run, len(faces), threaded=_is_large(surfaces, faces))
 
 
-def _in_chunks(
-    loop: Callable[..., float], given: tuple[Any, ...], *shapes: tuple[int, ...]
-) -> tuple[Any, ...]:
-    """Return the value of a loop over the triangles of surfaces, and the arrays it adds up."""
-    surfaces, faces = given[:2]
-    threaded = len(faces) * surfaces.shape[1] > _WORTH_THREADS
-
-    def run(first: int, last: int) -> tuple[Any, ...]:
-        added = [onp.zeros(shape) for shape in shapes]
-        return loop(*given, first, last, tuple(added)), *added
-
-    return sums_in_chunks(run, len(faces), threaded=threaded)
+def _is_large(surfaces: Points, faces: Triangles) -> bool:
+    """Return whether loops over the triangles of surfaces, vertex by vertex, gain by threads."""
+    n_surfaces: int = surfaces.shape[1]
+    return len(faces) * n_surfaces > _WORTH_THREADS
 
 
 @compiled(inline="always")
-def _frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
+def _frame_of(surfaces: Points, face: Integers, i: int) -> tuple[float, ...]:
     """Return the frame of a triangle at time i."""
     # e₁ runs along q₂ − q₁ = p e₁, e₂ across it, and q₃ − q₁ = q e₁ + r e₂.
     one, two, three = face[0], face[1], face[2]
@@ -186,7 +182,7 @@ def _frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
 
 @compiled(inline="always")
 def _derivatives_in_frame(
-    vectors: ndarray, face: ndarray, i: int, frame: tuple[float, ...]
+    vectors: TangentVectors, face: Integers, i: int, frame: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Return M_kj = e_k·∂_j h, the derivatives of a deformation h along e₁ and e₂."""
     _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
@@ -210,7 +206,7 @@ def _derivatives_in_frame(
 
 @compiled(inline="always")
 def _add_to_corners(
-    slopes: ndarray, face: ndarray, i: int, frame: tuple[float, ...], entries: tuple[float, ...]
+    slopes: Array, face: Integers, i: int, frame: tuple[float, ...], entries: tuple[float, ...]
 ) -> None:
     """Add slopes in e_k·∂_j h up to slopes at the corners, by the transpose."""
     _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
@@ -238,14 +234,14 @@ def _add_to_corners(
 
 @compiled
 def _first_order_norms(
-    surfaces: ndarray,
-    faces: ndarray,
-    vectors: ndarray,
-    areas: ndarray,
+    surfaces: Points,
+    faces: Triangles,
+    vectors: TangentVectors,
+    areas: Array,
     weights: tuple[float, ...],
     first: int,
     last: int,
-    slopes: tuple[ndarray, ndarray],
+    slopes: tuple[Array, Array],
 ) -> float:
     """Return the sum of squared norms, and add their slopes by vectors and by surfaces."""
     a1, b1, c1, d1, bend = weights
@@ -288,7 +284,7 @@ def _first_order_norms(
     return total
 
 
-def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
+def corner_averages(faces: Triangles, n_vertices: int) -> csr_array:
     """Return the matrix that takes values at vertices to their means over triangles."""
     ends = np.arange(0, faces.size + 1, 3)
     return csr_array(
@@ -296,7 +292,7 @@ def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
     )
 
 
-def vertex_areas(f: ndarray, template: Template, averages: csr_array) -> ndarray:
+def vertex_areas(f: Points, template: Template, averages: csr_array) -> Array:
     """Return a third of the area of the triangles around each vertex, differentiably."""
     first = surface.derivatives(f, template.differential_operator)
     return apply_operator(averages.T, (template.face_areas * first.areas)[..., None])[..., 0]
@@ -311,61 +307,80 @@ class ZerothOrderTerm(QuadraticTerm):
         self.template, self.weight = template, weight
         self._averages = corner_averages(template.faces, template.n_vertices)
 
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         masses = vertex_areas(f, self.template, self._averages)
         return self.weight * np.sum(masses * surface.dot(h, k), axis=-1)
 
-    def matrix(self, f: ndarray) -> csr_array:
+    def matrix(self, f: Points) -> csr_array:
         masses = vertex_areas(f, self.template, self._averages)
         return csr_array(kron(diags_array(self.weight * masses), eye_array(3)))
 
-    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
         densities = self.weight * surface.dot(vectors, vectors)
-        value, masses, _, _, slopes = _vertex_sums(surfaces, self.template, by_areas=densities)
-        value += onp.sum(masses * densities)
-        return value, 2.0 * self.weight * masses[..., None] * vectors, slopes
+        sums = _vertex_sums(surfaces, self.template, by_areas=densities)
+        value = sums.infinite + float(onp.sum(sums.areas * densities))
+        return value, 2.0 * self.weight * sums.areas[..., None] * vectors, sums.slopes
 
 
 class VertexValues(NamedTuple):
     """What sums over the triangles around vertices are taken of; what is not needed is empty."""
 
-    h: ndarray
-    z: ndarray
-    by_areas: ndarray
-    by_normals: ndarray
+    h: TangentVectors
+    z: Array
+    by_areas: Array
+    by_normals: Array
+
+
+class VertexSums(NamedTuple):
+    """What `_add_vertex_sums` adds up; what is not asked for is empty."""
+
+    infinite: float
+    areas: Array
+    normals: Array
+    images: Array
+    slopes: Array
 
 
 def _vertex_sums(
-    surfaces: ndarray,
+    surfaces: Points,
     template: Template,
-    h: ndarray | None = None,
-    z: ndarray | None = None,
-    by_areas: ndarray | None = None,
-    by_normals: ndarray | None = None,
-) -> tuple[Any, ...]:
-    """Return what `_add_vertex_sums` adds up: A, N, L z and slopes, each where it is asked for."""
-    images, slopes = z is not None, by_areas is not None or by_normals is not None
-    wanted, shape = (not (images or slopes), images, slopes), surfaces.shape
-    shapes = [shape if one else (0, 0, 0) for one in wanted]
+    h: TangentVectors | None = None,
+    z: Array | None = None,
+    by_areas: Array | None = None,
+    by_normals: Array | None = None,
+) -> VertexSums:
+    """Return sums around the vertices: normals alone, or what the given values are needed for."""
+    faces, shape, nothing = template.faces, surfaces.shape, (0, 0, 0)
+    has_images, has_slopes = z is not None, by_areas is not None or by_normals is not None
     # Arrays that are not given are empty, so that the loop is compiled only once.
-    empty = onp.empty((0, 0, 0)), onp.empty((0, 0, 0)), onp.empty((0, 0)), onp.empty((0, 0, 0))
     values = VertexValues(
-        *(
-            none if one is None else onp.ascontiguousarray(one)
-            for one, none in zip((h, z, by_areas, by_normals), empty, strict=True)
-        )
+        h=onp.empty(nothing) if h is None else onp.ascontiguousarray(h),
+        z=onp.empty(nothing) if z is None else onp.ascontiguousarray(z),
+        by_areas=onp.empty((0, 0)) if by_areas is None else onp.ascontiguousarray(by_areas),
+        by_normals=onp.empty(nothing) if by_normals is None else onp.ascontiguousarray(by_normals),
     )
-    return _in_chunks(_add_vertex_sums, (surfaces, template.faces, values), shape[:2], *shapes)
+
+    def run(first: int, last: int) -> tuple[float, Array, Array, Array, Array]:
+        sums = (
+            onp.zeros(shape[:2]),
+            onp.zeros(nothing if has_images or has_slopes else shape),
+            onp.zeros(shape if has_images else nothing),
+            onp.zeros(shape if has_slopes else nothing),
+        )
+        return _add_vertex_sums(surfaces, faces, values, first, last, sums), *sums
+
+    sums = sums_in_chunks(run, len(faces), threaded=_is_large(surfaces, faces))
+    return VertexSums(*sums)
 
 
 @compiled
 def _add_vertex_sums(
-    surfaces: ndarray,
-    faces: ndarray,
+    surfaces: Points,
+    faces: Triangles,
     values: VertexValues,
     first: int,
     last: int,
-    sums: tuple[ndarray, ndarray, ndarray, ndarray],
+    sums: tuple[Array, Array, Array, Array],
 ) -> float:
     """Add vertex areas A, sums N of area vectors, L z, and the slopes of 2 zᵀL h + Σ (a A + b·N).
 
@@ -444,7 +459,7 @@ def _add_vertex_sums(
     return total
 
 
-def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
+def surrounded_vertices(faces: Triangles, n_vertices: int) -> Booleans:
     """Tell which vertices are interior, neither on a border nor outside all triangles."""
     sides = onp.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges, _, counts = distinct_pairs(sides)
@@ -479,7 +494,7 @@ class SecondOrderTerm(QuadraticTerm):
         self.surrounded = surrounded_vertices(template.faces, template.n_vertices)
         self._averages = corner_averages(template.faces, template.n_vertices)
 
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
         # √det g times the inverse of g, as an integrand over the template.
@@ -487,7 +502,7 @@ class SecondOrderTerm(QuadraticTerm):
         scale = self.template.face_areas / first.areas
         e, m, g = ((scale * value)[..., None] for value in (first.e, first.m, squared_v))
 
-        def laplacian(values: ndarray) -> ndarray:
+        def laplacian(values: Array) -> Array:
             v_u, v_v = surface.partial_derivatives(values, operator)
             fluxes = np.concatenate([g * v_u - m * v_v, e * v_v - m * v_u], axis=-2)
             return apply_operator(operator.T, fluxes)
@@ -497,30 +512,30 @@ class SecondOrderTerm(QuadraticTerm):
         shares = self._shares(vertex_areas(f, self.template, self._averages))
         return np.sum(shares * surface.dot(image_h, image_k), axis=-1)
 
-    def matrix(self, f: ndarray) -> csr_array:
+    def matrix(self, f: Points) -> csr_array:
         laplacian = cotangent_laplacian(f, self.template.faces)
         shares = self._shares(vertex_areas(f, self.template, self._averages))
         return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
 
-    def squared_norms(self, vectors: ndarray, surfaces: ndarray) -> float:
+    def squared_norms(self, vectors: TangentVectors, surfaces: Points) -> float:
         return self._laplacians(vectors, surfaces)[0]
 
-    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
         value, z = self._laplacians(vectors, surfaces)
         # Those of 2 zᵀL h − Σ |z|² A/w, where z = w/A L h is held.
         by_areas = -surface.dot(z, z) / self.weight
-        *_, images, slopes = _vertex_sums(surfaces, self.template, vectors, z, by_areas)
-        return value, 2.0 * images, slopes
+        sums = _vertex_sums(surfaces, self.template, vectors, z, by_areas)
+        return value, 2.0 * sums.images, sums.slopes
 
-    def _laplacians(self, vectors: ndarray, surfaces: ndarray) -> tuple[float, ndarray]:
+    def _laplacians(self, vectors: TangentVectors, surfaces: Points) -> tuple[float, Array]:
         """Return the sum of the squared norms, infinite without areas, and w/A L h."""
-        value, masses, _, images, _ = _vertex_sums(surfaces, self.template, z=vectors)
-        if value > 0.0:
-            return math.inf, images
-        z = self._shares(masses.T).T[..., None] * images
-        return float(onp.sum(z * images)), z
+        sums = _vertex_sums(surfaces, self.template, z=vectors)
+        if sums.infinite > 0.0:
+            return math.inf, sums.images
+        z = self._shares(sums.areas.T).T[..., None] * sums.images
+        return float(onp.sum(z * sums.images)), z
 
-    def _shares(self, masses: ndarray) -> ndarray:
+    def _shares(self, masses: Array) -> Array:
         """Return w/A at the vertices surrounded, 0 at the others."""
         return self.weight * self.surrounded / np.where(self.surrounded, masses, 1.0)
 
@@ -529,7 +544,7 @@ class SecondOrderTerm(QuadraticTerm):
 _CANCELLED = 1e-12
 
 
-def vertex_normals(f: ndarray, template: Template, averages: csr_array) -> ndarray:
+def vertex_normals(f: Points, template: Template, averages: csr_array) -> Array:
     """Return unit normals at the vertices: the definition."""
     first = surface.derivatives(f, template.differential_operator)
     area_vectors = template.face_areas[:, None] * first.area_vectors
@@ -549,15 +564,16 @@ def vertex_normals(f: ndarray, template: Template, averages: csr_array) -> ndarr
     return np.where(unused[..., None], 0.0, unit)
 
 
-def mixed_edges(faces: ndarray) -> ndarray:
+def mixed_edges(faces: Triangles) -> Integers:
     """Return the edges whose two triangles turn opposite sides up, as both pass them one way."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges, edge_of_side, _ = distinct_pairs(onp.sort(sides, axis=1))
     n_ahead = onp.bincount(edge_of_side, weights=sides[:, 0] < sides[:, 1])
-    return edges[(onp.bincount(edge_of_side) == 2) & (n_ahead != 1)]
+    mixed: Integers = edges[(onp.bincount(edge_of_side) == 2) & (n_ahead != 1)]
+    return mixed
 
 
-def project(h: ndarray, f: ndarray, template: Template, averages: csr_array) -> ndarray:
+def project(h: TangentVectors, f: Points, template: Template, averages: csr_array) -> Array:
     """Return P_f h = ⟨h, n⟩ n: the definition."""
     normals = vertex_normals(f, template, averages)
     return surface.dot(h, normals)[..., None] * normals
@@ -583,32 +599,32 @@ class NormalPartTerm(QuadraticTerm):
         self.is_stretch_invariant = term.is_stretch_invariant
         self._averages = corner_averages(template.faces, template.n_vertices)
 
-    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+    def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
         normal_h = project(h, f, self.template, self._averages)
         normal_k = normal_h if k is h else project(k, f, self.template, self._averages)
         return self.term.inner_product(normal_h, normal_k, f)
 
-    def matrix(self, f: ndarray) -> csr_array:
+    def matrix(self, f: Points) -> csr_array:
         normals = vertex_normals(f, self.template, self._averages)
         numbers, ends = onp.arange(len(normals)), onp.arange(len(normals) + 1)
         blocks = bsr_array((normals[:, :, None] * normals[:, None, :], numbers, ends))
         projection = csr_array(blocks)
         return projection @ self.term.matrix(f) @ projection
 
-    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        _, areas, sums, *_ = _vertex_sums(surfaces, self.template)
-        lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
-        cancelled = (lengths[..., 0] <= 3.0 * _CANCELLED * areas) & (areas > 0.0)
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+        sums = _vertex_sums(surfaces, self.template)
+        lengths = onp.linalg.norm(sums.normals, axis=-1, keepdims=True)
+        cancelled = (lengths[..., 0] <= 3.0 * _CANCELLED * sums.areas) & (sums.areas > 0.0)
         lengths = onp.where(lengths > 0.0, lengths, 1.0)
-        normals = sums / lengths
+        normals = sums.normals / lengths
 
-        def along(vectors: ndarray) -> ndarray:
+        def along(vectors: TangentVectors) -> Array:
             return surface.dot(vectors, normals)[..., None]
 
         parts = along(vectors) * normals
         value, in_parts, in_surfaces = self.term.squared_norms_and_slopes(parts, surfaces)
         in_normals = along(vectors) * in_parts + along(in_parts) * vectors
         in_sums = (in_normals - along(in_normals) * normals) / lengths
-        *_, through_normals = _vertex_sums(surfaces, self.template, by_normals=in_sums)
+        through_normals = _vertex_sums(surfaces, self.template, by_normals=in_sums).slopes
         in_vectors = along(in_parts) * normals
         return math.inf if cancelled.any() else value, in_vectors, in_surfaces + through_normals

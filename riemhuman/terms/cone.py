@@ -26,8 +26,8 @@ import math
 import autograd.numpy as np
 import numpy as onp
 from autograd.extend import defvjp, primitive
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, FeatureRows, Fields, Points
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.sphere import sine_cardinal
@@ -43,7 +43,7 @@ from riemhuman.terms._polynomial_fits import (
     squared_length_and_slope,
 )
 from riemhuman.terms.normals import add_segment, arc_pair, squared_arc
-from riemhuman.terms.term import LENGTH, Fields, FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import LENGTH, FieldSpace, FieldSpaces, Term
 
 
 class ConeTerm(Term):
@@ -99,7 +99,7 @@ class ConeTerm(Term):
             return super().target_space(spaces)
         return spaces.metric_and_normal_fields(self.a, self.b, self.c)
 
-    def target_point(self, first: Derivatives) -> ndarray:
+    def target_point(self, first: Derivatives) -> Array:
         g, n = first_fundamental_form(first.f_u, first.f_v), self.fields(first)[-1]
         leading = np.shape(first.areas)[:-1]
         return np.concatenate([np.reshape(part, (*leading, -1)) for part in (g, n)], axis=-1)
@@ -111,7 +111,7 @@ class ConeTerm(Term):
         normals = first.area_vectors / first.areas[..., None]
         return x, y, s, np.where(first.degenerate[..., None], _ANY_NORMAL, normals)
 
-    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> Array:
         r"""Return the squared distances, without cancellation for near-equal surfaces.
 
         .. math:: d^2 = 16b\left((s_1-s_2)^2 + 4 s_1 s_2 \sin^2(\tfrac12\min(\pi,\psi))\right)
@@ -128,14 +128,14 @@ class ConeTerm(Term):
         half = clipped_sine_squared(squared)
         return 16.0 * self.b * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
 
-    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> Array:
         (x1, y1, s1), (x2, y2, s2), (_, y, s) = changes_a[:3], changes_b[:3], fields[:3]
         link = 2.0 * self.a * (x1 * x2 + y1 * y2) / y**2
         if self.c > 0.0:
             link = link + self.c * dot(changes_a[3], changes_b[3])
         return 16.0 * self.b * s1 * s2 + s**2 * link
 
-    def form(self, first: Derivatives) -> ndarray:
+    def form(self, first: Derivatives) -> Array:
         rows = onp.zeros((5, 6))
         rows[0, [0, 3]] = math.sqrt(2.0 * self.a), -math.sqrt(2.0 * self.a)
         rows[1, [1, 2]] = math.sqrt(2.0 * self.a)
@@ -143,7 +143,7 @@ class ConeTerm(Term):
         rows[[3, 4], [4, 5]] = math.sqrt(self.c)
         return rows.T @ rows
 
-    def chart(self, fields: Fields) -> ndarray:
+    def chart(self, fields: Fields) -> Array:
         r"""Map fields to R^{2K} so that Euclidean distances are at most those of the term.
 
         Let u ∈ R^K hold the logarithm L of ĝ at the identity, in R², times ψ/ℓ or less, and the
@@ -174,7 +174,7 @@ class ConeTerm(Term):
         circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
         return 4.0 * np.sqrt(self.b / n_angles) * s[..., None] * circles
 
-    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+    def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
         record = onp.zeros((LENGTH, len(areas)))
         x, y, s = fields[:3]
         record[9], record[10] = s**2, s**2 / y
@@ -183,7 +183,7 @@ class ConeTerm(Term):
             record[6:9] = fields[3].T
         return self.pack_record(record, areas, kept)
 
-    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+    def pack_record(self, record: Array, areas: Array, kept: FeatureRows) -> float:
         exact = onp.empty((self.n_features, len(areas)))
         stretch, turn = self.angle_per_length**2, self.angle_per_turn**2
         gap = _pack(of_one_kind(record), of_one_kind(areas), stretch, turn, exact)
@@ -191,7 +191,7 @@ class ConeTerm(Term):
             kept[:, : len(areas)] = exact
         return 16.0 * self.b * gap
 
-    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+    def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
         real, single, squared = a.dtype.type, PRECISION[a.dtype], np.zeros((len(a), len(b)))
         scale, turn, fit = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2, None
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
@@ -200,7 +200,7 @@ class ConeTerm(Term):
         _tile(a, b, (real(scale), real(turn)), fit, single, a is b, squared)
         return 16.0 * self.b * squared
 
-    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+    def add_segments(self, records: Array, slopes: Array, areas: Array) -> float:
         stretch, turn = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2
         return _segments(records, slopes, areas, 16.0 * self.b * self.weight, stretch, turn)
 
@@ -237,7 +237,7 @@ class EbinTerm(ConeTerm):
     def target_space(self, spaces: FieldSpaces) -> FieldSpace:
         return spaces.metric_fields(self.lam)
 
-    def target_point(self, first: Derivatives) -> ndarray:
+    def target_point(self, first: Derivatives) -> Array:
         return first_fundamental_form(first.f_u, first.f_v)
 
 
@@ -249,24 +249,24 @@ _ANY_NORMAL = onp.array([0.0, 0.0, 1.0])
 
 
 def half_plane(
-    e: ndarray, m: ndarray, areas: ndarray, degenerate: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
+    e: Array, m: Array, areas: Array, degenerate: Booleans
+) -> tuple[Array, Array, Array]:
     """Return the coordinates x, y of ĝ, and s, of g = [[e, m], [m, ...]] with areas √det g."""
     s = np.where(degenerate, 0.0, np.sqrt(areas))
     return np.where(degenerate, 0.0, m / e), areas / e, s
 
 
-def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
+def excess(x1: Array, y1: Array, x2: Array, y2: Array) -> Array:
     """Return cosh ℓ − 1 of two points of the half-plane, without cancellation."""
     return ((x1 - x2) ** 2 + (y1 - y2) ** 2) / (2.0 * y1 * y2)
 
 
-def hyperbolic_distance(m: ndarray) -> ndarray:
+def hyperbolic_distance(m: Array) -> Array:
     """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1."""
     return 2.0 * np.arcsinh(square_root(0.5 * m))
 
 
-def inverse_hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
+def inverse_hyperbolic_sine_cardinal(x: Array) -> Array:
     """Return x/sinh(x), 1 at 0."""
     safe = np.where(x == 0, 1.0, x)
     # exp(-x) keeps the quotient finite where sinh overflows.
@@ -275,7 +275,7 @@ def inverse_hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
 
 
 @primitive
-def squared_hyperbolic_distance(m: ndarray) -> ndarray:
+def squared_hyperbolic_distance(m: Array) -> Array:
     """Return ℓ², a smooth function of m = cosh ℓ − 1."""
     return hyperbolic_distance(m) ** 2
 
@@ -289,12 +289,12 @@ defvjp(
 
 
 @primitive
-def clipped_sine_squared(squared: ndarray) -> ndarray:
+def clipped_sine_squared(squared: Array) -> Array:
     """Return sin²(min(½ψ, ½π)), a smooth function of ¼ψ² below ¼π²."""
     return np.sin(np.minimum(0.5 * np.pi, square_root(squared))) ** 2
 
 
-def _clipped_sine_slope(squared: ndarray) -> ndarray:
+def _clipped_sine_slope(squared: Array) -> Array:
     angle = 2.0 * square_root(squared)
     return np.where(angle < np.pi, sine_cardinal(angle), 0.0)
 
@@ -344,9 +344,9 @@ def cone_pair(
 
 @compiled
 def _segments(
-    records: ndarray,
-    slopes: ndarray,
-    areas: ndarray,
+    records: Array,
+    slopes: Array,
+    areas: Array,
     factor: float,
     stretch: float,
     turn: float,
@@ -367,7 +367,7 @@ def _segments(
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _half_planes(record: ndarray, point: ndarray) -> None:
+def _half_planes(record: Array, point: Points) -> None:
     area, e, m = record[9], record[10], record[11]
     x, y, s = point[0], point[1], point[2]
     for t in range(len(area)):
@@ -376,9 +376,9 @@ def _half_planes(record: ndarray, point: ndarray) -> None:
 
 @compiled(forceinline=True, fastmath=SUM)
 def _segment(
-    before: tuple[ndarray, ...],
-    after: tuple[ndarray, ...],
-    areas: ndarray,
+    before: tuple[Array, ...],
+    after: tuple[Array, ...],
+    areas: Array,
     factor: float,
     stretch: float,
     turn: float,
@@ -414,11 +414,11 @@ def _segment(
 
 @compiled(forceinline=True, fastmath=SUM)
 def _fill_angles(
-    rows: ndarray,
-    columns: ndarray,
+    rows: Array,
+    columns: Array,
     turn: float,
     single: bool | None,
-    angles: ndarray,
+    angles: Array,
     first: int,
     last: int,
 ) -> None:
@@ -433,7 +433,7 @@ def _fill_angles(
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _add_slopes(record: ndarray, point: ndarray, added: ndarray, slope: ndarray) -> None:
+def _add_slopes(record: Array, point: Points, added: Array, slope: Array) -> None:
     """Add slopes by x, y and s up to slopes by the area ratio, e and m; at the apex are none."""
     e, x, y, s = record[10], point[0], point[1], point[2]
     by_x, by_y, by_s = added[0], added[1], added[2]
@@ -456,7 +456,7 @@ def _half_plane(area: float, e: float, m: float) -> tuple[float, float, float]:
 
 
 @compiled(fastmath=SUM)
-def _pack(record: ndarray, areas: ndarray, stretch: float, turn: float, exact: ndarray) -> float:
+def _pack(record: Array, areas: Array, stretch: float, turn: float, exact: Array) -> float:
     """Write x, y, 1/(√2 y), √w s and n; return the squared distance to them in single precision."""
     gap = UNDERFLOW * len(areas)
     for t in range(len(areas)):
@@ -481,12 +481,12 @@ def _pack(record: ndarray, areas: ndarray, stretch: float, turn: float, exact: n
 
 @compiled(forceinline=True, fastmath=SUM)
 def _chunk(
-    a: ndarray,
-    b: ndarray,
+    a: Array,
+    b: Array,
     scales: tuple[float, float],
     fit: tuple[float, ...] | None,
     single: bool | None,
-    angles: ndarray,
+    angles: Array,
     first: int,
     last: int,
 ) -> float:
@@ -508,13 +508,13 @@ def _chunk(
 
 @compiled
 def _tile(
-    a: ndarray,
-    b: ndarray,
+    a: Array,
+    b: Array,
     scales: tuple[float, float],
     fit: tuple[float, ...] | None,
     single: bool | None,
     within: bool,
-    squared: ndarray,
+    squared: Array,
 ) -> None:
     """Add sums over triangles, with the scales of `cone_pair` and of squared angles of normals."""
     n_values, angles = a.shape[2], onp.zeros(CHUNK, dtype=a.dtype)

@@ -6,12 +6,12 @@ import math
 from abc import abstractmethod
 
 import autograd.numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, FeatureRows, Fields, Points
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW
-from riemhuman.terms.term import Fields, FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import FieldSpace, FieldSpaces, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
 _CHUNK = 2 * CHUNK
@@ -43,11 +43,11 @@ class FlatTerm(Term):
     def target_space(self, spaces: FieldSpaces) -> FieldSpace:
         return spaces.vector_fields(self.n_features)
 
-    def target_point(self, first: Derivatives) -> ndarray:
+    def target_point(self, first: Derivatives) -> Array:
         return self.field(first)
 
     @abstractmethod
-    def field(self, first: Derivatives) -> ndarray:
+    def field(self, first: Derivatives) -> Array:
         """Return the field φ(f) of surfaces, shape (..., F, n).
 
         Parameters
@@ -59,20 +59,20 @@ class FlatTerm(Term):
     def fields(self, first: Derivatives) -> Fields:
         return (self.field(first),)
 
-    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> Array:
         difference = fields_a[0] - fields_b[0]
         return dot(difference, difference)
 
-    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> Array:
         return dot(changes_a[0], changes_b[0])
 
-    def chart(self, fields: Fields) -> ndarray:
+    def chart(self, fields: Fields) -> Array:
         return fields[0]
 
-    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+    def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
         return _pack(np.sqrt(areas) * fields[0].T, kept)
 
-    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+    def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
         # A product of matrices, ‖a‖² + ‖b‖² − 2 ⟨a, b⟩, takes a third to a half of the time for
         # 256 bodies but loses the digits of what is close: of 4,950 open bodies' distances one in
         # a hundred is beyond the 5e-6 that features may be off, the worst 3e-5. Nor does BLAS
@@ -82,7 +82,7 @@ class FlatTerm(Term):
         return squared
 
 
-def _pack(rows: ndarray, kept: ndarray) -> float:
+def _pack(rows: Array, kept: FeatureRows) -> float:
     """Write vectors; return the squared distance to what is written."""
     written = kept[:, : rows.shape[1]]
     with np.errstate(over="ignore"):
@@ -93,7 +93,7 @@ def _pack(rows: ndarray, kept: ndarray) -> float:
 
 
 @compiled
-def _tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
+def _tile(a: Array, b: Array, within: bool, squared: Array) -> None:
     """Add the squared distances of rows, 4 × 4 pairs at a time; rows at the edge come again."""
     end_a, end_b = len(a) - 1, len(b) - 1
     for first in range(0, a.shape[1], _CHUNK):
@@ -114,8 +114,8 @@ Four = tuple[float, float, float, float]
 
 @compiled(forceinline=True, fastmath=SUM)
 def _block(
-    a: ndarray,
-    b: ndarray,
+    a: Array,
+    b: Array,
     rows: tuple[int, int, int, int],
     columns: tuple[int, int, int, int],
     first: int,
@@ -136,7 +136,8 @@ def _block(
         b[columns[3], first:last],
     )
     zero = a.dtype.type(0.0)
-    s0 = s1 = s2 = s3 = (zero, zero, zero, zero)
+    s0: Four = (zero, zero, zero, zero)
+    s1 = s2 = s3 = s0
     for t in range(last - first):
         y = (b0[t], b1[t], b2[t], b3[t])
         s0, s1 = _add(s0, a0[t], y), _add(s1, a1[t], y)
@@ -168,23 +169,23 @@ class RootNormalTerm(FlatTerm):
 
     area_power = 1.0
 
-    def field(self, first: Derivatives) -> ndarray:
+    def field(self, first: Derivatives) -> Array:
         roots = first.area_vectors / np.sqrt(first.areas)[..., None]
         return np.where(first.degenerate[..., None], 0.0, roots)
 
-    def form(self, first: Derivatives) -> ndarray:
+    def form(self, first: Derivatives) -> Array:
         swelling = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.0])
         return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
-    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+    def pack_record(self, record: Array, areas: Array, kept: FeatureRows) -> float:
         return _pack(np.sqrt(areas * record[9]) * record[6:9], kept)
 
-    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+    def add_segments(self, records: Array, slopes: Array, areas: Array) -> float:
         return _segments(records, slopes, areas, self.weight)
 
 
 @compiled
-def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
+def _segments(records: Array, slopes: Array, areas: Array, weight: float) -> float:
     total = 0.0
     for i in range(len(records) - 1):
         total += _segment(records[i], records[i + 1], slopes[i], slopes[i + 1], areas, weight)
@@ -194,11 +195,11 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
 # Without fused products: the difference of equal roots must be 0.
 @compiled(forceinline=True, fastmath={"nsz", "reassoc"})
 def _segment(
-    start: ndarray,
-    end: ndarray,
-    by_one: ndarray,
-    by_other: ndarray,
-    areas: ndarray,
+    start: Points,
+    end: Points,
+    by_one: Array,
+    by_other: Array,
+    areas: Array,
     weight: float,
 ) -> float:
     """Return the sum of w ‖q₁ − q₂‖², and add its slopes by normals and area ratios."""

@@ -6,14 +6,14 @@ import math
 
 import autograd.numpy as np
 from autograd.extend import defvjp, primitive
-from numpy import ndarray
 
+from riemhuman.arrays import Array, FeatureRows, Fields, Points, TangentVectors
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.rotations import quaternions
 from riemhuman.kernels.surface import Derivatives, dot, polar_frames, square_root
 from riemhuman.kernels.threads import CHUNK, UNDERFLOW
 from riemhuman.terms._polynomial_fits import PRECISION, squared_arc_and_slope
-from riemhuman.terms.term import Fields, FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import FieldSpace, FieldSpaces, Term
 
 
 class _AngleTerm(Term):
@@ -25,15 +25,16 @@ class _AngleTerm(Term):
     _either_sign: bool | None = None  # None is known when loops are compiled
     _factor = 1.0
 
-    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+    def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
         return self._factor * _pack(fields[0].T, areas, kept)
 
-    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+    def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
         _tile(a, b, relative, PRECISION[a.dtype], self._either_sign, a is b, squared)
-        return self._factor * largest * squared
+        scaled: Array = self._factor * largest * squared
+        return scaled
 
 
 class NormalTerm(_AngleTerm):
@@ -58,29 +59,29 @@ class NormalTerm(_AngleTerm):
     def target_space(self, spaces: FieldSpaces) -> FieldSpace:
         return spaces.normal_fields()
 
-    def target_point(self, first: Derivatives) -> ndarray:
+    def target_point(self, first: Derivatives) -> Array:
         return self.fields(first)[0]
 
     def fields(self, first: Derivatives) -> Fields:
         return (first.area_vectors / first.areas[..., None],)
 
-    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> Array:
         difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
         return squared_arc(dot(difference, difference), dot(total, total))
 
-    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> Array:
         return dot(changes_a[0], changes_b[0])
 
-    def form(self, first: Derivatives) -> ndarray:
+    def form(self, first: Derivatives) -> Array:
         return np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
-    def chart(self, fields: Fields) -> ndarray:
+    def chart(self, fields: Fields) -> Array:
         return fields[0]
 
-    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+    def pack_record(self, record: Array, areas: Array, kept: FeatureRows) -> float:
         return _pack(record[6:9], areas, kept)
 
-    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+    def add_segments(self, records: Array, slopes: Array, areas: Array) -> float:
         return _segments(records, slopes, areas, self.weight)
 
 
@@ -109,17 +110,17 @@ class RotationTerm(_AngleTerm):
     def fields(self, first: Derivatives) -> Fields:
         return (quaternions(polar_frames(first.f_u, first.f_v)),)
 
-    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> Array:
         difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
         p, q = dot(difference, difference), dot(total, total)
         return 4.0 * squared_arc(np.minimum(p, q), np.maximum(p, q))
 
-    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> Array:
         return 4.0 * dot(changes_a[0], changes_b[0])
 
 
 @primitive
-def squared_arc(p: ndarray, q: ndarray) -> ndarray:
+def squared_arc(p: Array, q: Array) -> Array:
     """Return θ² = (2 atan2(√p, √q))² from p = ‖n₁ − n₂‖² and q = ‖n₁ + n₂‖².
 
     No digits are lost near 0 and π, as they are with the arc cosine of n₁·n₂. At antipodal
@@ -128,14 +129,14 @@ def squared_arc(p: ndarray, q: ndarray) -> ndarray:
     return 4.0 * np.arctan2(np.sqrt(p), np.sqrt(q)) ** 2
 
 
-def _slope_in_p(p: ndarray, q: ndarray) -> ndarray:
+def _slope_in_p(p: Array, q: Array) -> Array:
     a, b = square_root(p), square_root(q)
     coincident = a == 0
     half_over_a = np.arctan2(a, b) / np.where(coincident, 1.0, a)
     return np.where(coincident, 4.0 / (p + q), 4.0 * half_over_a * b / (p + q))
 
 
-def _slope_in_q(p: ndarray, q: ndarray) -> ndarray:
+def _slope_in_q(p: Array, q: Array) -> Array:
     a, b = square_root(p), square_root(q)
     antipodal = b == 0
     slope = -4.0 * np.arctan2(a, b) * a / (np.where(antipodal, 1.0, b) * (p + q))
@@ -179,7 +180,7 @@ def arc_pair(
 
 
 @compiled
-def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
+def _segments(records: Array, slopes: Array, areas: Array, weight: float) -> float:
     for i in range(len(records)):
         for area in records[i, 9]:
             if area == 0.0:
@@ -192,11 +193,11 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
 
 @compiled(forceinline=True, fastmath=SUM)
 def add_segment(
-    start: ndarray,
-    end: ndarray,
-    by_one: ndarray,
-    by_other: ndarray,
-    areas: ndarray,
+    start: Points,
+    end: Points,
+    by_one: Array,
+    by_other: Array,
+    areas: Array,
     weight: float,
 ) -> float:
     """Return the sum of w θ², and add its slopes by both normals."""
@@ -218,19 +219,19 @@ def add_segment(
     return total
 
 
-def _pack(vectors: ndarray, areas: ndarray, kept: ndarray) -> float:
+def _pack(vectors: TangentVectors, areas: Array, kept: FeatureRows) -> float:
     """Write unit vectors; return the squared distance to what is written."""
     kept[:, : len(areas)] = vectors
     chords = ((vectors - kept[:, : len(areas)]) ** 2).sum(axis=0)
     # An angle of at most π/2 changes by at most √2 times the change of its chord.
-    return UNDERFLOW * areas.max() * len(areas) + 2.0 * float(areas @ chords)
+    return UNDERFLOW * float(areas.max()) * len(areas) + 2.0 * float(areas @ chords)
 
 
 @compiled(forceinline=True, fastmath=SUM)
 def _chunk(
-    a: ndarray,
-    b: ndarray,
-    weights: ndarray,
+    a: Array,
+    b: Array,
+    weights: Array,
     single: bool | None,
     either_sign: bool | None,
     first: int,
@@ -254,13 +255,13 @@ def _chunk(
 
 @compiled
 def _tile(
-    a: ndarray,
-    b: ndarray,
-    weights: ndarray,
+    a: Array,
+    b: Array,
+    weights: Array,
     single: bool | None,
     either_sign: bool | None,
     within: bool,
-    squared: ndarray,
+    squared: Array,
 ) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):

@@ -12,21 +12,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import autograd.numpy as np
 from autograd import value_and_grad
-from numpy import ndarray
 
+from riemhuman.arrays import Array, FeatureRows, Fields
 from riemhuman.checks import metric_weight
 from riemhuman.errors import NotDefinedError
 from riemhuman.kernels.surface import Derivatives, differential, follow_up
 from riemhuman.representation import constructor_text
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
-
-Fields = tuple[ndarray, ...]
+from riemhuman.surfaces.template import Template
 
 LENGTH = 12
 """Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
@@ -191,7 +187,7 @@ class Term(ABC):
         """
 
     @abstractmethod
-    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> Array:
         """Return the squared distances on every triangle, without the weight, shape (..., F).
 
         Parameters
@@ -200,7 +196,7 @@ class Term(ABC):
         """
 
     @abstractmethod
-    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> Array:
         """Return the inner products of changes of the fields, triangle by triangle, shape (..., F).
 
         Parameters
@@ -210,7 +206,7 @@ class Term(ABC):
         fields : tuple of array
         """
 
-    def changes(self, first: Derivatives, h_u: ndarray, h_v: ndarray) -> Fields:
+    def changes(self, first: Derivatives, h_u: Array, h_v: Array) -> Fields:
         """Return the derivatives of the fields along deformations.
 
         Parameters
@@ -222,13 +218,13 @@ class Term(ABC):
         both = np.stack([first.f_u + np.zeros(shape), first.f_v + np.zeros(shape)])
         along = np.stack([h_u + np.zeros(shape), h_v + np.zeros(shape)])
 
-        def field(k: int, derivatives: ndarray) -> ndarray:
+        def field(k: int, derivatives: Array) -> Array:
             return self.fields(follow_up(derivatives[0], derivatives[1]))[k]
 
         count = len(self.fields(first))
         return tuple(differential(partial(field, k), along, both) for k in range(count))
 
-    def form(self, first: Derivatives) -> ndarray:
+    def form(self, first: Derivatives) -> Array:
         """Return the metric as quadratic forms of `surface.frame_components` of deformations.
 
         Their shape is (..., F, 6, 6). A term that treats all directions alike has one constant
@@ -273,7 +269,7 @@ class Term(ABC):
             'image="points" otherwise'
         )
 
-    def target_point(self, first: Derivatives) -> ndarray:
+    def target_point(self, first: Derivatives) -> Array:
         r"""Return the fields of surfaces as points of `target_space`, shape (..., \*shape).
 
         Parameters
@@ -283,7 +279,7 @@ class Term(ABC):
         """
         raise NotDefinedError(f"{type(self).__name__} defines no target_point")
 
-    def chart(self, fields: Fields) -> ndarray | None:
+    def chart(self, fields: Fields) -> Array | None:
         """Return coordinates whose Euclidean distances are at most those of the fields.
 
         They find nearest neighbours without computing all distances, and have shape (..., F, n).
@@ -295,7 +291,7 @@ class Term(ABC):
         """
         return None
 
-    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+    def add_segments(self, records: Array, slopes: Array, areas: Array) -> float:
         """Return the sum of w d² over the segments of a path, and add its slopes.
 
         The sum is infinite where the fields do not exist.
@@ -311,7 +307,7 @@ class Term(ABC):
         if self.needs_area and not records[:, 9].all():
             return np.inf
 
-        def energy(both: ndarray) -> ndarray:
+        def energy(both: Array) -> Array:
             fields = self.fields(follow_up(both[..., :3], both[..., 3:]))
             before, after = (
                 tuple(field[part] for field in fields) for part in (slice(-1), slice(1, None))
@@ -327,7 +323,7 @@ class Term(ABC):
         """Numbers that the features hold of each triangle."""
         return sum(int(np.prod(shape)) for shape in self._field_shapes())
 
-    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+    def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
         """Write features; return a bound on the square of their rounding error.
 
         By default it is infinite: distances from single precision are then computed again.
@@ -343,7 +339,7 @@ class Term(ABC):
         kept[:, : len(areas)] = np.concatenate(rows)
         return np.inf
 
-    def pack_record(self, record: ndarray, areas: ndarray, kept: ndarray) -> float:
+    def pack_record(self, record: Array, areas: Array, kept: FeatureRows) -> float:
         """Write the features of one surface, see `pack`.
 
         Parameters
@@ -355,7 +351,7 @@ class Term(ABC):
         """
         return self.pack(self.fields(follow_up(record[:3].T, record[3:6].T)), areas, kept)
 
-    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+    def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
         """Return the squared distances between surfaces, without the weight, shape (n_a, n_b).
 
         Parameters
@@ -374,7 +370,7 @@ class Term(ABC):
         fields = self.fields(follow_up(np.eye(1, 3), np.eye(1, 3, 1)))
         return [np.shape(field)[1:] for field in fields]
 
-    def _unpack(self, features: ndarray, n_faces: int) -> Fields:
+    def _unpack(self, features: FeatureRows, n_faces: int) -> Fields:
         fields, start = [], 0
         for shape in self._field_shapes():
             end = start + int(np.prod(shape))
