@@ -116,8 +116,8 @@ def named_modules(node):
     return set()
 
 
-def imported(name, path, modules):
-    """Return the modules whose code a module runs, in functions too, but not for types alone.
+def imported(name, path, modules, *, types):
+    """Return the modules whose code a module runs, in functions too, and those named for types.
 
     Importing a module runs the `__init__` of its subpackage, too.
     """
@@ -126,6 +126,8 @@ def imported(name, path, modules):
         node = nodes.pop()
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             nodes += node.orelse
+            if types:
+                names |= {text for line in node.body for text in named_modules(line)}
             continue
         for text in named_modules(node):
             parts = text.split(".")
@@ -147,13 +149,13 @@ def files_of(package):
     return modules
 
 
-def circles(package):
+def circles(package, *, types=False):
     """Return the strongly connected components of the imports, of more than one module."""
     modules = files_of(package)
     numbers = {name: number for number, name in enumerate(modules)}
     graph = lil_array((len(modules), len(modules)))
     for name, path in modules.items():
-        for other in imported(name, path, modules):
+        for other in imported(name, path, modules, types=types):
             graph[numbers[name], numbers[other]] = 1
     _, labels = connected_components(graph.tocsr(), connection="strong")
     components = {}
@@ -164,6 +166,31 @@ def circles(package):
 
 def test_no_modules_import_each_other():
     assert circles(ROOT / "riemhuman") == []
+
+
+# A manifold has a metric, a metric has a space and solvers, and solvers are given a metric; a
+# film shows the bodies of a viewer, which saves films.
+MUTUAL_TYPES = [
+    {
+        "riemhuman.geometry.manifold",
+        "riemhuman.geometry.metric",
+        "riemhuman.geometry.strategies",
+        "riemhuman.provided",
+    },
+    {"riemhuman.plots._films", "riemhuman.plots.viewer"},
+]
+
+
+def test_modules_that_name_each_other_for_types_are_these():
+    found = circles(ROOT / "riemhuman", types=True)
+    assert [circle for circle in found if not any(set(circle) <= few for few in MUTUAL_TYPES)] == []
+
+
+def test_imports_for_types_alone_are_seen(twin):
+    line = "if TYPE_CHECKING:\n    from riemhuman.solvers.paths import BasisPath"
+    append(twin / "terms" / "term.py", line)
+    assert circles(twin) == []
+    assert any("riemhuman.terms.term" in circle for circle in circles(twin, types=True))
 
 
 @pytest.mark.parametrize(

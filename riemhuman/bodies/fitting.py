@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -19,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import ArrayLike
 from riemhuman.bodies._fitting_equations import Equations, Loss, least_squares_step
-from riemhuman.bodies.skinning import Skeleton
+from riemhuman.bodies.skinning import Skeleton, SkinnedModel
 from riemhuman.checks import (
     check_resolution,
     check_same_scale,
@@ -34,11 +33,7 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.memory import enough_memory
 from riemhuman.representation import Record
-from riemhuman.surfaces.template import check_body_sizes
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
-    from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.template import Template, check_body_sizes
 
 _LOSSES = ("squared", "huber")
 
@@ -101,7 +96,7 @@ class ModelFit(Record):
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
 @enough_memory("a fit of the body model")
 def fit_model(
-    model: BodyModel,
+    model: SkinnedModel,
     points: ArrayLike,
     *,
     correspondence: ArrayLike | sparse.csr_array | None = None,
@@ -194,7 +189,7 @@ def fit_model(
 
 
 def _surfaces_of(
-    model: BodyModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
+    model: SkinnedModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
 ) -> np.ndarray:
     """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
     surfaces = real_array(points, "points", ("n_points", 3))
@@ -213,7 +208,7 @@ def _surfaces_of(
 
 
 def _priors(
-    model: BodyModel, betas_prior: float, pose_prior: float, hands_prior: float | None
+    model: SkinnedModel, betas_prior: float, pose_prior: float, hands_prior: float | None
 ) -> np.ndarray:
     """Return the weight of the prior of each parameter: pose, betas, hands and translation."""
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
@@ -226,7 +221,7 @@ def _priors(
 
 
 def correspondence_matrix(
-    model: BodyModel | Template,
+    model: SkinnedModel | Template,
     correspondence: ArrayLike | tuple[ArrayLike, ArrayLike] | sparse.csr_array | None = None,
 ) -> sparse.csr_array:
     """Return the matrix (n_points, V) from a model's vertices to the points of a correspondence.

@@ -7,20 +7,18 @@ Pons-Moll and Black, "SMPL: A Skinned Multi-Person Linear Model", ACM Trans. Gra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import autograd.numpy as np
 import numpy as onp
 from numpy.typing import DTypeLike
 
-from riemhuman.arrays import Array, ArrayLike, Integers
+from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies._blending import SkinningWeights, move
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
+from riemhuman.surfaces.template import Template
 
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
@@ -33,6 +31,34 @@ SMPL_JOINTS = (
     *("left_wrist", "right_wrist"),
 )
 SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+
+
+class SkinnedModel(Protocol):
+    """What skeletons and fits read of a body model, see `BodyModel`."""
+
+    template: Template
+    faces: Triangles
+    shapedirs: onp.ndarray
+    joint_regressor: onp.ndarray
+    weights: onp.ndarray
+    parents: Integers
+    joint_order: tuple[int, ...]
+    posedirs: onp.ndarray | None
+    joint_names: tuple[str, ...]
+    hand_directions: onp.ndarray
+    n_vertices: int
+    n_joints: int
+    n_betas: int
+
+    def __call__(
+        self,
+        betas: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
+        trans: ArrayLike | None = None,
+        hands: ArrayLike | None = None,
+    ) -> Array: ...
+
+    def hand_pose(self, left: str, right: str | None = None) -> onp.ndarray: ...
 
 
 def joint_motions(
@@ -121,7 +147,7 @@ def skin_by(
 class Skeleton:
     """The joints of a body model; coefficients of hand poses are betas that move no joint."""
 
-    def __init__(self, model: BodyModel, with_hands: bool) -> None:
+    def __init__(self, model: SkinnedModel, with_hands: bool) -> None:
         self.model, self.parents, self.order = model, model.parents, model.joint_order
         self.limbs = onp.flatnonzero(model.parents >= 0)  # joints other than the root
         self.rest_joints = model.joint_regressor @ model.template.vertices
@@ -304,7 +330,7 @@ def joints_to_root(parents: Integers, joint: int) -> list[int]:
     return path
 
 
-def usual_joint_names(model: BodyModel) -> tuple[str, ...]:
+def usual_joint_names(model: SkinnedModel) -> tuple[str, ...]:
     """Return the names of a model's joints; those of SMPL's tree are named as in the open model."""
     names, n_body = tuple(model.joint_names), len(SMPL_JOINTS)
     if "left_shoulder" in names or tuple(model.parents[:n_body]) != SMPL_PARENTS:

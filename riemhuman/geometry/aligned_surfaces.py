@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import operator
-from typing import TYPE_CHECKING
 
 import autograd.numpy as np
 from numpy import ndarray
@@ -27,10 +26,8 @@ from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import common_seams
 from riemhuman.kernels import surface
+from riemhuman.surfaces.template import Template
 from riemhuman.terms._drivers import nearly_degenerate
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
 
 # Share of the largest displacement by which both sides of a seam may differ.
 _TEAR = 1e-6
@@ -67,7 +64,7 @@ class AlignedSurfaces(SurfaceSpace):
     def __init__(
         self, template: Template, equip: bool = True, *, scale: str | None = "template"
     ) -> None:
-        if not hasattr(type(template), "frame_coefficients"):
+        if not isinstance(template, Template):
             raise ArgumentTypeError(
                 "template must be a Template, such as Template(vertices, faces) or the template of "
                 f"a data set; found {type(template).__name__}"

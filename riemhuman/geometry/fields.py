@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import autograd.numpy as np
 
@@ -19,14 +18,12 @@ from riemhuman.geometry.product import ProductManifold
 from riemhuman.kernels import rotations, sphere
 from riemhuman.kernels.rotations import axial, cross_product_matrix, transpose
 from riemhuman.kernels.surface import dot, refuse_triangles
+from riemhuman.surfaces.template import Template
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
 from riemhuman.terms._drivers import BulkOfFields
 from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Term
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
 
 
 class TriangleFields(Manifold):

@@ -21,10 +21,10 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text
+from riemhuman.surfaces.template import Template
 
 if TYPE_CHECKING:
     from riemhuman.geometry.metric import RiemannianMetric
-    from riemhuman.surfaces.template import Template
 
     # A class of metrics, each of which has parameters of its own.
     MetricClass = Callable[..., RiemannianMetric]  # type: ignore[explicit-any]

@@ -792,6 +792,7 @@ class RiemannianMetric(Unchanging):
         return NotDefinedError(f"{type(self).__name__} does not define {name}")
 
 
+# In this file, as `RiemannianMetric.__mul__` makes one: each of the two needs the other.
 class ScalarProductMetric(RiemannianMetric):
     """A metric times a number above 0: ``2.0 * metric``; geodesics stay the same."""
 

@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, PointsByNumber, PointsLike
+from riemhuman.arrays import Array, Points, PointsByNumber, PointsLike
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 from riemhuman.terms._drivers import Bulk, Features, PairByPair, SumOfFactors
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
 
 __all__ = [
     "MEMORY",
@@ -49,8 +46,29 @@ _BLOCK = 256
 _CLOSE_BLOCK = 16
 
 
+class PointsOfOneShape(Protocol):
+    """A space of points that are arrays of one shape."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+
+class MetricOfFeatures(Protocol):
+    """What tables of distances need of a metric, see `RiemannianMetric`."""
+
+    @property
+    def space(self) -> PointsOfOneShape: ...
+
+    @property
+    def bulk(self) -> Bulk: ...
+
+    def features(self, points: PointsLike, precision: str, *, name: str = ...) -> Features: ...
+
+    def check_points(self, points: object, name: str) -> Points: ...
+
+
 def features_in_threads(
-    metric: RiemannianMetric, points: PointsLike, precision: str, n_jobs: int
+    metric: MetricOfFeatures, points: PointsLike, precision: str, n_jobs: int
 ) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
@@ -62,7 +80,7 @@ def features_in_threads(
 
 
 def squared_dist_rectangle(
-    metric: RiemannianMetric,
+    metric: MetricOfFeatures,
     features_a: Features,
     features_b: Features,
     points_a: PointsLike | PointsByNumber,
@@ -107,7 +125,7 @@ def squared_dist_rectangle(
 
 @enough_memory("a table of distances", _IN_BLOCKS)
 def table_of_distances(
-    metric: RiemannianMetric,
+    metric: MetricOfFeatures,
     points_a: PointsLike,
     points_b: PointsLike | None,
     n_jobs: int | None,
@@ -164,7 +182,7 @@ def table_of_distances(
 
 
 def _point_sets(
-    metric: RiemannianMetric, points_a: PointsLike, points_b: PointsLike | None
+    metric: MetricOfFeatures, points_a: PointsLike, points_b: PointsLike | None
 ) -> dict[str, PointsLike]:
     """Return one or two sets of points by their names in messages; arrays are checked."""
     sets: dict[str, PointsLike] = {"points": points_a}
@@ -183,7 +201,7 @@ def _point_sets(
 
 
 def _blocks(
-    metric: RiemannianMetric,
+    metric: MetricOfFeatures,
     precision: str,
     n_threads: int,
     points: PointsLike,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from operator import attrgetter
 from typing import Unpack
 
 import autograd.numpy as np
@@ -104,12 +103,16 @@ class ProductManifold(Manifold):
         return finite & np.all(np.stack(verdicts), axis=0)
 
     def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        if base_point is None:
-            return self._each(attrgetter("to_tangent"), vector)
-        return self._each(attrgetter("to_tangent"), vector, base_point)
+        vectors = self.project_from_product(vector)
+        points: Sequence[Array | None] = [None] * len(vectors)
+        if base_point is not None:
+            points = self.project_from_product(base_point)
+        parts = zip(self.factors, vectors, points, strict=True)
+        return self.embed_to_product([factor.to_tangent(v, x) for factor, v, x in parts])
 
     def projection(self, point: Points) -> Array:
-        return self._each(attrgetter("projection"), point)
+        parts = zip(self.factors, self.project_from_product(point), strict=True)
+        return self.embed_to_product([factor.projection(x) for factor, x in parts])
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         rng, n_samples = generator(rng), sample_count(n_samples)
@@ -118,18 +121,6 @@ class ProductManifold(Manifold):
             for factor in self.factors
         ]
         return stack_samples(self.embed_to_product(samples), n_samples)
-
-    def _each(  # type: ignore[explicit-any]  # a function of as many points
-        self, function: Callable[[Manifold], Callable[..., Array]], *points: Points
-    ) -> Array:
-        """Join the results of a function of every factor on components of points."""
-        components = zip(*(self.project_from_product(point) for point in points), strict=True)
-        return self.embed_to_product(
-            [
-                function(factor)(*arguments)
-                for factor, arguments in zip(self.factors, components, strict=True)
-            ]
-        )
 
 
 class ProductMetric(RiemannianMetric):
@@ -194,31 +185,21 @@ class ProductMetric(RiemannianMetric):
         tangent_vec_b: TangentVectors,
         base_point: Points | None = None,
     ) -> Array:
-        return sum(
-            (
-                weight
-                * factor.metric.inner_product(
-                    self.space.component(tangent_vec_a, k),
-                    self.space.component(tangent_vec_b, k),
-                    self.space.component(base_point, k),
-                )
-                for k, factor, weight in self._weighted_factors()
-            ),
-            start=np.zeros(()),
-        )
+        def of_factor(k: int, metric: RiemannianMetric) -> Array:
+            a = self.space.component(tangent_vec_a, k)
+            b = self.space.component(tangent_vec_b, k)
+            return metric.inner_product(a, b, self.space.component(base_point, k))
+
+        return self._weighted_sum(of_factor)
 
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         """Return Σ_k w_k d_k² (Theorem 2)."""
-        return sum(
-            (
-                weight
-                * factor.metric.squared_dist(
-                    self.space.component(point_a, k), self.space.component(point_b, k)
-                )
-                for k, factor, weight in self._weighted_factors()
-            ),
-            start=np.zeros(()),
-        )
+
+        def of_factor(k: int, metric: RiemannianMetric) -> Array:
+            x = self.space.component(point_a, k)
+            return metric.squared_dist(x, self.space.component(point_b, k))
+
+        return self._weighted_sum(of_factor)
 
     @property
     def bulk(self) -> Bulk:
@@ -230,10 +211,12 @@ class ProductMetric(RiemannianMetric):
         )
 
     def _exp(self, velocity: TangentVectors, point: Points) -> Array:
-        return self.space._each(attrgetter("metric.exp"), velocity, point)
+        parts = self._parts(velocity, point)
+        return self.space.embed_to_product([metric.exp(v, x) for metric, v, x in parts])
 
     def _log(self, point: Points, start: Points) -> Array:
-        return self.space._each(attrgetter("metric.log"), point, start)
+        parts = self._parts(point, start)
+        return self.space.embed_to_product([metric.log(y, x) for metric, y, x in parts])
 
     def injectivity_radius(self, base_point: Points | None = None) -> Array:
         base_point = self.space.check_point(base_point, "base_point")
@@ -246,35 +229,42 @@ class ProductMetric(RiemannianMetric):
     def curvature_form(
         self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
     ) -> Array:
+        def of_factor(k: int, metric: RiemannianMetric) -> Array:
+            a = self.space.component(tangent_vec_a, k)
+            b = self.space.component(tangent_vec_b, k)
+            return metric.curvature_form(a, b, self.space.component(base_point, k))
+
+        return self._weighted_sum(of_factor)
+
+    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
+        velocities = self.space.project_from_product(velocity)
+        ends = [
+            metric.parallel_transport(u, x, v)
+            for (metric, u, x), v in zip(self._parts(vector, point), velocities, strict=True)
+        ]
+        return self.space.embed_to_product(ends)
+
+    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
+        curves = [metric.geodesic(x, end_point=y) for metric, x, y in self._parts(start, end)]
+        return lambda t: self.space.embed_to_product([curve(t) for curve in curves])
+
+    def _parts(self, a: Array, b: Array) -> Iterator[tuple[RiemannianMetric, Array, Array]]:
+        """Yield the metric of every factor with its components of two points or vectors."""
+        components_a, components_b = map(self.space.project_from_product, (a, b))
+        for k, factor in enumerate(self.space.factors):
+            yield factor.metric, components_a[k], components_b[k]
+
+    def _weighted_sum(self, value: Callable[[int, RiemannianMetric], Array]) -> Array:
+        """Return Σ_k w_k x_k, with x_k the value of k and the metric of the k-th factor."""
         return sum(
-            (
-                weight
-                * factor.metric.curvature_form(
-                    self.space.component(tangent_vec_a, k),
-                    self.space.component(tangent_vec_b, k),
-                    self.space.component(base_point, k),
-                )
-                for k, factor, weight in self._weighted_factors()
-            ),
+            (weight * value(k, factor.metric) for k, factor, weight in self._weighted_factors()),
             start=np.zeros(()),
         )
 
-    def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
-        return self.space._each(attrgetter("metric.parallel_transport"), vector, point, velocity)
-
-    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
-        components = zip(
-            self.space.factors,
-            self.space.project_from_product(start),
-            self.space.project_from_product(end),
-            strict=True,
-        )
-        curves = [factor.metric.geodesic(a, end_point=b) for factor, a, b in components]
-        return lambda t: self.space.embed_to_product([curve(t) for curve in curves])
-
     def _weighted_factors(self) -> list[tuple[int, Manifold, float]]:
-        triples = zip(range(len(self.weights)), self.space.factors, self.weights, strict=True)
-        return [triple for triple in triples if triple[2] > 0]
+        """Return number, factor and weight of the factors whose weight is not 0."""
+        pairs = zip(self.space.factors, self.weights, strict=True)
+        return [(k, factor, weight) for k, (factor, weight) in enumerate(pairs) if weight > 0]
 
 
 class PullbackMetric(RiemannianMetric):

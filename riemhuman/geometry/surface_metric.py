@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import autograd.numpy as np
 import numpy as onp
@@ -30,15 +30,13 @@ from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
+from riemhuman.surfaces.template import Template
 from riemhuman.terms._drivers import SumOfTerms, SumOnSurfaces, checked_terms
 from riemhuman.terms._quadratic import QuadraticTerm
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Term
-
-if TYPE_CHECKING:
-    from riemhuman.surfaces.template import Template
 
 
 class MetricOfTerms(RiemannianMetric):

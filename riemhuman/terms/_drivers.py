@@ -89,14 +89,7 @@ class BulkOfTerms(Bulk):
     def __init__(self, terms: Sequence[Term], areas: Array) -> None:
         self.terms, self.areas = tuple(terms), areas
         self.n_arrays = 2 * len(self.terms)
-
-    def _empty_features(self, n_points: int, precision: str) -> Features:
-        packed: Features = ()
-        for term in self.terms:
-            real = onp.float32 if precision == "single" and term.single else onp.float64
-            shape = (n_points, term.n_features, -(-len(self.areas) // LANES) * LANES)
-            packed += onp.zeros(shape, real), onp.zeros(n_points)
-        return packed
+        self._row_length = -(-len(areas) // LANES) * LANES
 
     def rounding(self, features: Features) -> Array:
         """Return a bound on the rounding error of each point's features, as a distance."""
@@ -119,11 +112,6 @@ class BulkOfTerms(Bulk):
         return in_tiles(run, a[::2], b[::2], n_threads)
 
 
-def _root_of_gap(gap: float, kept: FeatureRows) -> float:
-    """Return the rounding of features as a distance; those in double precision have none."""
-    return math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
-
-
 class BulkOfFields(BulkOfTerms):
     """Distances of points that are fields themselves, by the one term that compares them."""
 
@@ -133,12 +121,15 @@ class BulkOfFields(BulkOfTerms):
 
     def features(self, points: Points, precision: str) -> Features:
         """Return the features of fields."""
-        [term], (rows, gaps) = self.terms, self._empty_features(len(points), precision)
+        [term] = self.terms
+        real = onp.float32 if precision == "single" and term.single else onp.float64
+        packed = onp.zeros((len(points), term.n_features, self._row_length), real)
+        gaps = onp.zeros(len(points))
         fields = tuple(map(of_one_kind, self._fields_of(points)))
-        for i, kept in enumerate(rows):
+        for i, kept in enumerate(packed):
             gap = term.pack(tuple(field[i] for field in fields), self.areas, kept)
-            gaps[i] = _root_of_gap(gap, kept)
-        return rows, gaps
+            gaps[i] = math.sqrt(gap) if real == onp.float32 else 0.0
+        return packed, gaps
 
 
 class SumOfTerms(SumOnSurfaces, BulkOfTerms):
@@ -166,7 +157,12 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
 
     def features(self, points: Points, precision: str) -> Features:
         """Return the features of surfaces."""
-        n_faces, packed = len(self.areas), self._empty_features(len(points), precision)
+        n_faces = len(self.areas)
+        packed: Features = ()
+        for term in self.terms:
+            real = onp.float32 if precision == "single" and term.single else onp.float64
+            rows = onp.zeros((len(points), term.n_features, self._row_length), real)
+            packed += rows, onp.zeros(len(points))
         records = onp.empty((1, LENGTH, n_faces))
         degenerate = onp.zeros((len(points), n_faces), dtype=bool)
         for i, point in enumerate(points):
@@ -177,7 +173,7 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
                 continue
             for term, kept, gaps in zip(self.terms, packed[::2], packed[1::2], strict=True):
                 gap = term.pack_record(records[0], self.areas, kept[i])
-                gaps[i] = _root_of_gap(gap, kept)
+                gaps[i] = math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
         if degenerate.any():
             surface.refuse_degenerate(degenerate)
         return packed
