@@ -26,7 +26,7 @@ from typing import Protocol, TypeVar
 import numpy as onp
 from scipy.sparse import csr_array
 
-from riemhuman.arrays import Array, FeatureRows, Fields, Points, TangentVectors, Triangles
+from riemhuman.arrays import Array, Fields, Points, TangentVectors, Triangles
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import surface
