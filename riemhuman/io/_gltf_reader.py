@@ -11,14 +11,12 @@ import binascii
 import json
 import struct
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import read_bytes
 
 _Json = JSONRecord
 
@@ -48,9 +46,9 @@ class _Vertices(NamedTuple):
     weights: tuple[int, ...]
 
 
-def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices and triangles of the meshes in a file's scene, placed by its nodes."""
-    document, binary = _chunks(read_bytes(file))
+    document, binary = _chunks(content)
     _check_extensions(document)
     return _Reader(document, binary).mesh()
 

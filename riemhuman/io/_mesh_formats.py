@@ -20,7 +20,6 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import read_bytes
 from riemhuman.io.mesh_arrays import place_numbers, split_polygons
 
 if TYPE_CHECKING:
@@ -37,9 +36,14 @@ _STL_HEADER = 84
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
 
 
-def read_ply(file: Path) -> tuple[ndarray, ndarray | None, ndarray | None, ndarray | None]:
-    """Return vertices, and triangles, normals and the trusted vertices, if the file has them."""
-    data = _read_ply(file)
+def read_ply(
+    file: Path, content: bytes
+) -> tuple[ndarray, ndarray | None, ndarray | None, ndarray | None]:
+    """Return vertices, and triangles, normals and the trusted vertices, if the file has them.
+
+    The content of the file is checked first; plyfile then maps the file into memory.
+    """
+    data = _read_ply(file, content)
     vertices = _columns(data, _POSITION)
     if vertices is None or len(vertices) == 0:
         raise FileFormatError("a PLY file must have vertices with numbers x, y and z")
@@ -55,10 +59,9 @@ def says_trusted(file: Path) -> bool:
     return re.search(rb"[\r\n]property[ \t]+\w+[ \t]+trusted[ \t]*[\r\n]", header) is not None
 
 
-def _read_ply(file: Path) -> plyfile.PlyData:
+def _read_ply(file: Path, content: bytes) -> plyfile.PlyData:
     import plyfile  # imported here because few programs read PLY files
 
-    content = read_bytes(file)
     header = _check_counts(content)
     # Triangles alone are mapped into memory at once; lists of other lengths are read row by row.
     all_triangles = {"face": dict.fromkeys(_CORNERS, 3)}
@@ -119,8 +122,7 @@ def _faces(data: plyfile.PlyData) -> ndarray | None:
     return split_polygons(np.concatenate(corners).astype(np.int64), lengths)
 
 
-def read_obj(file: Path) -> Mesh:
-    content = read_bytes(file)
+def read_obj(content: bytes) -> Mesh:
     mesh = _plain_obj(content)
     return _obj_by_lines(content) if mesh is None else mesh
 
@@ -189,8 +191,7 @@ def _obj_by_lines(content: bytes) -> Mesh:
     return _mesh_of_polygons(positions, corners, lengths)
 
 
-def read_off(file: Path) -> Mesh:
-    content = read_bytes(file)
+def read_off(content: bytes) -> Mesh:
     mesh = _plain_off(content)
     return _off_by_lines(content) if mesh is None else mesh
 
@@ -258,8 +259,7 @@ def _bad_line(number: int, words: list[bytes]) -> FileFormatError:
     return FileFormatError(f"line {number} is not valid: {shown!r}{advice}")
 
 
-def read_stl(file: Path) -> Mesh:
-    content = read_bytes(file)
+def read_stl(content: bytes) -> Mesh:
     n_faces = int.from_bytes(content[80:_STL_HEADER], "little")
     if len(content) == _STL_HEADER + n_faces * _STL_ROW.itemsize:
         corners = np.frombuffer(content, _STL_ROW, offset=_STL_HEADER)["corners"].reshape(-1, 3)

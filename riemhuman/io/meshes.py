@@ -79,8 +79,15 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[nda
     (1202, 3)
     """
     file, join = _existing_file(path, MESH_SUFFIXES), check_seams(seams) == "join"
+    suffix = file.suffix.lower()
     with format_errors(file, "a mesh or a table of points"):
-        vertices, faces = check_mesh(*_READERS.get(file.suffix.lower(), _read_with_meshio)(file))
+        if suffix == ".ply":
+            mesh = _read_ply_mesh(file)
+        elif suffix in _READERS:
+            mesh = _READERS[suffix](read_bytes(file))
+        else:
+            mesh = _read_with_meshio(file)
+        vertices, faces = check_mesh(*mesh)
     check_resolution(vertices, f"{file}: vertices", error=FileFormatError)
     if join:
         seams_of_file = find_seams(vertices, faces)
@@ -116,17 +123,18 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     """
     file = _existing_file(path, POINT_SUFFIXES)
     suffix = file.suffix.lower()
-    if suffix not in (".ply", ".xyz", ".npy"):
-        return *load_mesh(file), None
     values = load_array(file) if suffix == ".npy" else None
     faces: ndarray | None = None
+    normals: ndarray | None = None
     with format_errors(file, "a mesh or a table of points"):
-        if suffix == ".ply":
-            points, faces, normals, _ = read_ply(file)
+        if values is not None:
+            points, normals = _columns(values)
+        elif suffix == ".xyz":
+            points, normals = _columns(read_points_text(read_bytes(file)))
+        elif suffix == ".ply":
+            points, faces, normals, _ = read_ply(file, read_bytes(file))
         else:
-            points, normals = _columns(
-                read_points_text(read_bytes(file)) if values is None else values
-            )
+            points, faces = _READERS[suffix](read_bytes(file))
         if faces is None:
             points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
         else:
@@ -154,7 +162,8 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
     """
     file = file_path(path)
     with format_errors(file, "a mesh or a table of points"):
-        return read_ply(file)[3] if file.suffix.lower() == ".ply" else None
+        is_ply = file.suffix.lower() == ".ply"
+        return read_ply(file, read_bytes(file))[3] if is_ply else None
 
 
 def is_registered_scan(path: str | os.PathLike[str]) -> bool:
@@ -298,7 +307,7 @@ def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Pat
 
 
 def _read_ply_mesh(file: Path) -> Mesh:
-    vertices, faces, *_ = read_ply(file)
+    vertices, faces, *_ = read_ply(file, read_bytes(file))
     if faces is None:
         raise FileFormatError("the PLY file holds no faces; a mesh has some")
     return vertices, faces
@@ -354,8 +363,7 @@ def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:
     return points, normals if values.shape[1] == 6 and is_unit.all() else None
 
 
-_READERS: dict[str, Callable[[Path], Mesh]] = {
-    ".ply": _read_ply_mesh,
+_READERS: dict[str, Callable[[bytes], Mesh]] = {
     ".obj": formats.read_obj,
     ".off": formats.read_off,
     ".stl": formats.read_stl,
@@ -368,13 +376,13 @@ _WRITERS: dict[str, Callable[[ndarray, ndarray], bytes]] = {
     ".glb": write_glb,
 }
 
-MESH_SUFFIXES = (*_READERS, *_MESHIO_SUFFIXES)
+MESH_SUFFIXES = (".ply", *_READERS, *_MESHIO_SUFFIXES)
 """Suffixes of the files that `load_mesh` reads."""
 
 WRITTEN_SUFFIXES = (*_WRITERS,)
 """Suffixes of the files that `save_mesh` writes."""
 
-POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
+POINT_SUFFIXES = (".ply", *_READERS, ".xyz", ".npy")
 """Suffixes of the files that `load_points` reads."""
 
 reads(
