@@ -480,8 +480,10 @@ def _map_page(
     "a page with the paper's experiments",
     "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
     "needs no network connection, figures, tables, matrices and their provenance. The default\n"
-    "data are the open bodies that ship with the package. Results of an earlier run are\n"
-    "reused.",
+    "data are the open bodies that ship with the package. With --bodies, sections appear that\n"
+    "these bodies have something to say on: measurements of one body, differences and paths\n"
+    "of two; retrieval of people or poses with two bodies each. A folder without labels.csv\n"
+    "is one of unknown people and poses. Results of an earlier run are reused.",
     "  riemhuman report\n"
     "  riemhuman report --quick -o quick-report\n"
     "  riemhuman report --open natural -o natural-report\n"
@@ -502,7 +504,10 @@ def _map_page(
 def _report(options: argparse.Namespace) -> cli.Answer:
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
     with options.task("Loading the bodies"):
-        bodies = _read_body_set(options, "coarse" if options.quick else "full")
+        if _is_unlabelled(options):
+            bodies = _unlabelled_bodies(options)
+        else:
+            bodies = _read_body_set(options, "coarse" if options.quick else "full")
     basis = None
     if motions:
         with options.task("Basis of Dynamic FAUST"):
@@ -511,3 +516,32 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     settings["progress"] = options.task
     page = rh.report.make_report(options.output, bodies=bodies, basis=basis, **settings)
     return cli.Answer(str(page), {"output": page})
+
+
+def _is_unlabelled(options: argparse.Namespace) -> bool:
+    """Return whether there is a folder of bodies without a table of labels."""
+    if options.bodies is None or options.labels is not None:
+        return False
+    return options.bodies.is_dir() and not (options.bodies / "labels.csv").exists()
+
+
+def _unlabelled_bodies(options: argparse.Namespace) -> Bodies:
+    """Return bodies of unknown poses, each of a person of its own by the name of its file."""
+    import numpy as np
+
+    files = rh.datasets.find_meshes(options.bodies)
+    meshes = rh.datasets.RegisteredMeshes(
+        files, options.template or files[0], unit=options.unit, up=options.up
+    )
+    template = rh.Template(meshes.reference, meshes.faces)
+    names = tuple(file.stem for file in files)
+    terminal.note(f"{options.bodies} has no labels.csv: people and poses are unknown")
+    return rh.datasets.Bodies(
+        points=rh.procrustes(meshes[:], to=template.vertices, scale=None),
+        subject=np.arange(len(files)),
+        pose=np.arange(len(files)),
+        template=template,
+        subject_names=names,
+        pose_names=("",) * len(files),
+        ids=names,
+    )

@@ -28,12 +28,13 @@ from riemhuman.plots import (
     plot_precision_recall,
     plot_sweep,
     stress,
+    view_map,
 )
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.maps import LARGEST_STRESS
 from riemhuman.plots.result_plots import FEWEST_CLASSES
 from riemhuman.report._page import Section, fill, gap_format
-from riemhuman.report._report import POSE_WEIGHTS, Report, Task, readable
+from riemhuman.report._report import POSE_WEIGHTS, Report, Task, name_of, readable
 from riemhuman.report._storage import Computed, Step
 from riemhuman.retrieval import scores
 from riemhuman.retrieval.benchmarks import POSE_METRIC, SHAPE_METRIC
@@ -43,10 +44,17 @@ from riemhuman.surfaces import Template
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from riemhuman.datasets import Bodies
+    from riemhuman.plots import Viewer
+
 _METHODS = {"t-SNE": "t-sne", "MDS": "mds"}
+_TITLES = {method: title for title, method in _METHODS.items()}
+_NEAR = "near points are similar bodies; distances on the map have no unit"
 _MOST_POSES = 3  # of a person who is measured
 _FEWEST_PEOPLE = 4  # for a regression
 _FEWEST_ON_MAP = 6  # with fewer, there are no neighbourhoods to see
+_PAPER_CLASSES = 10  # of people and of poses of FAUST, of which the paper prints tables
+_MOST_COORDINATES = 15_000_000  # of the bodies on the page of a map, two bytes each at most
 _ALONG = "waist girth"
 _REGRESSION_WEIGHTS = {"a": 1.0, "lam": 1.0, "c": 0.1}
 _SHOWN_MEASUREMENTS = {
@@ -61,7 +69,8 @@ def retrieval_section(report: Report) -> Section | None:
         return None
     steps = report.all_distances.items()
     problems = {name: s.record["problem"] for name, s in steps if "problem" in s.record}
-    html = fill("retrieval", tasks=tasks, problems=problems)
+    like_faust = all(task.n_classes >= _PAPER_CLASSES for task in report.tasks)
+    html = fill("retrieval", tasks=tasks, problems=problems, has_paper=like_faust)
     return Section("retrieval", "Who is it, and how do they stand?", "Retrieval", html)
 
 
@@ -113,12 +122,14 @@ def _retrieval_figures(report: Report, task: Task, distances: Mapping[str, ndarr
 def map_section(report: Report) -> Section | None:
     if len(report.bodies) < _FEWEST_ON_MAP:
         return None
-    places, tasks = _maps(report).arrays, report.tasks
+    places = _maps(report).arrays
+    tasks = report.tasks if report.has_poses else report.tasks[:1]
     maps = {
         title: [_map(report, task, method, places[f"{task.name} {method}"]) for task in tasks]
         for title, method in _METHODS.items()
     }
-    html = fill("maps", methods=maps)
+    has_classes = not all(task.is_named_by_item for task in tasks)
+    html = fill("maps", methods=maps, has_classes=has_classes)
     return Section("maps", "Maps of people and of poses", "Maps", html)
 
 
@@ -131,18 +142,50 @@ def _map(report: Report, task: Task, method: str, positions: ndarray) -> JSONRec
     about["loss"] = None if lost is None else describe_stress(lost)
     if lost is not None and lost > LARGEST_STRESS:
         return about
-    image = report.output.figure(
-        f"map-{task.name}-{method}",
-        plot_embedding,
+    bodies = report.bodies
+    classes = [readable(name) for name in task.names]
+    items = [name_of(bodies, number) for number in range(len(bodies))]
+    shown: JSONRecord = {
+        "size": (4.5, 4.8),  # on which names are large enough for a telephone
+        "unit": "m" if method == "mds" else None,
+    }
+    if task.is_named_by_item:
+        labels, names = np.zeros(len(bodies), dtype=np.int64), None
+        shown["item_names"] = items
+    else:
+        labels, names = task.labels, classes
+        shown |= {"points": bodies.points, "faces": bodies.template.faces}
+    name = f"map-{task.name}-{method}"
+    image = report.output.figure(name, plot_embedding, positions, labels, names, **shown)
+    page = ""
+    if bodies.points.size <= _MOST_COORDINATES:
+        note = about["loss"] or _NEAR
+        title = f"{_TITLES[method]} map by the {task.metric}"
+        page = report.output.view(
+            name, _map_page, bodies, positions, labels, names, items, note, title
+        )
+    return about | {"image": image, "page": page}
+
+
+def _map_page(
+    bodies: Bodies,
+    positions: ndarray,
+    labels: ndarray,
+    names: Sequence[str] | None,
+    items: Sequence[str],
+    note: str,
+    title: str,
+) -> Viewer:
+    return view_map(
         positions,
-        task.labels,
-        [readable(name) for name in task.names],
-        size=(4.5, 4.8),  # on which names are large enough for a telephone
-        points=report.bodies.points,
-        faces=report.bodies.template.faces,
-        unit="m" if method == "mds" else None,
+        labels,
+        names,
+        points=bodies.points,
+        faces=bodies.template.faces,
+        item_names=items,
+        note=f"{note[:1].upper()}{note[1:]}.",
+        title=title,
     )
-    return about | {"image": image}
 
 
 def _maps(report: Report) -> Step:
@@ -162,7 +205,8 @@ def _maps(report: Report) -> Step:
 
 def sweep_section(report: Report) -> Section | None:
     tasks, plan = [task for task in report.tasks if task.is_retrieval], report.plan
-    if not tasks:
+    # Among two classes, most weights are as good as others.
+    if max((task.n_classes for task in tasks), default=0) < FEWEST_CLASSES:
         return None
     rows = _sweep(report, tasks).record["rows"]
     panels = {}
@@ -245,19 +289,21 @@ def measurement_section(report: Report) -> Section | None:
         length = readable_unit("m", system)
         low, middle, high = (f"{length.scale * v:.1f}" for v in step.record["along_values"])
         values_along = f"{low}, {middle} and {high} {length.name}"
+    spread = None
+    if len(bodies) > len(means):
+        units = {"median": "m", "worst": "m"}
+        spread = output.table("measurement-spread", step.record["spreads"], units)
     html = fill(
         "measurements",
         gap=gap_format(system),
         most_poses=_MOST_POSES,
         people=output.table("measurements", means, si_units),
-        columns=[("person", "Person"), *shown],
+        columns=[("person", "Person" if report.has_poses else "Body"), *shown],
         lines=output.figure(
             "measurement-lines", _draw_lines, step.arrays["straight"][0], faces, system=system
         ),
         person=means[0]["person"],
-        spread=output.table(
-            "measurement-spread", step.record["spreads"], {"median": "m", "worst": "m"}
-        ),
+        spread=spread,
         along=_ALONG,
         values_along=values_along,
         strip=strip,
@@ -291,12 +337,17 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
                 for person, own in zip(people, means.tolist(), strict=True)
             ],
             "spreads": [
-                {"measurement": name, "median": float(np.median(own)), "worst": float(own.max())}
+                {
+                    "measurement": name,
+                    "median": float(np.nanmedian(own)),
+                    "worst": float(np.nanmax(own)),
+                }
                 for (name, unit), own in by_name
-                if unit == "m"
+                if unit == "m" and np.isfinite(own).any()
             ],
         }
-        if len(people) >= _FEWEST_PEOPLE:
+        # Without labels, several bodies may be of one person, which permutations do not bear.
+        if len(people) >= _FEWEST_PEOPLE and report.has_poses:
             girths = means[:, names.index(_ALONG)]
             space = AlignedSurfaces(bodies.template)
             space.equip_with_metric(ElasticMetric, **_REGRESSION_WEIGHTS)

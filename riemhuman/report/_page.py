@@ -22,7 +22,7 @@ from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_text
 from riemhuman.measurements.readable_units import gap_unit
 from riemhuman.plots.figures import figure_files, new_figure
-from riemhuman.plots.viewer import page_scripts, page_styles, web_file, web_templates
+from riemhuman.plots.viewer import Viewer, page_scripts, page_styles, web_file, web_templates
 from riemhuman.report._storage import Computed, ResultStore
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
@@ -161,6 +161,14 @@ def _smaller(svg: str) -> str:
     return _PICTURE.sub(webp, svg)
 
 
+def _described(arguments: Sequence[object]) -> list[object]:
+    """Return what the result of a function depends on, but for the bodies of the report."""
+    return [
+        None if hasattr(given, "points") else getattr(given, "fingerprint", given)
+        for given in arguments
+    ]
+
+
 @dataclass(frozen=True)
 class Output:
     """Writes the figures and tables of a report when its sections request them."""
@@ -190,10 +198,7 @@ class Output:
             files = {"svg": svg.encode(), "png": png, "page": _smaller(svg).encode()}
             return {kind: np.frombuffer(data, np.uint8) for kind, data in files.items()}, {}
 
-        given = [
-            None if hasattr(given, "points") else getattr(given, "fingerprint", given)
-            for given in arguments
-        ]
+        given = _described(arguments)
         inputs = {"draw": draw.__name__, "arguments": given, "size": size, **settings}
         step = self.figures.step(name, compute, f"Figure {name}", **inputs)
         for kind in ("svg", "png"):
@@ -205,6 +210,17 @@ class Output:
         quoted = _UNSAFE.sub(lambda characters: _quoted(characters[0]), svg)
         source = f"data:image/svg+xml,{quoted}"
         return Image(source, round(float(width)), round(float(height)), name)
+
+    def view(self, name: str, make: Callable[..., Viewer], *arguments: object) -> str:
+        """Return the address of a page of bodies, made unless the store has one."""
+
+        def compute() -> Computed:
+            return {"page": np.frombuffer(make(*arguments).page().encode(), np.uint8)}, {}
+
+        inputs = {"make": make.__name__, "arguments": _described(arguments)}
+        step = self.figures.step(f"view-{name}", compute, f"Page {name}", **inputs)
+        write_bytes(self.folder / "views" / f"{name}.html", step.arrays["page"].tobytes())
+        return f"views/{name}.html"
 
     def table(
         self,

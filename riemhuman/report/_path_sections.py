@@ -31,6 +31,7 @@ from riemhuman.report._report import (
     POSE_WEIGHTS,
     SAME_PERSON,
     SAME_POSE,
+    TWO_BODIES,
     Pair,
     Report,
     Weights,
@@ -62,7 +63,11 @@ _ROTATING = "rotating start"
 _parameters: Any = attrgetter("betas", "pose", "trans")  # of a model's fit
 # Weights a0, a1, b1, c1, d1 and a2.
 _SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
-_GEODESICS = {SAME_PERSON: ("pose-change", PATH_WEIGHTS), SAME_POSE: ("shape-change", POSE_WEIGHTS)}
+_GEODESICS = {
+    SAME_PERSON: ("pose-change", PATH_WEIGHTS),
+    SAME_POSE: ("shape-change", POSE_WEIGHTS),
+    TWO_BODIES: ("two-bodies", PATH_WEIGHTS),
+}
 _VIEWED_METRICS = {
     "shape (1, 1, 0)": ("shape", PATH_WEIGHTS),
     "pose (0, 0, 1)": ("pose", POSE_WEIGHTS),
@@ -131,6 +136,7 @@ def geodesic_section(report: Report) -> Section | None:
     rows = [step.record for step in steps.values()]
     html = fill(
         "geodesics",
+        of_paper={SAME_PERSON: "a", SAME_POSE: "b"},
         basis=report.basis[1],
         strips=[
             (output.figure(steps[name].name, _draw_geodesic, bodies, steps[name]), row)

@@ -37,6 +37,7 @@ Weights = tuple[float, float, float]
 POSE_WEIGHTS: Weights = (0.0, 0.0, 1.0)
 PATH_WEIGHTS: Weights = (1.0, 1.0, 0.0)
 SAME_PERSON, SAME_POSE = "one person, two poses", "two people, one pose"
+TWO_BODIES = "the two bodies that differ most"  # of those that share neither
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,9 @@ def readable(name: str) -> str:
 
 
 def name_of(bodies: Bodies, index: int) -> str:
-    subject = bodies.subject_names[bodies.subject[index]]
-    return f"{readable(subject)}, {readable(bodies.pose_names[bodies.pose[index]])}"
+    subject = readable(bodies.subject_names[bodies.subject[index]])
+    pose = readable(bodies.pose_names[bodies.pose[index]])
+    return f"{subject}, {pose}" if pose else subject
 
 
 def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None:
@@ -112,6 +114,11 @@ class Task:
         return len(np.unique(self.labels))
 
     @property
+    def is_named_by_item(self) -> bool:
+        """Whether every body is alone in its class."""
+        return self.n_classes == len(self.labels)
+
+    @property
     def is_retrieval(self) -> bool:
         """Whether bodies can be confused: two classes or more have two bodies or more."""
         _, counts = np.unique(self.labels, return_counts=True)
@@ -130,6 +137,11 @@ class Report:
     given_basis: DeformationBasis | None = None
     units: str = "cm"
 
+    @property
+    def has_poses(self) -> bool:
+        """Whether the poses of bodies are known; if not, they have no names."""
+        return any(self.bodies.pose_names)
+
     def metric(self, weights: Weights) -> ElasticMetric:
         a, lam, c = weights
         space = AlignedSurfaces(self.bodies.template, equip=False)
@@ -137,7 +149,7 @@ class Report:
 
     @property
     def tasks(self) -> list[Task]:
-        """Both tasks, also without bodies that share a class."""
+        """Return both tasks, also without bodies that share a class."""
         bodies = self.bodies
         people, poses = (bodies.subject, bodies.subject_names), (bodies.pose, bodies.pose_names)
         return [
@@ -165,6 +177,8 @@ class Report:
             record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}
             return {"distances": np.asarray(matrix)}, record
 
+        if len(self.bodies) < 2:
+            return {}
         return {
             name: self.store.step(
                 "distances-" + "-".join(re.findall("[a-z0-9]+", name.lower())),
@@ -186,6 +200,8 @@ class Report:
 
     def pair(self, metric: str, share: float, *, person: bool, pose: bool) -> Pair | None:
         """Return bodies that do or do not share the person and the pose, see `choose_pair`."""
+        if len(self.bodies) < 2:
+            return None
         same_person, same_pose = (
             np.equal.outer(labels, labels) for labels in (self.bodies.subject, self.bodies.pose)
         )
@@ -194,12 +210,16 @@ class Report:
 
     @cached_property
     def pairs(self) -> dict[str, Pair]:
-        """A person in two poses and two people in one pose, as far as there are such bodies."""
+        """A person in two poses and two people in one pose, or else any two bodies."""
         chosen = {
             SAME_PERSON: self.pair(POSE_METRIC, 0.5, person=True, pose=False),
             SAME_POSE: self.pair(SHAPE_METRIC, 1.0, person=False, pose=True),
         }
-        return {name: pair for name, pair in chosen.items() if pair is not None}
+        pairs = {name: pair for name, pair in chosen.items() if pair is not None}
+        if not pairs:
+            pair = self.pair(SHAPE_METRIC, 1.0, person=False, pose=False)
+            pairs |= {} if pair is None else {TWO_BODIES: pair}
+        return pairs
 
     @cached_property
     def basis(self) -> tuple[DeformationBasis, str]:

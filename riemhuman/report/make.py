@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -18,6 +19,7 @@ from riemhuman.checks import one_of
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
+from riemhuman.measurements import open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots import figure_style
@@ -51,11 +53,11 @@ if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
     from riemhuman.surfaces import DeformationBasis
 
+_ONE = {"bodies": "body", "people": "person", "poses": "pose", "pairs": "pair"}
 _TITLE = "Human bodies, measured by their surfaces"
 _PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "scikit-learn")
-_FEWEST_BODIES = 3
 
-# In the order of the paper; each returns None if the labels do not allow it.
+# In the order of the paper; each returns None if the bodies or their labels do not allow it.
 _SECTIONS = (
     retrieval_section,
     map_section,
@@ -89,8 +91,10 @@ def make_report(
     output : path_like
         The folder: new, empty, or of an earlier report.
     bodies : Bodies, optional
-        At least three registered bodies with known people and poses; by default the open bodies,
-        at full resolution or, if `quick`, coarse.
+        Registered bodies; by default the open bodies, at full resolution or, if `quick`, coarse.
+        Those whose `pose_names` are empty texts are of unknown people and poses. Sections appear
+        where they say something: measurements of one body of the open model, differences and paths
+        of two bodies, means and retrieval of more whose labels allow it.
     basis : DeformationBasis, optional
         Deformations for geodesics and means; by default the principal components of the open
         motions for the open bodies, mesh harmonics for others.
@@ -125,8 +129,11 @@ def make_report(
     plan = QUICK if quick else Plan()
     report = Report(bodies, plan, store, files, compared, basis, units)
     with figure_style():
-        made = [section for make in _SECTIONS if (section := make(report)) is not None]
-    sizes = _sizes(bodies)
+        has_retrieval = any(task.is_retrieval for task in report.tasks)
+        # Who brings few scans asks for measurements first.
+        order = _SECTIONS if has_retrieval else sorted(_SECTIONS, key=_comes_later)
+        made = [section for make in order if (section := make(report)) is not None]
+    sizes = _sizes(report)
     steps = _rows_of_steps(store)
     making = fill("making", steps=files.table("steps", steps))
     text = page(
@@ -135,9 +142,14 @@ def make_report(
             "lead",
             poses=[readable(name) for name in bodies.pose_names[:3]],
             quick=quick,
-            has_retrieval=any(task.is_retrieval for task in report.tasks),
+            has_retrieval=has_retrieval,
+            has_poses=report.has_poses,
+            count=len(bodies),
         ),
-        [(f"{number:,}", name) for name, number in sizes.items()],
+        [
+            (f"{number:,}", _ONE.get(name, name) if number == 1 else name)
+            for name, number in sizes.items()
+        ],
         [*first, *made, Section("making", "How this was made", "Making", making)],
         f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
         "Bodies in 3-D are drawn by three.js (MIT licence).",
@@ -178,20 +190,31 @@ def _bodies_to_report(
     if bodies is None:
         with progress("Loading the bodies"):
             bodies = load_open_bodies("coarse" if quick else "full")
-    if len(bodies) < _FEWEST_BODIES:
-        raise ArgumentError(f"bodies must be at least {_FEWEST_BODIES}; found {len(bodies)}")
+    if len(bodies) < 2 and (not len(bodies) or open_measurements(bodies.template) is None):
+        raise ArgumentError(
+            "bodies must be at least two, or one of the open body model, which is measured; found "
+            f"{len(bodies)}"
+        )
     if basis is not None:
         basis.check_fits(bodies.template)
     return bodies
 
 
-def _sizes(bodies: Bodies) -> dict[str, int]:
-    return {
-        "bodies": len(bodies),
+def _comes_later(make: Callable[[Report], Section | None]) -> bool:
+    return make is not measurement_section
+
+
+def _sizes(report: Report) -> dict[str, int]:
+    bodies = report.bodies
+    labelled = {
         "people": len(set(bodies.subject.tolist())),
         "poses": len(set(bodies.pose.tolist())),
+    }
+    return {
+        "bodies": len(bodies),
+        **(labelled if report.has_poses else {}),
         "vertices each": bodies.template.n_vertices,
-        "pairs": len(bodies) * (len(bodies) - 1) // 2,
+        **({"pairs": len(bodies) * (len(bodies) - 1) // 2} if len(bodies) > 1 else {}),
     }
 
 

@@ -284,6 +284,54 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
     assert len(tasks) > 15
 
 
+def sections_of(text):
+    return [a["id"] for a in Page(text).all("section") if "id" in a]
+
+
+def chosen_bodies(bodies, numbers, *, labelled=True):
+    chosen = bodies[numbers]
+    if labelled:
+        return chosen
+    each = np.arange(len(chosen))
+    return Bodies(
+        chosen.points, each, each, chosen.template, subject_names=tuple(f"b{k}" for k in each),
+        pose_names=("",) * len(each),
+    )  # fmt: skip
+
+
+def test_one_or_two_bodies_have_what_they_can_say(undrawn, nine_bodies, tmp_path):
+    one = make_report(tmp_path / "one", bodies=chosen_bodies(nine_bodies, [0]), quick=True)
+    text = one.read_text(encoding="utf-8")
+    assert sections_of(text) == ["measurements", "making"]
+    assert "One person in several poses" not in text  # a table of names without values
+    two = make_report(tmp_path / "two", bodies=chosen_bodies(nine_bodies, [0, 3]), quick=True)
+    text = two.read_text(encoding="utf-8")
+    assert sections_of(text) == ["measurements", "differences", "geodesics", "mean", "making"]
+    assert "As figure 4 (b) of the paper, two people, one pose" in text
+    assert len(rows_of(tmp_path / "two", "measurements")) == 2
+
+
+def test_without_labels_nothing_is_said_of_people_or_poses(undrawn, nine_bodies, tmp_path):
+    bodies = chosen_bodies(nine_bodies, slice(None), labelled=False)
+    text = make_report(tmp_path / "r", bodies=bodies, quick=True).read_text(encoding="utf-8")
+    assert sections_of(text) == ["measurements", "maps", "differences", "geodesics", "making"]
+    assert "There are no labels" in text
+    assert "permutations" not in text  # of bodies that may be of one person
+    assert not re.search(r"<dt>(people|poses)</dt>", text)
+    (row, *_) = rows_of(tmp_path / "r", "differences")
+    assert row["pair"] == "the two bodies that differ most"
+    assert "b0</th>" in text  # not "b0, "
+
+
+def test_maps_open_as_pages_with_bodies(page, folder):
+    views = [a["href"] for a in page.all("a") if a["href"].startswith("views/")]
+    assert views == [f"views/map-{name}.html" for name in ("shape-t-sne", "pose-t-sne", "pose-mds")]
+    for view in views:
+        text = (folder / view).read_text(encoding="utf-8")
+        assert text.count("<circle") == 9
+        assert 'data-part="map"' in text
+
+
 def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     template = sphere_template()
     points = surfaces(template, 4, size=0.1)
@@ -315,12 +363,13 @@ def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(FileError, match="holds other files"):
         make_report(tmp_path, bodies=nine_bodies)
-    fewer = Bodies(
-        nine_bodies.points[:2], [0, 1], [0, 0], nine_bodies.template,
-        subject_names=("Ann", "Bo"), pose_names=("one",),
+    template = sphere_template()
+    one = Bodies(
+        surfaces(template, 1, size=0.1), [0], [0], template,
+        subject_names=("Ann",), pose_names=("one",),
     )  # fmt: skip
-    with pytest.raises(ArgumentError, match="at least 3; found 2"):
-        make_report(tmp_path / "new", bodies=fewer)
+    with pytest.raises(ArgumentError, match="at least two, or one of the open body.*; found 1"):
+        make_report(tmp_path / "new", bodies=one)
     other = DeformationBasis.from_laplacian(sphere_template(), 3)
     with pytest.raises(ArgumentError, match="vertices"):
         make_report(tmp_path / "new", bodies=nine_bodies, basis=other)
