@@ -35,26 +35,24 @@ def swing_elbow(skeleton: Skeleton, pose: Pose, joints: np.ndarray, degrees: flo
     return pose._replace(local=local)
 
 
-def move_hand(skeleton: Skeleton, pose: Pose, joints: np.ndarray, shift: np.ndarray) -> Pose:
-    """Return a pose with a hand shifted, as far as its arm reaches, and not rotated.
+def move_end(skeleton: Skeleton, pose: Pose, joints: np.ndarray, shift: np.ndarray) -> Pose:
+    """Return a pose with a hand or foot shifted, as far as its limb reaches, and not rotated.
 
-    The joints are those of an arm, from the collar to the wrist; the shift is in metres.
+    The joints are shoulder, elbow and wrist, or hip, knee and ankle; the shift is in metres.
     """
     motions = JointMotions(skeleton, pose.local, pose.betas)
-    _, shoulder, elbow, wrist = joints
-    start, middle, end = motions.positions[joints[1:]]
+    start, middle, end = motions.positions[joints]
     upper, lower = middle - start, end - middle
     lengths = np.linalg.norm(upper), np.linalg.norm(lower)
     goal = end + shift - start
     reach = np.clip(np.linalg.norm(goal), _MOST_BENT * sum(lengths), _STRAIGHTEST * sum(lengths))
-    # The elbow bends until the wrist is as far from the shoulder as its goal (law of cosines).
+    # The elbow bends until the hand is as far from the shoulder as its goal (law of cosines).
     bend = np.arccos(np.clip((reach**2 - np.dot(lengths, lengths)) / (2 * np.prod(lengths)), -1, 1))
     present = np.arccos(np.clip(upper @ lower / np.prod(lengths), -1.0, 1.0))
     hinge = unit_vectors(np.cross(upper, lower))
     turn = rotation_matrix((bend - present) * hinge)
     aim = Rotation.align_vectors(goal, upper + turn @ lower)[0].as_matrix()
     local = pose.local.copy()
-    local[shoulder] = motions.axes[shoulder].T @ aim @ motions.rotations[shoulder]
-    local[elbow] = motions.axes[elbow].T @ turn @ motions.rotations[elbow]
-    local[wrist] = motions.axes[wrist].T @ (aim @ turn).T @ motions.rotations[wrist]
+    for joint, rotation in zip(joints, (aim, turn, (aim @ turn).T), strict=True):
+        local[joint] = motions.axes[joint].T @ rotation @ motions.rotations[joint]
     return pose._replace(local=local)

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
-from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, nearest_vertices
+from riemhuman.registration._crossed_limbs import uncross_limbs
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
-from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
-from riemhuman.registration._scan_preparation import N_THREADS
+from riemhuman.registration._limb_fits import (
+    are_less,
+    fit_joints,
+    fit_starts,
+    mapped_fits,
+    points_on,
+)
+from riemhuman.registration._posed_body import Pose, Prior, pose_body
 from riemhuman.registration._soft_assignment import find_likelihoods
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-# Inverse variance of what does not move while an arm is fitted.
-_FIXED = 1e15
 
 
 @dataclass(frozen=True)
@@ -34,9 +32,14 @@ class ArmFit:
     strain: float  # factor for bends that arms hardly have
 
     @property
+    def strained(self) -> np.ndarray:
+        """The distances, more for an arm that can hardly be so, metres."""
+        return self.strain * self.distances
+
+    @property
     def cost(self) -> float:
-        """The mean distance, more for an arm that can hardly be so, metres."""
-        return self.strain * float(self.distances.mean())
+        """The mean of these distances, metres."""
+        return float(self.strained.mean())
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class ArmsFit:
 
     task: DenseTask
     pose: Pose
-    doubtful_arms: list[ArmSurface]  # which came near to the scan in several ways
+    doubtful_arms: dict[ArmSurface, list[Pose]]  # which came near to the scan in other ways, too
     hand_fits: dict[ArmSurface, list[HandFit]]  # in all poses of the hand
 
 
@@ -70,22 +73,23 @@ class BodyFit:
 
     task: DenseTask
     fit: ElasticFit
-    doubtful_arms: list[ArmSurface]
+    doubtful_arms: dict[ArmSurface, list[Pose]]
     hand_fits: dict[ArmSurface, list[HandFit]]
 
 
 def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
     """Return a body whose forearms and hands come nearest to a scan."""
     if known or dense.is_refused:  # arms are as a moment before, or do not matter
-        return ArmsFit(dense.task, dense.pose, [], {})
-    pose, doubtful = rotate_forearms(dense.task, dense.pose)
-    task, pose, hand_fits = pose_hands(dense.task, pose)
+        return ArmsFit(dense.task, dense.pose, {}, {})
+    task, pose = uncross_limbs(dense.task, dense.pose)
+    pose, doubtful = rotate_forearms(task, pose)
+    task, pose, hand_fits = pose_hands(task, pose)
     return ArmsFit(task, pose, doubtful, hand_fits)
 
 
-def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, list[ArmSurface]]:
+def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[Pose]]]:
     """Return a body whose forearms are turned to come nearest to the scan, and doubtful arms."""
-    doubtful, scales = [], task.body.settings.dense.scales
+    doubtful, scales = {}, task.body.settings.dense.scales
     for arm in task.body.arm_surfaces:
         points = points_on(task, pose, arm.vertices)
         if not len(points):
@@ -93,12 +97,24 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, list[ArmSurface]
         near = near_arms(task, pose, arm, points)
         if not near:
             continue
-        doubtful.append(arm)
-        current, *others = elastic_arms(task, arm, points, [pose, *near])
+        doubtful[arm] = [pose, *near]
+        current, *others = elastic_arms(task, arm, points, doubtful[arm])
         nearest = min(others, key=lambda fit: fit.cost)
-        if _are_less(arm, nearest.strain * nearest.distances, current.strain * current.distances):
+        if are_less(nearest.strained, current.strained, arm.settings):
             pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, scales)
     return pose, doubtful
+
+
+def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[Pose]) -> list[Pose]:
+    """Return a body with one arm as in other poses, fitted again, where that is elsewhere."""
+    scales = task.body.settings.dense.scales[arm.settings.n_first_steps :]
+    starts = []
+    for other in poses:
+        local = pose.local.copy()
+        local[arm.joints[1:]] = other.local[arm.joints[1:]]
+        starts.append(pose._replace(local=local))
+    fitted = fit_starts(task, arm.joints[1:], arm.samples, starts, scales)
+    return _different(arm, fitted, [pose])
 
 
 def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -> list[Pose]:
@@ -129,7 +145,7 @@ def elastic_arms(
     task: DenseTask, arm: ArmSurface, points: np.ndarray, poses: list[Pose]
 ) -> list[ArmFit]:
     """Return how near arms come to points of the scan after an elastic step."""
-    return _mapped(partial(_elastic_arm, task, arm, points), poses)
+    return mapped_fits(partial(_elastic_arm, task, arm, points), poses)
 
 
 def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
@@ -178,14 +194,14 @@ def pose_hands(
             continue
         now = task.prior.betas[n_betas:]
         others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
-        current, *fits = _mapped(partial(_fit_hand, task, pose, arm, points), others)
+        current, *fits = mapped_fits(partial(_fit_hand, task, pose, arm, points), others)
         # The arm alone may fit worse than with the body around it.
         unmoved = _hand_as_it_is(task.prior, pose, arm, points)
         current = min(unmoved, current, key=lambda fit: fit.cost)
         found[arm] = [current, *fits]
         nearest = min(fits, key=lambda fit: fit.cost)
         is_explained = nearest.cost < arm.settings.unexplained_metres
-        if is_explained and _are_less(arm, nearest.distances, current.distances):
+        if is_explained and are_less(nearest.distances, current.distances, arm.settings):
             task = replace(task, prior=nearest.prior)
             pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, scales)
     return task, pose, found
@@ -206,66 +222,3 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
     surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.hand_metres)
     return HandFit(pose, prior, surface, distances)
-
-
-def points_on(task: DenseTask, pose: Pose, vertices: np.ndarray) -> np.ndarray:
-    """Return the points of the scan that lie near some vertices."""
-    nearest = nearest_vertices(task.body.surface(pose), task.scan.points)
-    points: np.ndarray = task.scan.points[np.isin(nearest, vertices)]
-    return points
-
-
-def fit_joints(
-    task: DenseTask,
-    joints: np.ndarray,
-    samples: ModelSamples,
-    prior: Prior,
-    start: Pose,
-    scales: tuple[float, ...] | None = None,
-) -> Pose:
-    """Fit some joints and the hands to the scan by points on them; all else stays as it starts."""
-    model = task.body.model
-    moving = np.isin(np.arange(model.n_joints), joints)
-    of_hands = np.arange(len(start.betas)) >= model.n_betas
-    of_limb = Prior(
-        np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
-        np.where(moving, prior.precisions, _FIXED),
-        np.where(of_hands, prior.betas, start.betas),
-        np.where(of_hands, prior.betas_precisions, _FIXED),
-    )
-    samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
-    scales = task.body.settings.dense.scales if scales is None else scales
-    return fit_closest(samples, start, of_limb, task.scan, scales)
-
-
-def fit_starts(
-    task: DenseTask,
-    joints: np.ndarray,
-    samples: ModelSamples,
-    starts: list[Pose],
-    scales: tuple[float, ...],
-) -> list[Pose]:
-    """Return what some joints become when they are fitted from several starts."""
-    return _mapped(partial(_fit_from, task, joints, samples, scales), starts)
-
-
-def _fit_from(
-    task: DenseTask,
-    joints: np.ndarray,
-    samples: ModelSamples,
-    scales: tuple[float, ...],
-    start: Pose,
-) -> Pose:
-    return fit_joints(task, joints, samples, task.prior, start, scales)
-
-
-def _mapped(fit: Callable[[Item], Result], starts: list[Item]) -> list[Result]:
-    """Return what a fit makes of several starts, some at once."""
-    return list(mapped(fit, starts, N_THREADS))
-
-
-def _are_less(arm: ArmSurface, some: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether distances of the same points are less, by more than chance makes them."""
-    gains = others - some
-    chance = arm.settings.n_errors * np.sqrt(np.mean(gains**2) / len(gains))
-    return bool(gains.mean() > max(arm.settings.least_gain * others.mean(), chance))

@@ -8,6 +8,7 @@ explanation of the same points. If it is nearly as near to them, either may be r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,24 +16,31 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import rotation_matrix
 from riemhuman.bodies.skinning import JointMotions
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration._arm_positions import elbow_bend, move_hand, swing_elbow
+from riemhuman.registration._arm_positions import elbow_bend, move_end, swing_elbow
 from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._arms_and_hands import (
     BodyFit,
     HandFit,
     elastic_arms,
-    fit_joints,
-    fit_starts,
-    near_arms,
+    other_arms_again,
 )
-from riemhuman.registration._dense_fit import DenseTask, nearest_vertices
+from riemhuman.registration._crossed_limbs import (
+    CROSSING_JOINTS,
+    exchanged_limbs,
+    find_crossing,
+)
+from riemhuman.registration._limb_fits import (
+    faces_among,
+    fit_starts,
+    limited_distances,
+    points_on,
+)
+from riemhuman.registration._messages import part_in_words
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
-from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 
 _EQUAL = "two explanations fit almost equally"
-_MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -69,17 +77,24 @@ class _Start:
     joint: int | None = None
 
 
-def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return the limbs of a fitted body that something else explains almost as well."""
+class ShownLimbs(NamedTuple):
+    """What a scan shows of limbs."""
+
+    matched: np.ndarray  # (V,) vertices that have counterparts in it
+    excess: np.ndarray  # (J,) by which factor it is farther from a limb than from the rest
+
+
+def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) -> list[LimbDoubt]:
+    """Return the limbs of a fitted body that something else explains, or almost as well."""
     touching = _touching_hands(body, settings)
-    others: list[LimbDoubt] = []
-    for arm in body.doubtful_arms:
-        others += _turned_arm(body, arm, settings)
+    others = _ill_fitting_limbs(body, shown, settings)
+    for arm, poses in body.doubtful_arms.items():
+        others += _turned_arm(body, arm, poses, settings)
     for arm, fits in body.hand_fits.items():
-        others += _other_hand(body, arm, fits, settings)
+        others += _other_hand(body, arm, fits, shown, settings)
         others += _arm_elsewhere(body, arm, settings)
     others += _turned_head(body, settings)
-    for joint in ("elbow", "knee"):
+    for joint in CROSSING_JOINTS:
         others += _exchanged_limbs(body, joint, settings)
     # What is said of both hands need not be said of one.
     known = [doubt.vertices for doubt in touching]
@@ -87,8 +102,24 @@ def find_limb_doubts(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     return [*touching, *others]
 
 
+def _ill_fitting_limbs(
+    body: BodyFit, shown: ShownLimbs, settings: RivalSettings
+) -> list[LimbDoubt]:
+    """Return doubt about limbs, with what they carry, that fit worse than the rest of the body."""
+    parts = body.task.body.parts
+    return [
+        LimbDoubt(
+            parts.vertices([k]),
+            f"{part_in_words(name)}: the scan is {shown.excess[k]:.1f} times as far from it as "
+            "from the rest of the body",
+        )
+        for k, name in enumerate(parts.names)
+        if not name.endswith("wrist") and shown.excess[k] > settings.most_limb_excess
+    ]
+
+
 def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return doubt about both hands if they hide each other's fingers."""
+    """Return doubt about the fingers of both hands if they hide each other's."""
     parts, points = body.task.body.parts, body.fit.points
     hands = [np.flatnonzero(parts.vertices([int(arm[-1])])) for arm in parts.arms]
     if len(hands) < 2 or not all(map(len, hands)):
@@ -99,20 +130,43 @@ def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     ]
     if max(shares) < settings.most_touching:
         return []
+    uncertain = [
+        _uncertain_fingers(arm, body.hand_fits.get(arm, []), np.inf, settings)
+        for arm in body.task.body.arm_surfaces
+    ]
     reason = "hands: they touch, and the scan does not tell their fingers apart"
-    return [LimbDoubt(parts.on_hands, reason)]
+    return _doubts_about(body, np.concatenate(uncertain), reason)
 
 
-def _turned_arm(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list[LimbDoubt]:
+def _uncertain_fingers(
+    arm: ArmSurface, fits: list[HandFit], margin: float, settings: RivalSettings
+) -> np.ndarray:
+    """Return the vertices of a hand that are elsewhere in poses of it hardly farther from a scan.
+
+    Where all poses agree, nothing depends on them; without fits, all of the hand is uncertain.
+    """
+    if not fits:
+        return arm.on_hand
+    best = min(fits, key=lambda fit: fit.cost)
+    displaced = np.zeros(len(arm.vertices), dtype=bool)
+    for rival in fits:
+        if rival.cost < (1.0 + margin) * best.cost:
+            displaced |= _displaced(best.surface, rival.surface, settings)
+    return arm.vertices[displaced]
+
+
+def _turned_arm(
+    body: BodyFit, arm: ArmSurface, poses: list[Pose], settings: RivalSettings
+) -> list[LimbDoubt]:
     """Return doubt about a forearm and hand that are almost as near to the scan otherwise."""
     task, pose = body.task, body.fit.pose
-    points = _points_on(body, arm.vertices)
+    points = points_on(task, pose, arm.vertices)
     if not len(points):
         return []
     surface = pose_body(arm.skin, pose).points
     elsewhere = [
         other
-        for other in near_arms(task, pose, arm, points)
+        for other in other_arms_again(task, pose, arm, poses)
         if _displaced(surface, pose_body(arm.skin, other).points, settings).any()
     ]
     if not elsewhere:
@@ -128,18 +182,26 @@ def _turned_arm(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list
 
 
 def _other_hand(
-    body: BodyFit, arm: ArmSurface, fits: list[HandFit], settings: RivalSettings
+    body: BodyFit,
+    arm: ArmSurface,
+    fits: list[HandFit],
+    shown: ShownLimbs,
+    settings: RivalSettings,
 ) -> list[LimbDoubt]:
-    """Return doubt about fingers that are almost as near to the scan in another pose."""
-    best = min(fits, key=lambda fit: fit.cost)
-    if best.cost > settings.most_hand_excess * _usual_distance(body, arm, settings):
-        return _doubts_about(body, arm.on_hand, f"{arm.side} hand: no pose of it fits the scan")
-    displaced = np.zeros(len(arm.vertices), dtype=bool)
-    for rival in fits:
-        if rival.cost < (1.0 + settings.hand_margin) * best.cost:
-            displaced |= _displaced(best.surface, rival.surface, settings)
-    reason = f"{arm.side} hand: {_EQUAL}, in which its fingers are open or bent"
-    return _doubts_about(body, arm.vertices[displaced], reason)
+    """Return doubt about fingers that may as well be in another pose."""
+    costs = np.array([fit.cost for fit in fits])
+    usual = _usual_distance(body, arm, settings)
+    is_far = costs.min() > settings.most_hand_excess * usual
+    is_far |= shown.excess[arm.joints[-1]] > settings.most_finger_excess
+    # Of a hand that one pose explains, others are much farther, whatever noise and flesh add.
+    is_no_better = costs.min() > settings.least_told_apart * np.median(costs)
+    margin, why = np.inf, "no pose of its fingers fits the scan"
+    if shown.matched[arm.on_hand].mean() < settings.least_hand_shown:
+        why = "the scan shows little of it"
+    elif not is_far and not is_no_better:
+        margin, why = settings.hand_margin, f"{_EQUAL}, in which its fingers are open or bent"
+    uncertain = _uncertain_fingers(arm, fits, margin, settings)
+    return _doubts_about(body, uncertain, f"{arm.side} hand: {why}")
 
 
 def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> float:
@@ -149,14 +211,15 @@ def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> 
     """
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
-    points = _points_on(body, on_arm)
+    points = points_on(task, pose, on_arm)
     if not len(points):
         return settings.least_usual_metres
     points = points[:: max(len(points) // settings.n_compared, 1)]
     around = np.flatnonzero(parts.vertices([int(arm.joints[0])]))
     surface = pose_body(task.body.samples(None).only(around), pose).points
-    usual = _mean_distance(points, surface, _faces_of(body, around), arm.settings.hand_metres)
-    return max(usual, settings.least_usual_metres)
+    faces = faces_among(task.body.model.faces, around)
+    usual = limited_distances(points, surface, faces, arm.settings.hand_metres).mean()
+    return float(max(usual, settings.least_usual_metres))
 
 
 def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list[LimbDoubt]:
@@ -175,7 +238,7 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
     inward = find_contact(body, arm, settings)
     if inward is not None:
         shifts = [
-            _Start(move_hand(skeleton, pose, arm.joints, distance * inward), wrist)
+            _Start(move_end(skeleton, pose, arm.joints[1:], distance * inward), wrist)
             for distance in settings.across
         ]
     starts = [*swings, *shifts]
@@ -231,19 +294,21 @@ def _displaced_in_rivals(
     """
     task, pose, vertices = body.task, body.fit.pose, limb.vertices
     displaced = np.zeros((len(starts), len(vertices)), dtype=bool)
-    seen = _points_on(body, vertices) if starts else vertices[:0]
+    seen = points_on(task, pose, vertices) if starts else vertices[:0]
     if not len(seen):
         return displaced
     seen = seen[:: max(len(seen) // settings.n_compared, 1)]
     skin = task.body.samples(None).only(vertices)
-    faces = _faces_of(body, vertices)
+    faces = faces_among(task.body.model.faces, vertices)
 
     def surfaces_of(poses: list[Pose]) -> list[np.ndarray]:
         return [pose_body(skin, each).points for each in poses]
 
     def costs_of(poses: list[Pose], points: np.ndarray) -> np.ndarray:
         farthest = settings.exchanged_metres
-        distances = [_mean_distance(points, each, faces, farthest) for each in surfaces_of(poses)]
+        distances = [
+            limited_distances(points, each, faces, farthest).mean() for each in surfaces_of(poses)
+        ]
         return np.array(distances) * [limb.strain(each) for each in poses]
 
     def fit(starts: list[Pose], scales: tuple[float, ...]) -> list[Pose]:
@@ -265,29 +330,6 @@ def _displaced_in_rivals(
     return displaced | _displaced(surfaces[0], surfaces[1], settings)
 
 
-def _points_on(body: BodyFit, vertices: np.ndarray) -> np.ndarray:
-    """Return the points of the scan that lie near some vertices."""
-    surface, points = body.task.body.surface(body.fit.pose), body.task.scan.points
-    near: np.ndarray = points[np.isin(nearest_vertices(surface, points), vertices)]
-    return near
-
-
-def _faces_of(body: BodyFit, vertices: np.ndarray) -> np.ndarray:
-    """Return the triangles of some vertices, numbered among these."""
-    faces = body.task.body.model.faces
-    numbers = np.full(len(body.fit.points), -1)
-    numbers[vertices] = np.arange(len(vertices))
-    of_limb: np.ndarray = numbers[faces]
-    return of_limb[(of_limb >= 0).all(axis=1)]
-
-
-def _mean_distance(
-    points: np.ndarray, surface: np.ndarray, faces: np.ndarray, farthest: float
-) -> float:
-    """Return the mean distance of points from a surface, metres."""
-    return float(np.minimum(nearest_points(points, surface, faces)[1], farthest).mean())
-
-
 def _displaced(surface: np.ndarray, rival: np.ndarray, settings: RivalSettings) -> np.ndarray:
     """Return which vertices are elsewhere in a rival, none if they are few."""
     displaced = np.linalg.norm(surface - rival, axis=1) > settings.displaced_metres
@@ -302,54 +344,15 @@ def _doubts_about(body: BodyFit, numbers: np.ndarray, reason: str) -> list[LimbD
 
 def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list[LimbDoubt]:
     """Return doubt about both forearms or shins if they cross, and fit almost as well exchanged."""
-    task, parts = body.task, body.task.body.parts
-    ends = parts.numbers(f"left_{joint}", f"right_{joint}")
-    if len(ends) < 2:
+    task, pose = body.task, body.fit.pose
+    crossing = find_crossing(task, pose, joint)
+    if crossing is None:
         return []
-    lower = [np.flatnonzero(parts.vertices([end])) for end in ends]
-    points = body.fit.points
-    near = [
-        np.mean(cKDTree(points[other]).query(points[limb])[0] < settings.touching_metres)
-        for limb, other in (lower, lower[::-1])
-    ]
-    if max(near) < settings.crossing_share:
-        return []
-    both = np.sort(np.concatenate(lower))
-    seen = _points_on(body, both)
-    if not len(seen):
-        return []
-    rival = _exchange(task, body.fit.pose, joint)
-    surface, exchanged = (task.body.surface(pose)[both] for pose in (body.fit.pose, rival))
-    faces, farthest = _faces_of(body, both), settings.exchanged_metres
-    cost, rival_cost = (
-        _mean_distance(seen, each, faces, farthest) for each in (surface, exchanged)
-    )
-    if rival_cost > (1.0 + settings.least_margin) * cost:
-        return []
-    displaced = _displaced(surface, exchanged, settings)
+    both = crossing.vertices
+    surface, most = task.body.surface(pose)[both], crossing.distances(task, pose).mean()
+    displaced = np.zeros(len(both), dtype=bool)
+    for rival, _ in exchanged_limbs(task, pose, joint):
+        if crossing.distances(task, rival).mean() < (1.0 + settings.least_margin) * most:
+            displaced |= _displaced(surface, task.body.surface(rival)[both], settings)
     limbs = "arms" if joint == "elbow" else "legs"
     return _doubts_about(body, both[displaced], f"{limbs}: they cross, and {_EQUAL}")
-
-
-def _exchange(task: DenseTask, pose: Pose, joint: str) -> Pose:
-    """Return the body with both arms, or both legs, in each other's place, fitted to the scan."""
-    pairs = _pairs(task.body.parts, joint)
-    local, expected = pose.local.copy(), task.prior.local.copy()
-    for left, right in pairs:
-        for rotations in (local, expected):
-            # Mirrored at the plane between left and right: y and z change sign.
-            mirrored = _MIRROR @ rotations[[right, left]] @ _MIRROR
-            rotations[[left, right]] = mirrored
-    prior = task.prior._replace(local=expected)
-    chosen = np.array(pairs).ravel()
-    on_limbs = task.body.parts.vertices(chosen.tolist())
-    samples = task.samples.only((task.samples.numbers >= 0) & on_limbs[task.samples.numbers])
-    return fit_joints(task, chosen, samples, prior, pose._replace(local=local))
-
-
-def _pairs(parts: BodyParts, joint: str) -> list[list[int]]:
-    """Return the left and right joints of arms or legs that a model has."""
-    arm, leg = ("collar", "shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "toes")
-    names = arm if joint == "elbow" else leg
-    pairs = [parts.numbers(f"left_{name}", f"right_{name}") for name in names]
-    return [pair for pair in pairs if len(pair) == 2]

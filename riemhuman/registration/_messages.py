@@ -43,6 +43,13 @@ def in_words(joint: str) -> str:
     return joint.replace("_", " ")
 
 
+def part_in_words(joint: str) -> str:
+    """Return the part of a limb that a joint moves: left shin."""
+    side, _, name = joint.partition("_")
+    singles = {first: single for limb in _LIMBS for first, _, single in limb}
+    return f"{side} {singles[name]}" if name in singles else in_words(joint)
+
+
 def join_words(words: Sequence[str]) -> str:
     """Return words as in a sentence: a, b and c."""
     return " and ".join([*([", ".join(words[:-1])] if len(words) > 1 else []), *words[-1:]])

@@ -13,11 +13,15 @@ from scipy.spatial import cKDTree
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._start_poses import BodyParts
-from riemhuman.registration.settings import TrustSettings
+from riemhuman.registration.settings import RivalSettings, TrustSettings
 from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.template import Template
 
 _LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
+# Joints of the parts of limbs that are compared with the rest of the body.
+_LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
+# Fewer points of a scan say nothing about a part of a limb.
+_LEAST_POINTS = 20
 _FOLDING = {"elbow": "wrist", "knee": "ankle"}
 
 _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
@@ -122,6 +126,39 @@ def find_lost_limbs(
             if above @ below < settings.least_bent * np.linalg.norm(above) * np.linalg.norm(below):
                 lost.append(k)
     return parts.vertices(lost)
+
+
+def find_excess(
+    parts: BodyParts, owners: np.ndarray, distances: np.ndarray, settings: RivalSettings
+) -> np.ndarray:
+    """Return by which factor a scan is farther from each limb than from the rest of the body.
+
+    Noise, clothes and what the model cannot show of a person are in both distances. Joints that
+    are no limb's, and those near few points, have 1.
+
+    Parameters
+    ----------
+    owners : ndarray, shape (N,)
+        The joint that moves the surface next to each point of the scan most.
+    distances : ndarray, shape (N,)
+        From the surface, metres.
+
+    Returns
+    -------
+    excess : ndarray, shape (J,)
+    """
+    excess = np.ones(len(parts.names))
+    arms = [arm[1:] for arm in parts.arms]
+    on_hands = np.isin(owners, [arm[-1] for arm in arms])
+    far = np.minimum(distances, settings.exchanged_metres)
+    for k, name in enumerate(parts.names):
+        if name.split("_")[-1] not in _LIMB_PARTS:
+            continue
+        limb = next((arm for arm in arms if k in arm), np.array([k]))
+        own, rest = owners == k, ~np.isin(owners, limb) & ~on_hands
+        if own.sum() >= _LEAST_POINTS and rest.any():
+            excess[k] = far[own].mean() / max(far[rest].mean(), settings.least_rest_metres)
+    return excess
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from riemhuman.checks import UNITS, likely_units
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._dense_fit import find_hair
 from riemhuman.registration._even_points import even_points
-from riemhuman.registration._limb_rivals import find_limb_doubts
-from riemhuman.registration._messages import in_words, say_unseen
+from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb_doubts
+from riemhuman.registration._messages import in_words, part_in_words, say_unseen
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._soft_assignment import find_likelihood_of_area
@@ -20,6 +20,7 @@ from riemhuman.registration._start_search import Search
 from riemhuman.registration._trust import (
     FitQuality,
     find_doubts,
+    find_excess,
     find_lost_limbs,
     find_overlaps,
     find_seen,
@@ -75,10 +76,13 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         limb = int(np.argmin(parts.shares(found.matched)))
         trusted_vertices &= ~parts.limb_vertices(limb)
     # Of a body that is refused no vertex is trusted, so that its limbs need no rivals.
-    limb_rivals = [] if doubts else find_limb_doubts(fitted, body.settings.rivals)
-    rivals = [doubt for doubt in limb_rivals if (doubt.vertices & trusted_vertices).any()]
-    for doubt in rivals:
-        trusted_vertices = trusted_vertices & ~doubt.vertices
+    shown = ShownLimbs(found.matched, _find_excess(search, places, distances, background))
+    limb_rivals = [] if doubts else find_limb_doubts(fitted, shown, body.settings.rivals)
+    rivals: list[LimbDoubt] = []
+    for doubt in limb_rivals:
+        if (doubt.vertices & trusted_vertices).any():  # else nothing new is said
+            rivals.append(doubt)
+            trusted_vertices = trusted_vertices & ~doubt.vertices
     reasons = [
         *doubts,
         *limb_doubts,
@@ -95,6 +99,16 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         distances=distances,
         background=background,
     )
+
+
+def _find_excess(
+    search: Search, places: SurfacePoints, distances: np.ndarray, background: np.ndarray
+) -> np.ndarray:
+    """Return by which factor a scan is farther from each limb than from the rest of the body."""
+    body = search.body
+    near = ~background & (distances < body.settings.trust.near_metres)
+    owners = body.parts.owners[body.model.faces[places.triangles[near], 0]]
+    return find_excess(body.parts, owners, distances[near], body.settings.rivals)
 
 
 def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
@@ -131,7 +145,7 @@ def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) 
         betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
         far=float(np.quantile(model_distances, settings.far_share)),
         overlap=float(found.overlaps.sum() / max(found.matched.sum(), 1)),
-        limb=in_words(body.parts.names[limb]),
+        limb=part_in_words(body.parts.names[limb]),
         limb_matched=float(shares[limb]),
     )
 

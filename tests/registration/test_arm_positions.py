@@ -1,10 +1,10 @@
-"""Arms are brought elsewhere with the shoulder in its place and the hand as it points."""
+"""Limbs are brought elsewhere with the shoulder in its place and the hand as it points."""
 
 import numpy as np
 import pytest
 
 from riemhuman.bodies.skinning import JointMotions
-from riemhuman.registration._arm_positions import elbow_bend, move_hand, swing_elbow
+from riemhuman.registration._arm_positions import elbow_bend, move_end, swing_elbow
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 
@@ -40,7 +40,7 @@ def test_a_swung_elbow_leaves_shoulder_and_hand_in_place(arm, degrees):
 def test_a_moved_hand_is_where_it_was_sent_and_not_rotated(arm, shift):
     skeleton, joints, pose = arm
     before = joints_of(skeleton, pose)
-    after = joints_of(skeleton, move_hand(skeleton, pose, joints, np.array(shift)))
+    after = joints_of(skeleton, move_end(skeleton, pose, joints[1:], np.array(shift)))
     _, shoulder, elbow, wrist = joints
     np.testing.assert_allclose(after.positions[wrist], before.positions[wrist] + shift, atol=1e-9)
     np.testing.assert_allclose(after.positions[shoulder], before.positions[shoulder], atol=1e-9)
@@ -53,9 +53,25 @@ def test_a_moved_hand_is_where_it_was_sent_and_not_rotated(arm, shift):
         np.testing.assert_allclose(*lengths)
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_moved_foot_is_where_it_was_sent(model, side):
+    fitter = RegistrationModel(model)
+    pose = Pose(fitter.poses["a"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
+    skeleton = fitter.samples(None).skeleton
+    joints = np.array(fitter.parts.numbers(*(f"{side}_{k}" for k in ("hip", "knee", "ankle"))))
+    shift = np.array([0.05, 0.03, 0.1])
+    before, after = (
+        joints_of(skeleton, each) for each in (pose, move_end(skeleton, pose, joints, shift))
+    )
+    hip, _, ankle = joints
+    np.testing.assert_allclose(after.positions[hip], before.positions[hip], atol=1e-9)
+    np.testing.assert_allclose(after.positions[ankle], before.positions[ankle] + shift, atol=1e-9)
+    np.testing.assert_allclose(after.rotations[ankle], before.rotations[ankle], atol=1e-9)
+
+
 def test_a_hand_out_of_reach_is_moved_as_far_as_the_arm_is_long(arm):
     skeleton, joints, pose = arm
-    far = joints_of(skeleton, move_hand(skeleton, pose, joints, np.array([0.0, 2.0, 0.0])))
+    far = joints_of(skeleton, move_end(skeleton, pose, joints[1:], np.array([0.0, 2.0, 0.0])))
     start, middle, end = far.positions[joints[1:]]
     length = np.linalg.norm(middle - start) + np.linalg.norm(end - middle)
     assert 0.99 * length < np.linalg.norm(end - start) < length

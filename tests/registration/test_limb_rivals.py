@@ -11,11 +11,12 @@ from scipy.spatial import cKDTree
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import Scan, _limb_rivals
-from riemhuman.registration._arm_positions import move_hand, swing_elbow
+from riemhuman.registration._arm_positions import move_end, swing_elbow
 from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit
+from riemhuman.registration._crossed_limbs import exchanged_limbs
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._limb_rivals import _exchange, find_contact
+from riemhuman.registration._limb_rivals import ShownLimbs, find_contact
 from riemhuman.registration._limb_rivals import find_limb_doubts as find_limb_doubts_with
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
@@ -26,8 +27,12 @@ from riemhuman.registration.settings import RivalSettings
 UP = np.array([0.0, 1.0, 0.0])
 
 
-def find_limb_doubts(body):
-    return find_limb_doubts_with(body, RivalSettings())
+def find_limb_doubts(body, matched=True, excess=1.0):
+    shown = ShownLimbs(
+        np.broadcast_to(matched, len(body.fit.points)),
+        np.broadcast_to(excess, len(body.task.body.parts.names)),
+    )
+    return find_limb_doubts_with(body, shown, RivalSettings())
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +59,7 @@ def fitted(model, fitter, posture, seed=3):
 
 
 def test_hanging_arms_leave_no_doubt(model, fitter):
-    body, surface = fitted(model, fitter, "arms hanging", seed=4)
+    body, surface = fitted(model, fitter, "arms hanging", seed=6)
     assert np.linalg.norm(body.fit.points - surface, axis=1).mean() < 0.015
     assert find_limb_doubts(body) == []
 
@@ -63,7 +68,24 @@ def test_clasped_hands_hide_each_others_fingers(model, fitter):
     body, _ = fitted(model, fitter, "hands clasped")
     doubt, *_ = find_limb_doubts(body)
     assert doubt.reason.startswith("hands: they touch")
-    np.testing.assert_array_equal(doubt.vertices, fitter.parts.on_hands)
+    for arm in fitter.arm_surfaces:
+        assert 0.2 < doubt.vertices[arm.on_hand].mean() < 1.0
+    assert fitter.parts.on_hands[doubt.vertices].all()
+
+
+def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(model, fitter):
+    body, _ = fitted(model, fitter, "hands clasped")
+    doubt, *_ = find_limb_doubts(replace(body, doubtful_arms={}))
+    for arm, fits in body.hand_fits.items():
+        best = min(fits, key=lambda fit: fit.cost)
+        apart = np.max([np.linalg.norm(fit.surface - best.surface, axis=1) for fit in fits], axis=0)
+        near = apart < RivalSettings().displaced_metres
+        assert near[np.isin(arm.vertices, arm.on_hand)].any()
+        assert not doubt.vertices[arm.vertices[near]].any()
+    # Nothing is known of hands without points of their own.
+    doubt, *_ = find_limb_doubts(replace(body, hand_fits={}))
+    for arm in fitter.arm_surfaces:
+        assert doubt.vertices[arm.on_hand].all()
 
 
 def exact_fit(model, fitter, name):
@@ -72,13 +94,14 @@ def exact_fit(model, fitter, name):
     scan = prepare_scan(Scan(fitter.surface(pose), model.faces))
     dense = fit_densely(fitter, Candidate(pose, fitter.prior(pose), 0.0, UP), scan)
     task, pose = dense.task, dense.pose
-    return BodyFit(task, leave_model(task, pose), [], {})
+    return BodyFit(task, leave_model(task, pose), {}, {})
 
 
 @pytest.fixture(scope="module")
 def upright(model, fitter):
     """Return the fit of an upright body, whose left arm is in doubt."""
-    return replace(exact_fit(model, fitter, "a"), doubtful_arms=[fitter.arm_surfaces[0]])
+    body = exact_fit(model, fitter, "a")
+    return replace(body, doubtful_arms={fitter.arm_surfaces[0]: [body.fit.pose]})
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +141,7 @@ def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo):
     arm = fitter.arm_surfaces[0]
     inward = np.array([-1.0, 0.0, 0.0])  # of the left hand
     skeleton, pose = arm.samples.skeleton, akimbo.fit.pose
-    pose = move_hand(skeleton, pose, arm.joints, 0.06 * inward)
+    pose = move_end(skeleton, pose, arm.joints[1:], 0.06 * inward)
     within = with_pose(fitter, akimbo, pose)
     contact = find_contact(within, arm, RivalSettings())
     assert contact is not None
@@ -150,7 +173,7 @@ def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
             (upright.fit.pose, aside), surfaces, (0.002, 0.002 * farther), strict=True
         )
     ]
-    monkeypatch.setattr(_limb_rivals, "near_arms", lambda *given: [aside])
+    monkeypatch.setattr(_limb_rivals, "other_arms_again", lambda *given: [aside])
     monkeypatch.setattr(_limb_rivals, "elastic_arms", lambda *given: rivals)
     doubts = find_limb_doubts(upright)
     reason = (
@@ -161,10 +184,8 @@ def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
         np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.vertices)
 
 
-@pytest.mark.parametrize(("farther", "trusted"), [(1.05, False), (1.3, True)])
-def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
-    model, fitter, upright, farther, trusted
-):
+def hand_fits(model, upright, distances):
+    """Return fits of the left hand in several poses, at distances from 50 points, metres."""
     (arm,) = upright.doubtful_arms
     fits = [
         HandFit(
@@ -173,9 +194,15 @@ def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
             model(hands=model.hand_pose(name))[arm.vertices],
             np.full(50, distance),
         )
-        for name, distance in (("open", 0.003), ("fist", 0.003 * farther))
+        for name, distance in zip(model.hand_poses, distances, strict=True)
     ]
-    doubts = find_limb_doubts(replace(upright, doubtful_arms=[], hand_fits={arm: fits}))
+    return replace(upright, doubtful_arms={}, hand_fits={arm: fits})
+
+
+@pytest.mark.parametrize(("farther", "trusted"), [(1.05, False), (1.4, True)])
+def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(model, upright, farther, trusted):
+    (arm,) = upright.doubtful_arms
+    doubts = find_limb_doubts(hand_fits(model, upright, (0.003, 0.003 * farther, 0.006, 0.006)))
     assert len(doubts) == (0 if trusted else 1)
     for doubt in doubts:
         assert "left hand" in doubt.reason
@@ -193,19 +220,58 @@ def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(
     ],
 )
 def test_hands_much_farther_from_the_scan_than_their_arms_are_not_trusted(
-    upright, on_arm, on_hand, trusted
+    model, upright, on_arm, on_hand, trusted
 ):
     """What the model cannot show of a person, and noise, are in both distances."""
     (arm,) = upright.doubtful_arms
-    scan, points = upright.task.scan, np.full(50, on_hand)
+    scan = upright.task.scan
     outside = replace(scan, points=scan.points + on_arm * scan.normals)
-    fits = [HandFit(upright.fit.pose, upright.task.prior, np.zeros((1, 3)), points)] * 2
-    body = replace(upright, doubtful_arms=[], hand_fits={arm: fits})
+    body = hand_fits(model, upright, np.array([1, 2, 2, 2]) * on_hand)
     doubts = find_limb_doubts(replace(body, task=replace(body.task, scan=outside)))
     assert len(doubts) == (0 if trusted else 1)
     for doubt in doubts:
-        assert doubt.reason == "left hand: no pose of it fits the scan"
-        np.testing.assert_array_equal(np.flatnonzero(doubt.vertices), arm.on_hand)
+        assert doubt.reason == "left hand: no pose of its fingers fits the scan"
+        assert np.isin(np.flatnonzero(doubt.vertices), arm.on_hand).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.001])
+@pytest.mark.parametrize(("share", "trusted"), [(0.6, True), (0.9, False)])
+def test_fingers_are_trusted_if_one_pose_is_much_nearer_than_others(
+    model, upright, share, trusted, noise
+):
+    """Which pose is right is told by the others, however badly the model fits the person."""
+    distances = np.array([share, 1.0, 1.0, 1.0]) * (0.003 + noise)
+    doubts = find_limb_doubts(hand_fits(model, upright, distances))
+    assert len(doubts) == (0 if trusted else 1)
+
+
+def test_fingers_of_which_a_scan_shows_little_are_not_trusted(model, upright):
+    (arm,) = upright.doubtful_arms
+    body = hand_fits(model, upright, (0.002, 0.005, 0.005, 0.005))
+    matched = np.ones(len(upright.fit.points), dtype=bool)
+    assert find_limb_doubts(body, matched) == []
+    matched[arm.on_hand[len(arm.on_hand) // 10 :]] = False
+    (doubt,) = find_limb_doubts(body, matched)
+    assert doubt.reason == "left hand: the scan shows little of it"
+
+
+@pytest.mark.parametrize(
+    ("joint", "excess", "reason"),
+    [
+        ("left_knee", 2.04, "left shin: the scan is 2.0 times as far from it as from the rest"),
+        ("right_shoulder", 1.6, "right upper arm: the scan is 1.6 times as far from it"),
+        ("left_wrist", 3.5, "left hand: no pose of its fingers fits the scan"),
+    ],
+)
+def test_limbs_that_fit_worse_than_the_rest_are_not_trusted(model, upright, joint, excess, reason):
+    body, parts = hand_fits(model, upright, (0.002, 0.005, 0.005, 0.005)), upright.task.body.parts
+    factors = np.ones(len(parts.names))
+    factors[parts.numbers(joint)] = 1.4
+    assert find_limb_doubts(body, excess=factors) == []
+    factors[parts.numbers(joint)] = excess
+    (doubt,) = find_limb_doubts(body, excess=factors)
+    assert doubt.reason.startswith(reason)
+    assert parts.vertices(parts.numbers(joint))[doubt.vertices].all()
 
 
 def test_a_head_that_another_turn_explains_better_is_not_trusted(fitter, upright):
@@ -214,14 +280,15 @@ def test_a_head_that_another_turn_explains_better_is_not_trusted(fitter, upright
     turned = fit.pose.local.copy()
     turned[head] = turned[head] @ rh.bodies.rotation_matrix(np.radians([0.0, 70.0, 0.0]))
     elsewhere = replace(fit, pose=fit.pose._replace(local=turned))
-    (doubt,) = find_limb_doubts(replace(upright, fit=elsewhere, doubtful_arms=[]))
+    (doubt,) = find_limb_doubts(replace(upright, fit=elsewhere, doubtful_arms={}))
     assert doubt.reason.startswith("head: two explanations fit almost equally")
     assert fitter.parts.vertices(head)[doubt.vertices].all()
-    assert find_limb_doubts(replace(upright, doubtful_arms=[])) == []
+    assert find_limb_doubts(replace(upright, doubtful_arms={})) == []
 
 
 @pytest.mark.parametrize("joint", ["elbow", "knee"])
 def test_exchanged_limbs_fit_the_scan(fitter, upright, joint):
     """Of a body that is the same on both sides, exchanging its limbs changes nothing."""
-    exchanged = fitter.surface(_exchange(upright.task, upright.fit.pose, joint))
+    mirrored, _ = exchanged_limbs(upright.task, upright.fit.pose, joint)[0]
+    exchanged = fitter.surface(mirrored)
     assert np.linalg.norm(exchanged - upright.fit.model_points, axis=1).mean() < 0.005

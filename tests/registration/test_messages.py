@@ -2,7 +2,13 @@
 
 import pytest
 
-from riemhuman.registration._messages import in_words, join_words, parts_in_words, say_unseen
+from riemhuman.registration._messages import (
+    in_words,
+    join_words,
+    part_in_words,
+    parts_in_words,
+    say_unseen,
+)
 
 
 @pytest.mark.parametrize(
@@ -38,6 +44,11 @@ def test_one_line_says_what_was_not_seen():
 
 def test_words():
     assert in_words("left_knee") == "left knee"
+    limbs = ("left_knee", "right_shoulder", "left_wrist", "left_toes")
+    assert [part_in_words(joint) for joint in limbs] == [
+        "left shin", "right upper arm", "left hand", "left toes",
+    ]  # fmt: skip
+    assert part_in_words("head") == "head"
     assert [join_words(list(some)) for some in ("", "a", "ab", "abc")] == [
         "", "a", "a and b", "a, b and c",
     ]  # fmt: skip

@@ -8,9 +8,16 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._trust import FitQuality, find_overlaps, find_seen, join_reasons
+from riemhuman.registration._start_poses import BodyParts
+from riemhuman.registration._trust import (
+    FitQuality,
+    find_excess,
+    find_overlaps,
+    find_seen,
+    join_reasons,
+)
 from riemhuman.registration._trust import find_doubts as find_doubts_of
-from riemhuman.registration.settings import TrustSettings
+from riemhuman.registration.settings import RivalSettings, TrustSettings
 
 SETTINGS = TrustSettings()
 
@@ -80,6 +87,29 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
     ]
     assert found[0][gaps > 0.04].mean() < 0.1
     assert found[1].all()  # as in a hole, where fists are right
+
+
+@pytest.mark.parametrize("misfit", [0.001, 0.004])
+def test_limbs_are_compared_with_how_well_the_rest_fits(model, misfit):
+    """However well a person and a scan fit as a whole, a limb twice as far is as doubtful."""
+    parts = BodyParts(model)
+    distances = np.full(model.n_vertices, misfit)
+    same = find_excess(parts, parts.owners, distances, RivalSettings())
+    np.testing.assert_allclose(same, 1.0)
+    for name in ("left_knee", "right_elbow"):
+        (joint,) = parts.numbers(name)
+        farther = np.where(parts.owners == joint, 2.0 * misfit, misfit)
+        excess = find_excess(parts, parts.owners, farther, RivalSettings())
+        assert 1.8 < excess[joint] < 2.0 + 1e-9
+        assert np.delete(excess, joint).max() < 1.0 + 1e-9
+    # Of exact scans, hands are farther than the rest by nothing.
+    exact = np.where(parts.on_hands, 1e-4, 1e-6)
+    assert find_excess(parts, parts.owners, exact, RivalSettings()).max() <= 1.0
+    # A hand elsewhere says nothing against its arm.
+    on_hands = np.where(parts.on_hands, 5.0 * misfit, misfit)
+    excess = find_excess(parts, parts.owners, on_hands, RivalSettings())
+    others = [not name.endswith("wrist") for name in parts.names]
+    np.testing.assert_allclose(excess[others], 1.0)
 
 
 @pytest.mark.slow

@@ -26,6 +26,17 @@ class RivalSettings:
     most_hand_excess : float
         Fingers are not trusted if their points are farther from the nearest pose of the hand than
         those on the same arm from the arm, by this factor of the mean.
+    least_told_apart : float
+        And if the nearest pose is farther from them than this share of the median of all poses.
+    least_hand_shown : float
+        And if less than this share of their vertices have counterparts in the scan.
+    most_finger_excess : float
+        And if the scan is farther from the hand, after the elastic step, than from the rest of the
+        body by this factor.
+    most_limb_excess : float
+        The same factor for other parts of limbs: these and what they carry are not trusted.
+    least_rest_metres : float
+        A smaller mean distance from the rest of the body counts as this one, metres.
     least_usual_metres : float
         A smaller mean distance on the arm counts as this one: hands have finer detail, metres.
     head_margin : float
@@ -54,7 +65,10 @@ class RivalSettings:
     most_touching : float
         Hands that touch with more than this share of one's vertices hide each other's fingers.
     crossing_share : float
-        Limbs that touch with a larger share of their vertices are tried exchanged.
+        Hands that touch something with a larger share of their vertices are tried beyond it.
+    crossing_metres : float
+        Forearms or shins of which that share of vertices is so near to the other are tried
+        exchanged, metres.
     exchanged_metres : float
         Points farther away belong to other parts of the body, metres.
 
@@ -65,8 +79,13 @@ class RivalSettings:
     """
 
     least_margin: float = 0.35
-    hand_margin: float = 0.10
-    most_hand_excess: float = 2.3
+    hand_margin: float = 0.20
+    most_hand_excess: float = 2.5
+    least_told_apart: float = 0.80
+    least_hand_shown: float = 0.20
+    most_finger_excess: float = 3.0
+    most_limb_excess: float = 1.5
+    least_rest_metres: float = 0.0007
     least_usual_metres: float = 0.0015
     head_margin: float = 0.10
     head_turns: tuple[tuple[float, float], ...] = ((0, 60), (0, -60), (35, 0), (-35, 0))
@@ -81,6 +100,7 @@ class RivalSettings:
     touching_metres: float = 0.015
     most_touching: float = 0.10
     crossing_share: float = 0.02
+    crossing_metres: float = 0.05
     exchanged_metres: float = 0.03
 
     def __post_init__(self) -> None:
@@ -95,6 +115,10 @@ class RivalSettings:
             n_compared=self.n_compared,
             displaced_metres=self.displaced_metres,
             touching_metres=self.touching_metres,
+            least_rest_metres=self.least_rest_metres,
+            crossing_metres=self.crossing_metres,
+            most_finger_excess=self.most_finger_excess,
+            most_limb_excess=self.most_limb_excess,
             exchanged_metres=self.exchanged_metres,
         )
         check_counts(n_compared_first=self.n_compared_first)
@@ -103,4 +127,6 @@ class RivalSettings:
             least_displaced=self.least_displaced,
             most_touching=self.most_touching,
             crossing_share=self.crossing_share,
+            least_told_apart=self.least_told_apart,
+            least_hand_shown=self.least_hand_shown,
         )

@@ -1,0 +1,129 @@
+"""Arms or legs that cross, and the same exchanged: which of two limbs is which."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from riemhuman.bodies.skinning import JointMotions, Skeleton
+from riemhuman.registration._arm_positions import move_end
+from riemhuman.registration._dense_fit import DenseTask, fit_closest
+from riemhuman.registration._limb_fits import (
+    are_less,
+    faces_among,
+    fit_joints,
+    limited_distances,
+    points_on,
+)
+from riemhuman.registration._posed_body import Pose, Prior
+from riemhuman.registration._start_poses import BodyParts
+
+_MIRROR = np.diag([-1.0, 1.0, 1.0])
+# The joints of one side, from the one that stays; those of arms and legs whose ends cross.
+_LIMBS = {
+    "elbow": ("collar", "shoulder", "elbow", "wrist"),
+    "knee": ("hip", "knee", "ankle", "toes"),
+}
+CROSSING_JOINTS = tuple(_LIMBS)
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Both forearms with hands, or both shins with feet, that are near each other."""
+
+    joint: str
+    vertices: np.ndarray  # (n,) their numbers, ascending
+    points: np.ndarray  # (m, 3) of the scan, on them
+
+    def gap(self, task: DenseTask, pose: Pose, other: Pose) -> float:
+        """Return how far apart the limbs are in two poses, in the mean, metres."""
+        first, second = (task.body.surface(each)[self.vertices] for each in (pose, other))
+        return float(np.linalg.norm(first - second, axis=1).mean())
+
+    def distances(self, task: DenseTask, pose: Pose) -> np.ndarray:
+        """Return how far the points are, more for arms that can hardly be so, metres."""
+        surface = task.body.surface(pose)[self.vertices]
+        faces = faces_among(task.body.model.faces, self.vertices)
+        farthest = task.body.settings.rivals.exchanged_metres
+        arms = task.body.arm_surfaces if self.joint == "elbow" else []
+        strain = np.mean([arm.strain(pose.local) for arm in arms]) if arms else 1.0
+        strained: np.ndarray = strain * limited_distances(self.points, surface, faces, farthest)
+        return strained
+
+
+def find_crossing(task: DenseTask, pose: Pose, joint: str) -> Crossing | None:
+    """Return the forearms or shins of a body, below elbow or knee, if they are near in a scan."""
+    parts, settings = task.body.parts, task.body.settings.rivals
+    ends = parts.numbers(f"left_{joint}", f"right_{joint}")
+    if len(ends) < 2:
+        return None
+    surface = task.body.surface(pose)
+    lower = [np.flatnonzero(parts.vertices([end])) for end in ends]
+    near = [
+        np.mean(cKDTree(surface[other]).query(surface[limb])[0] < settings.crossing_metres)
+        for limb, other in (lower, lower[::-1])
+    ]
+    if max(near) < settings.crossing_share:
+        return None
+    both = np.sort(np.concatenate(lower))
+    points = points_on(task, pose, both)
+    return Crossing(joint, both, points) if len(points) else None
+
+
+def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose, Prior]]:
+    """Return the body with both arms or legs in each other's place, fitted, and their priors."""
+    pairs = _pairs(task.body.parts, joint)
+    moving = np.array(pairs).ravel()
+    on_limbs = task.body.parts.vertices(moving.tolist())
+    samples = task.samples.only((task.samples.numbers >= 0) & on_limbs[task.samples.numbers])
+    mirrored = _mirror_limbs(pose.local, pairs), _mirror_limbs(task.prior.local, pairs)
+    starts = [(pose._replace(local=mirrored[0]), task.prior._replace(local=mirrored[1]))]
+    if len(pairs) == len(_LIMBS[joint]):
+        starts.append((_swap_ends(task.samples.skeleton, pose, joint, np.array(pairs)), task.prior))
+    return [(fit_joints(task, moving, samples, prior, start), prior) for start, prior in starts]
+
+
+def uncross_limbs(task: DenseTask, pose: Pose) -> tuple[DenseTask, Pose]:
+    """Return a body with arms and legs that may cross exchanged where that is nearer to a scan."""
+    settings = task.body.settings
+    for joint in CROSSING_JOINTS:
+        crossing = find_crossing(task, pose, joint)
+        if crossing is None:
+            continue
+        fits = exchanged_limbs(task, pose, joint)
+        distances = [crossing.distances(task, other) for other, _ in fits]
+        nearest = int(np.argmin([each.mean() for each in distances]))
+        start, prior = fits[nearest]
+        is_elsewhere = crossing.gap(task, pose, start) > settings.arms.different_metres
+        is_nearer = are_less(distances[nearest], crossing.distances(task, pose), settings.arms)
+        if is_elsewhere and is_nearer:
+            task = replace(task, prior=prior)
+            pose = fit_closest(task.samples, start, prior, task.scan, settings.dense.scales)
+    return task, pose
+
+
+def _mirror_limbs(local: np.ndarray, pairs: list[list[int]]) -> np.ndarray:
+    """Return rotations with those of left and right mirrored at the plane between them."""
+    mirrored = local.copy()
+    for left, right in pairs:
+        # Mirrored: y and z change sign.
+        mirrored[[left, right]] = _MIRROR @ local[[right, left]] @ _MIRROR
+    return mirrored
+
+
+def _swap_ends(skeleton: Skeleton, pose: Pose, joint: str, pairs: np.ndarray) -> Pose:
+    """Return a pose with each hand or foot where the other is, as far as the limbs reach."""
+    # An arm moves from its shoulder, a leg from its hip.
+    first = _LIMBS[joint].index("shoulder" if joint == "elbow" else "hip")
+    left, right = pairs[first : first + 3].T
+    positions = JointMotions(skeleton, pose.local, pose.betas).positions
+    shift = positions[right[-1]] - positions[left[-1]]
+    return move_end(skeleton, move_end(skeleton, pose, left, shift), right, -shift)
+
+
+def _pairs(parts: BodyParts, joint: str) -> list[list[int]]:
+    """Return the left and right joints of arms or legs that a model has."""
+    pairs = [parts.numbers(f"left_{name}", f"right_{name}") for name in _LIMBS[joint]]
+    return [pair for pair in pairs if len(pair) == 2]
