@@ -27,6 +27,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.compilation import compiled
 from riemhuman.measurements._sections import MISSES, Cutter, Lines, side, weighted_vertices
+from riemhuman.measurements._vertex_slopes import VertexSlopes
 
 SurfacePoint = tuple[int, Array]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""
@@ -65,6 +66,23 @@ class Mesh:
     cutters: dict[tuple[tuple[str, ...], tuple[str, ...]], Cutter] = field(default_factory=dict)
     places: dict[str | tuple[tuple[str, float], ...], SurfacePoint] = field(default_factory=dict)
     _strips: dict[tuple[tuple[float, ...], ...], Strip] = field(default_factory=dict)
+
+    @cached_property
+    def corners(self) -> sparse.csr_array:
+        """The matrix that sums the three corners of every triangle, shape (F, V)."""
+        n_faces = len(self.faces)
+        ones, ends = np.ones(3 * n_faces), 3 * np.arange(n_faces + 1)
+        shape = n_faces, len(self.vertices)
+        return sparse.csr_array((ones, self.faces.ravel(), ends), shape=shape)
+
+    @cached_property
+    def sides(self) -> sparse.csr_array:
+        """The matrix of sides from first to second, then to third corners, shape (2F, V)."""
+        columns = np.concatenate([self.faces[:, [1, 0]], self.faces[:, [2, 0]]])
+        n_sides = len(columns)
+        signs, ends = np.tile([1.0, -1.0], n_sides), 2 * np.arange(n_sides + 1)
+        shape = n_sides, len(self.vertices)
+        return sparse.csr_array((signs, columns.ravel(), ends), shape=shape)
 
     @cached_property
     def _points(self) -> tuple[Array, Integers, sparse.csr_array, tuple[Array, Integers, Integers]]:
@@ -152,7 +170,12 @@ def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mes
     counts = np.array([len(part) for part, _ in crossings])
     bodies = np.repeat(np.arange(len(crossings)), counts)
     points = weighted_vertices(surfaces, bodies[:, None], vertices, weights)
-    return Lines(points, bodies, np.where(counts > 0, 0, MISSES))
+
+    def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
+        of_vertices = weights[numbers][..., np.newaxis] * upstream[:, np.newaxis]
+        slopes.add(bodies[numbers, np.newaxis], vertices[numbers], of_vertices)
+
+    return Lines(points, bodies, np.where(counts > 0, 0, MISSES), pull)
 
 
 @compiled

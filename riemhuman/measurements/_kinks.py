@@ -26,6 +26,9 @@ _LEAST_GAIN = 1e-4
 # A step is accepted if it gains this share of the prediction.
 _ACCEPTED = 0.1
 _MOST_GRADIENTS = 20
+# Weights of gradients are found to this precision, and change at most so often a gradient.
+_EXACT = 1e-12
+_MOST_CHANGES = 10
 
 _MOST_HALVINGS = 12
 
@@ -88,26 +91,41 @@ def _step(
 
 
 def _weights_of_least_gain(products: ndarray, errors: ndarray) -> ndarray:
-    """Return positive weights w with sum one for which wᵀ Q w / 2 + e·w is least."""
+    """Return positive weights w with sum one for which wᵀ Q w / 2 + e·w is least.
+
+    The method of active sets, as of Lawson and Hanson for least squares: weights become free one by
+    one, and are zero again where the best free ones were negative.
+    """
     size = len(errors)
-    if size == 1:
-        return np.ones(1)
-    scale = 1.0 / max(float(np.abs(products).max()), np.finfo(float).tiny)
+    tolerance = _EXACT * float(np.abs(products).max())
+    first = int(np.argmin(0.5 * np.diag(products) + errors))
+    weights, free = np.eye(size)[first], np.arange(size) == first
+    for _ in range(_MOST_CHANGES * size):
+        best, level = _best_free(products, errors, free)
+        falling = free & (best < 0.0)
+        if falling.any():
+            share = np.min(weights[falling] / (weights[falling] - best[falling]))
+            weights = weights + share * (best - weights)
+            free &= weights > _EXACT
+            weights[~free] = 0.0
+            continue
+        weights = best
+        slopes = np.where(free, np.inf, products @ weights + errors - level)
+        if slopes.min() > -tolerance:
+            break
+        free[slopes.argmin()] = True
+    return weights / weights.sum()
 
-    from scipy.optimize import minimize  # takes long to import
 
-    def gain(w: ndarray) -> tuple[float, ndarray]:
-        slope = products @ w
-        return scale * float(0.5 * w @ slope + errors @ w), scale * (slope + errors)
-
-    minimum = minimize(
-        gain,
-        np.full(size, 1.0 / size),
-        jac=True,
-        method="SLSQP",
-        bounds=[(0.0, 1.0)] * size,
-        constraints={"type": "eq", "fun": lambda w: w.sum() - 1.0, "jac": np.ones_like},
-        options={"ftol": 1e-12, "maxiter": 200},
-    )
-    weights: ndarray = minimum.x
-    return weights
+def _best_free(products: ndarray, errors: ndarray, free: ndarray) -> tuple[ndarray, float]:
+    """Return the best weights of any sign with sum one, zero where not free, and their slope."""
+    n_free = int(free.sum())
+    scale = float(np.abs(products[free][:, free]).max()) or 1.0
+    system = np.zeros((n_free + 1, n_free + 1))
+    # Gradients may depend on each other linearly, and have a best sum all the same.
+    system[:-1, :-1] = products[np.ix_(free, free)] / scale + _EXACT * np.eye(n_free)
+    system[-1, :-1] = system[:-1, -1] = 1.0
+    solution = np.linalg.solve(system, np.append(-errors[free] / scale, 1.0))
+    weights = np.zeros(len(errors))
+    weights[free] = solution[:-1]
+    return weights, -scale * float(solution[-1])

@@ -24,6 +24,7 @@ from numpy import ndarray
 from riemhuman.arrays import Array, Integers
 from riemhuman.checks import values_of
 from riemhuman.kernels.compilation import compiled
+from riemhuman.measurements._vertex_slopes import Pull, VertexSlopes, fixed
 
 FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
 """Roles of triangles: the line must not meet them, is measured on them, or passes over them."""
@@ -39,6 +40,10 @@ Cutter = tuple[ndarray, ndarray, ndarray, ndarray]
 """Triangles, their neighbours, their roles, and the numbers of those where a section may start."""
 
 
+PullOfPoints = Callable[[ndarray, Integers, VertexSlopes], None]
+"""Adds the derivatives by vertices, given those by the points of a line with some numbers."""
+
+
 @dataclass(frozen=True, eq=False)
 class Lines:
     """A line on each of n surfaces, or none: points in order, and the surface of each."""
@@ -46,6 +51,7 @@ class Lines:
     points: Array  # (k, 3), differentiable by autograd
     bodies: ndarray  # (k,)
     statuses: ndarray  # (n,) 0, or why there is none
+    pull: PullOfPoints
 
     def select(self, choose: Callable[[Array, onp.integer], Integers]) -> Lines:
         """Return other lines through the points that a function of each line's points chooses."""
@@ -55,7 +61,11 @@ class Lines:
             first, last = ends[body], ends[body + 1]
             chosen.append(first + choose(values[first:last], body))
         numbers = onp.concatenate([*chosen, onp.empty(0, onp.int64)])
-        return Lines(self.points[numbers], self.bodies[numbers], self.statuses)
+
+        def pull(upstream: ndarray, which: Integers, slopes: VertexSlopes) -> None:
+            self.pull(upstream, numbers[which], slopes)
+
+        return Lines(self.points[numbers], self.bodies[numbers], self.statuses, pull)
 
     def closed(self) -> Lines:
         """Return lines that end at their first points."""
@@ -76,24 +86,43 @@ class Lines:
         """Lengths of the lines, shape (n,); NaN where there is none."""
         return _total_lengths(self.points, self.bodies, self.statuses)
 
-    def extents(self, directions: Array) -> Lines:
+    def pull_lengths(self, slopes: VertexSlopes) -> None:
+        """Add the derivatives of the lengths by the vertices."""
+        ones = onp.ones(len(self.statuses))
+        upstream = _slopes_of_lengths(self.points, self.bodies, ones)
+        self.pull(upstream, onp.arange(len(self.points)), slopes)
+
+    def extents(self, directions: Array, pull_directions: Pull = fixed) -> Lines:
         """Return the extents of the lines along unit vectors, shape (n, 3), as straight lines."""
-        axes = values_of(directions)
+        axes, is_line = values_of(directions), self.statuses == 0
 
         def ends(points: Array, body: onp.integer) -> Integers:
             along = points @ axes[body]
             return onp.array([along.argmin(), along.argmax()])
 
         outer = self.select(ends)
-        a, b = outer.points[::2], outer.points[1::2]
-        line = straight_lines(a, b, directions[self.statuses == 0])
-        return Lines(line.points, outer.bodies, self.statuses)
+        first = onp.arange(0, len(outer.bodies), 2)
+
+        def pull_axes(upstream: ndarray, slopes: VertexSlopes) -> None:
+            pull_directions(_add_at(axes, onp.flatnonzero(is_line), upstream), slopes)
+
+        line = straight_lines(
+            outer.points[::2],
+            outer.points[1::2],
+            directions[is_line],
+            pulls=(
+                lambda upstream, slopes: outer.pull(upstream, first, slopes),
+                lambda upstream, slopes: outer.pull(upstream, first + 1, slopes),
+                pull_axes,
+            ),
+        )
+        return Lines(line.points, outer.bodies, self.statuses, line.pull)
 
 
 def _steps(points: ndarray, bodies: ndarray) -> tuple[ndarray, ndarray]:
     """Return the steps along lines, and their lengths: from line to line, none."""
-    steps = onp.diff(points, axis=0) * (bodies[1:] == bodies[:-1])[:, None]
-    return steps, onp.linalg.norm(steps, axis=1)
+    steps = (points[1:] - points[:-1]) * (bodies[1:] == bodies[:-1])[:, None]
+    return steps, onp.sqrt(onp.einsum("kx,kx->k", steps, steps))
 
 
 @primitive
@@ -106,7 +135,10 @@ def _slopes_of_lengths(points: ndarray, bodies: ndarray, upstream: ndarray) -> n
     steps, lengths = _steps(points, bodies)
     # Points coincide where a plane meets a vertex: a root of zero has no derivative.
     pull = steps * (upstream[bodies[1:]] / onp.where(lengths, lengths, 1.0))[:, None]
-    return -onp.diff(pull, axis=0, prepend=0.0, append=0.0)[: len(points)]
+    slopes = onp.zeros_like(points)
+    slopes[:-1] -= pull
+    slopes[1:] += pull
+    return slopes
 
 
 defvjp(_total_lengths, lambda _, *line: partial(_slopes_of_lengths, *line[:2]), argnums=(0,))
@@ -148,67 +180,105 @@ def _crossings(
     edges: ndarray,
 ) -> Array:
     """Return where planes cross edges, between vertices at these heights above the planes."""
-    (a, b), (above, below) = edges, heights[bodies, edges]
+    (a, b), (above, below) = edges, heights
     start, t = surfaces[bodies, a], (above / (above - below))[:, None]
     return start + t * (surfaces[bodies, b] - start)
 
 
 def _slopes_of_crossings(
+    upstream: ndarray, steps: ndarray, from_origins: ndarray, normals: ndarray, heights: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return derivatives by the ends of edges, (2, k, 3), by origins and by normals, (k, 3)."""
+    above, below = heights
+    shares = onp.stack([-below, above]) / (above - below)
+    across = (onp.sum(upstream * steps, axis=1) / (above - below))[:, None]
+    pull = across * normals
+    return shares[..., None] * (upstream + pull), -pull, across * from_origins
+
+
+def _traced_crossings(
     argnums: Sequence[int],
     points: Array,
     arguments: tuple[Array, Array, Array, Array, Integers, Integers],
     _: object,
 ) -> Callable[[Array], tuple[Array, ...]]:
     surfaces, origins, normals, heights, bodies, edges = arguments
-    above, below = heights[bodies, edges]
-    shares = onp.stack([-below, above]) / (above - below)
+    places: tuple[Places, ...] = (bodies, edges), bodies, bodies
 
     def pull_back(upstream: ndarray) -> tuple[ndarray, ...]:
         starts, ends = surfaces[bodies, edges]
-        across = onp.sum(upstream * (ends - starts), axis=1) / (above - below)
-        pull = across[:, None] * normals[bodies]
-        slopes = (
-            (surfaces, (bodies, edges), shares[..., None] * (upstream + pull)),
-            (origins, bodies, -pull),
-            (normals, bodies, across[:, None] * (points - origins[bodies])),
-        )
-        return tuple(_add_at(*slopes[number]) for number in argnums)
+        plane = points - origins[bodies], normals[bodies]
+        slopes = _slopes_of_crossings(upstream, ends - starts, *plane, heights)
+        return tuple(_add_at(arguments[k], places[k], slopes[k]) for k in argnums)
 
     return pull_back
 
 
-defvjp_argnums(_crossings, _slopes_of_crossings)
+defvjp_argnums(_crossings, _traced_crossings)
 
 
 def _circular(numbers: ndarray) -> ndarray:
     return onp.append(numbers, numbers[:1])
 
 
-def straight_lines(a: Array, b: Array, axes: Array | None = None) -> Lines:
+def straight_lines(
+    a: Array, b: Array, axes: Array | None = None, pulls: tuple[Pull, Pull, Pull] = (fixed,) * 3
+) -> Lines:
     """Return lines between points, shape (n, 3), or from the first ones along unit vectors."""
+    step, end = b - a, b
     if axes is not None:
-        b = a + np.sum((b - a) * axes, axis=-1, keepdims=True) * axes
-    points = np.reshape(np.concatenate([a, b], axis=1), (-1, 3))
-    return Lines(points, onp.repeat(onp.arange(len(a)), 2), onp.zeros(len(a), int))
+        end = a + np.sum(step * axes, axis=-1, keepdims=True) * axes
+    points = np.reshape(np.concatenate([a, end], axis=1), (-1, 3))
+
+    def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
+        of_a, of_end = _add_at(points, numbers, upstream).reshape(-1, 2, 3).swapaxes(0, 1)
+        of_b = of_end
+        if axes is not None:
+            along = onp.sum(of_end * axes, axis=-1, keepdims=True)
+            of_a, of_b = of_a + of_end - along * axes, along * axes
+            lengths = onp.sum(step * axes, axis=-1, keepdims=True)
+            pulls[2](along * step + lengths * of_end, slopes)
+        pulls[0](of_a, slopes)
+        pulls[1](of_b, slopes)
+
+    return Lines(points, onp.repeat(onp.arange(len(a)), 2), onp.zeros(len(a), int), pull)
 
 
-def section(surfaces: Array, origins: Array, normals: Array, cutter: Cutter) -> Lines:
+def section(
+    surfaces: Array,
+    origins: Array,
+    normals: Array,
+    cutter: Cutter,
+    pulls: tuple[Pull, Pull] = (fixed, fixed),
+) -> Lines:
     """Return the sections of surfaces on wanted triangles by planes, each nearest to its origin."""
     f, o, n = (
         onp.require(values_of(array), onp.float64, ["C", "W"])
         for array in (surfaces, origins, normals)
     )
-    heights = onp.einsum("nvx,nx->nv", f - o[:, None], n)
-    crossed, wanted = onp.empty((len(cutter[0]), 2), onp.int64), onp.empty(len(cutter[0]), bool)
-    statuses, edges = onp.zeros(len(f), int), []
+    size = len(cutter[0])
+    buffers = onp.empty((size, 2), onp.int64), onp.empty((size, 2)), onp.empty(size, bool)
+    statuses, parts = onp.zeros(len(f), int), []
     for k in range(len(f)):
-        n_crossed = _trace(f[k], heights[k], o[k], cutter, crossed, wanted)
+        n_crossed = _trace(f[k], o[k], n[k], cutter, *buffers)
         statuses[k] = min(n_crossed, 0)
-        edges.append(crossed[: max(n_crossed, 0)].copy())
-    bodies = onp.repeat(onp.arange(len(f)), [len(crossings) for crossings in edges])
-    crossed_edges = onp.concatenate(edges).T
-    points = _crossings(surfaces, origins, normals, heights, bodies, crossed_edges)
-    return Lines(points, bodies, statuses)
+        parts.append([buffer[: max(n_crossed, 0)].copy() for buffer in buffers[:2]])
+    bodies = onp.repeat(onp.arange(len(f)), [len(edges) for edges, _ in parts])
+    edges, heights = (onp.concatenate([part[k] for part in parts]).T for k in range(2))
+    points = _crossings(surfaces, origins, normals, heights, bodies, edges)
+
+    def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
+        cut, of_bodies = edges[:, numbers], bodies[numbers]
+        starts, ends = f[of_bodies, cut]
+        plane = points[numbers] - o[of_bodies], n[of_bodies]
+        of_ends, of_origins, of_normals = _slopes_of_crossings(
+            upstream, ends - starts, *plane, heights[:, numbers]
+        )
+        slopes.add(of_bodies, cut, of_ends)
+        pulls[0](_add_at(o, of_bodies, of_origins), slopes)
+        pulls[1](_add_at(n, of_bodies, of_normals), slopes)
+
+    return Lines(points, bodies, statuses, pull)
 
 
 def neighbours_of(faces: ndarray) -> ndarray:
@@ -226,18 +296,30 @@ def neighbours_of(faces: ndarray) -> ndarray:
 
 
 @compiled
+def _height(f: ndarray, vertex: int, o: ndarray, n: ndarray) -> float:
+    """Return how high a vertex lies above a plane."""
+    return (
+        (f[vertex, 0] - o[0]) * n[0] + (f[vertex, 1] - o[1]) * n[1] + (f[vertex, 2] - o[2]) * n[2]
+    )
+
+
+@compiled
 def _trace(
-    f: Array, heights: Array, o: Array, mesh: Cutter, edges: ndarray, wanted: ndarray
+    f: Array, o: Array, n: Array, mesh: Cutter, edges: ndarray, heights: ndarray, wanted: ndarray
 ) -> int:
-    """Find the edges that the section nearest to o crosses; return how many, or why none."""
+    """Find edges that the section nearest to o crosses, and how high their ends lie above it.
+
+    Return their number, or why there is no section.
+    """
     faces, neighbours, roles, candidates = mesh
     least, first, start, count = onp.inf, -1, 0, 0
     for candidate in candidates:
         for k in range(3):
             a, b = faces[candidate, k], faces[candidate, (k + 1) % 3]
-            if not heights[a] >= 0.0 > heights[b]:
+            above, below = _height(f, a, o, n), _height(f, b, o, n)
+            if not above >= 0.0 > below:
                 continue
-            t = heights[a] / (heights[a] - heights[b])
+            t = above / (above - below)
             squared = 0.0
             for x in range(3):
                 squared += (f[a, x] + t * (f[b, x] - f[a, x]) - o[x]) ** 2
@@ -248,12 +330,14 @@ def _trace(
     face, corner = first, start
     while count == 0 or face != first:
         # The loop enters the triangle by the edge that runs from above the plane to below it.
-        edges[count, 0], edges[count, 1] = faces[face, corner], faces[face, (corner + 1) % 3]
+        for k in range(2):
+            edges[count, k] = faces[face, (corner + k) % 3]
+            heights[count, k] = _height(f, edges[count, k], o, n)
         wanted[count] = roles[face] == WANTED
         count += 1
         # It leaves by the edge from below to above, which runs the other way in the next triangle.
         out = (corner + 1) % 3
-        if heights[faces[face, (out + 1) % 3]] < 0.0:
+        if _height(f, faces[face, (out + 1) % 3], o, n) < 0.0:
             out = (out + 1) % 3
         beyond = neighbours[face, out]
         a, b, corner = faces[face, out], faces[face, (out + 1) % 3], -1
@@ -268,7 +352,8 @@ def _trace(
     kept = 0
     for k in range(count):
         if wanted[k] or wanted[(k - 1) % count]:
-            edges[kept, 0], edges[kept, 1] = edges[k, 0], edges[k, 1]
+            for end in range(2):
+                edges[kept, end], heights[kept, end] = edges[k, end], heights[k, end]
             kept += 1
     return kept
 

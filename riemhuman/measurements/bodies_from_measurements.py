@@ -40,8 +40,14 @@ from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, w
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.measurements._kinks import least_squares_with_kinks
+from riemhuman.measurements._vertex_slopes import slopes_along
 from riemhuman.measurements.measurement_set import load_json, open_measurements
-from riemhuman.measurements.measuring import Measurements, as_mapping, values_of_bodies
+from riemhuman.measurements.measuring import (
+    Measurements,
+    as_mapping,
+    values_and_slopes,
+    values_of_bodies,
+)
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 SEXES = ("woman", "man")
@@ -509,10 +515,11 @@ def _nearest_betas(
     # measurements may not be defined.
     root = np.linalg.cholesky(covariance)
     bodies = model(np.concatenate([mean[np.newaxis], mean + root.T]), pose)
-    middle, flat_directions = bodies[0], (bodies[1:] - bodies[0]).reshape(len(mean), -1)
+    middle, definitions = bodies[0], measurements.definitions
+    directions = np.ascontiguousarray((bodies[1:] - middle).reshape(len(mean), -1).T)
 
     def body(z: ndarray) -> ndarray:
-        return middle + (z @ flat_directions).reshape(middle.shape)
+        return middle + (directions @ z).reshape(middle.shape)
 
     def compared(z: ndarray, values: ndarray) -> ndarray:
         # A predicted measurement that is not defined does not count; a given one refuses the step.
@@ -520,15 +527,12 @@ def _nearest_betas(
         return np.concatenate([z, (measured - goals) / spread])
 
     def residuals(z: ndarray) -> ndarray:
-        values, _ = values_of_bodies(
-            measurements.definitions, body(z)[np.newaxis], "space", gradient=False
-        )
+        values, _ = values_of_bodies(definitions, body(z)[np.newaxis], "space", gradient=False)
         return compared(z, values[0])
 
     def linearisation(z: ndarray) -> tuple[ndarray, ndarray]:
-        surface = body(z)[np.newaxis]
-        values, slope = values_of_bodies(measurements.definitions, surface, "space", gradient=True)
-        rows = slope.reshape(len(goals), -1) @ flat_directions.T
+        values, slopes = values_and_slopes(definitions, body(z)[np.newaxis], "space")
+        rows = slopes_along(slopes, directions)
         rows[np.isnan(values[0])] = 0.0
         return compared(z, values[0]), np.concatenate(
             [np.eye(len(z)), rows / spread[:, np.newaxis]]

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from difflib import get_close_matches
+from functools import partial
 from itertools import pairwise
 from typing import ClassVar
 
 import autograd.numpy as np
+from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, JSONRecord, JSONValue
 from riemhuman.checks import one_of, real_number, values_of
@@ -28,6 +30,7 @@ from riemhuman.measurements._sections import (
     section,
     straight_lines,
 )
+from riemhuman.measurements._vertex_slopes import VertexSlopes, fixed
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 
 # Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
@@ -99,9 +102,13 @@ class Measurement:
     equivalents: Mapping[str, str] = field(default_factory=dict)
     units: ClassVar[str] = "m"
     kind: ClassVar[str] = "Measurement"
+    _is_traced: ClassVar[bool] = False
 
     def __init_subclass__(cls, **settings: object) -> None:
         super().__init_subclass__(**settings)
+        if "value" in vars(cls):
+            # Of a value of one's own, autograd finds the derivatives.
+            cls._is_traced = "_slopes" not in vars(cls)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
         if not cls.kind.startswith("_"):
@@ -130,6 +137,28 @@ class Measurement:
         """
         first, *others = (path.lengths for path in self._paths(bodies))
         return sum(others, first)
+
+    def value_and_slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
+        """Return the measurement of each body and its derivatives by the vertices.
+
+        Parameters
+        ----------
+        bodies : LandmarkedBodies
+        """
+        if not self._is_traced:
+            return self._slopes(bodies)
+        pull_back, value = make_vjp(lambda moved: self.value(bodies.moved(moved)), bodies.surfaces)
+        slopes = VertexSlopes(bodies.surfaces.shape)
+        slopes.add_of_all(pull_back(np.ones(len(bodies.surfaces))))
+        return value, slopes
+
+    def _slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
+        """Return `value` and its derivatives, written out; a class defines both of them or none."""
+        slopes, lengths = VertexSlopes(bodies.surfaces.shape), []
+        for path in self._paths(bodies):
+            lengths.append(path.lengths)
+            path.pull_lengths(slopes)
+        return sum(lengths[1:], lengths[0]), slopes
 
     def lines(self, bodies: LandmarkedBodies) -> list[Array]:
         """Return the measurement lines on the first body, each of shape (k, 3).
@@ -221,8 +250,13 @@ class _PlaneSection(Measurement):
         }[self._section(bodies).statuses[0]]
 
     def _section(self, bodies: LandmarkedBodies) -> Lines:
-        cutter = bodies.cutter(self.parts, self.leave_out)
-        return section(bodies.surfaces, bodies.place(self.at), bodies.axis(self.normal), cutter)
+        return section(
+            bodies.surfaces,
+            bodies.place(self.at),
+            bodies.axis(self.normal),
+            bodies.cutter(self.parts, self.leave_out),
+            (partial(bodies.pull_place, self.at), partial(bodies.pull_axis, self.normal)),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,7 +317,8 @@ class Breadth(_PlaneSection):
     _direction: ClassVar[str] = "left"
 
     def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
-        return [self._section(bodies).extents(bodies.axis(self._direction))]
+        pull = partial(bodies.pull_axis, self._direction)
+        return [self._section(bodies).extents(bodies.axis(self._direction), pull)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -337,6 +372,11 @@ class Height(Measurement):
             return height - np.sum(bodies.place(self.above) * up, axis=-1)
         return height - bodies.floor
 
+    def _slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
+        slopes = VertexSlopes(bodies.surfaces.shape)
+        bodies.pull_height(self.at, self.above, slopes)
+        return self.value(bodies), slopes
+
     def lines(self, bodies: LandmarkedBodies) -> list[Array]:
         top = bodies.place(self.at)[0]
         return [np.stack([top, top - self.value(bodies)[0] * bodies.axis("up")[0]])]
@@ -388,8 +428,14 @@ class Length(Measurement):
             return [geodesics(bodies.surfaces, *ends, bodies.set.mesh) for ends in pairwise(places)]
         is_joints = self.path == "joints"
         stops = bodies.bones(*map(str, self.along)) if is_joints else self.along
-        axis = None if self.axis is None else bodies.axis(self.axis)
-        return [straight_lines(a, b, axis) for a, b in pairwise(map(bodies.place, stops))]
+        return [self._straight_line(bodies, *ends) for ends in pairwise(stops)]
+
+    def _straight_line(self, bodies: LandmarkedBodies, start: Place, end: Place) -> Lines:
+        axis, pull_axis = None, fixed
+        if self.axis is not None:
+            axis, pull_axis = bodies.axis(self.axis), partial(bodies.pull_axis, self.axis)
+        pulls = partial(bodies.pull_place, start), partial(bodies.pull_place, end), pull_axis
+        return straight_lines(bodies.place(start), bodies.place(end), axis, pulls)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -415,6 +461,12 @@ class Volume(Measurement):
                 f"{self.name!r} needs a closed surface; the template has boundaries"
             )
         return bodies.volumes
+
+    def _slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
+        slopes = VertexSlopes(bodies.surfaces.shape)
+        values = self.value(bodies)
+        slopes.add_of_all(bodies.volume_slopes)
+        return values, slopes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -443,6 +495,12 @@ class Mass(Volume):
 
     def value(self, bodies: LandmarkedBodies) -> Array:
         return self.density * super().value(bodies)
+
+    def _slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
+        slopes = VertexSlopes(bodies.surfaces.shape)
+        values = self.value(bodies)
+        slopes.add_of_all(self.density * bodies.volume_slopes)
+        return values, slopes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -474,7 +532,12 @@ class Area(Measurement):
         return self.parts
 
     def value(self, bodies: LandmarkedBodies) -> Array:
-        return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])
+        return np.sum(bodies.triangle_areas[:, bodies.set.in_parts(self.parts)], axis=-1)
+
+    def _slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
+        slopes = VertexSlopes(bodies.surfaces.shape)
+        slopes.add_of_all(bodies.area_slopes(bodies.set.in_parts(self.parts)))
+        return self.value(bodies), slopes
 
 
 def _class_of(kind: str) -> type[Measurement]:

@@ -13,9 +13,11 @@ from riemhuman.arrays import Array
 from riemhuman.bodies import joints_between
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.surface import apply_operator
 from riemhuman.measurements._geodesics import SurfacePoint
 from riemhuman.measurements._landmarks import AXES, LandmarkedTemplate, Place
 from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter, weighted_vertices
+from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.surfaces.nearest_points import nearest_points
 
 
@@ -51,6 +53,16 @@ class LandmarkedBodies:
         self._positions: dict[str, Array] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]
 
+    def moved(self, surfaces: Array) -> LandmarkedBodies:
+        """Return other surfaces with the same landmarks and parts.
+
+        Parameters
+        ----------
+        surfaces : array, shape (n, V, 3)
+            Bodies, metres, which autograd may trace.
+        """
+        return LandmarkedBodies(self.set, surfaces, self._frames)
+
     def place(self, place: Place) -> Array:
         """Return the position of a place on each body, shape (n, 3).
 
@@ -69,6 +81,24 @@ class LandmarkedBodies:
             self._positions[place] = weighted_vertices(self.surfaces, *combination)
         return self._positions[place]
 
+    def pull_place(self, place: Place, upstream: ndarray, slopes: VertexSlopes) -> None:
+        """Add the derivatives by vertices, given those by a place, shape (n, 3).
+
+        Parameters
+        ----------
+        place : str or mapping of str to float
+            As for `place`.
+        upstream : array, shape (n, 3)
+        slopes : VertexSlopes
+        """
+        if isinstance(place, Mapping):
+            total = sum(place.values())
+            for name, weight in place.items():
+                self.pull_place(name, weight / total * upstream, slopes)
+        else:
+            vertices, weights = self.set.landmarks[place]
+            slopes.add(self._numbers, vertices, weights[:, None] * upstream[:, None])
+
     def axis(self, axis: str | Sequence[Place]) -> Array:
         """Return the unit vectors of an axis of each body, shape (n, 3).
 
@@ -80,9 +110,43 @@ class LandmarkedBodies:
         """
         if isinstance(axis, str):
             return self._axes[..., AXES.index(axis)]
-        start, *ends = axis
-        steps = [self.place(end) - self.place(start) for end in ends]
+        steps = self._steps(axis)
         return _unit(steps[0] if len(steps) == 1 else np.cross(*steps))
+
+    def _steps(self, axis: Sequence[Place]) -> list[Array]:
+        start, *ends = axis
+        return [self.place(end) - self.place(start) for end in ends]
+
+    def pull_axis(
+        self, axis: str | Sequence[Place], upstream: ndarray, slopes: VertexSlopes
+    ) -> None:
+        """Add the derivatives by vertices, given those by an axis, shape (n, 3).
+
+        Parameters
+        ----------
+        axis : {"left", "up", "forward"} or sequence of places
+            As for `axis`.
+        upstream : array, shape (n, 3)
+        slopes : VertexSlopes
+        """
+        if isinstance(axis, str):
+            if self._frames != "space":
+                # The axis is the sum of the frame's columns with these weights.
+                weights = self.set.axes_in_frame[:, AXES.index(axis)]
+                bottom, top, right, left = self._frame_places()
+                pulls = _pull_frame(bottom, top, right, left, weights[:, None, None] * upstream)
+                for name, pull in zip(self.set.frame, pulls, strict=True):
+                    self.pull_place(name, pull, slopes)
+            return
+        (start, *ends), steps = axis, self._steps(axis)
+        if len(steps) == 1:
+            of_steps = [_pull_unit(steps[0], upstream)]
+        else:
+            pull = _pull_unit(_cross(*steps), upstream)
+            of_steps = [_cross(steps[1], pull), _cross(pull, steps[0])]
+        for end, pull in zip(ends, of_steps, strict=True):
+            self.pull_place(end, pull, slopes)
+            self.pull_place(start, -pull, slopes)
 
     @cached_property
     def _axes(self) -> Array:
@@ -90,8 +154,10 @@ class LandmarkedBodies:
         if self._frames == "space":
             return onp.asarray(self.set.axes) + np.zeros((len(self.surfaces), 1, 1))
         # The axes lie in this frame as the template's axes lie in the frame of its landmarks.
-        places = (self.place(name) for name in self.set.frame)
-        return np.matmul(axes_of_frame(*places), self.set.axes_in_frame)
+        return np.matmul(axes_of_frame(*self._frame_places()), self.set.axes_in_frame)
+
+    def _frame_places(self) -> list[Array]:
+        return [self.place(name) for name in self.set.frame]
 
     def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...]) -> Cutter:
         """Return the triangles that a plane may cut, for sections of parts of the body.
@@ -147,20 +213,69 @@ class LandmarkedBodies:
         return known[key]
 
     @cached_property
+    def lowest(self) -> ndarray:
+        """Number of the lowest vertex of each body along the axis "up", shape (n, 1)."""
+        up = values_of(self.axis("up"))[:, :, None]
+        return onp.matmul(values_of(self.surfaces), up).argmin(axis=1)
+
+    @cached_property
     def floor(self) -> Array:
         """Coordinate of the lowest vertex of each body along the axis "up", shape (n,)."""
+        combination = self._numbers, self.lowest, onp.ones((1, 1))
+        lowest = weighted_vertices(self.surfaces, *combination)
+        return np.sum(lowest * self.axis("up"), axis=-1)
+
+    def pull_height(self, top: Place, bottom: Place | None, slopes: VertexSlopes) -> None:
+        """Add the derivatives by vertices of the height of one place above another, or the floor.
+
+        Parameters
+        ----------
+        top : str or mapping of str to float
+            As for `place`.
+        bottom : str or mapping of str to float, optional
+            As for `place`; by default the floor.
+        slopes : VertexSlopes
+        """
         up = self.axis("up")
-        heights = onp.matmul(values_of(self.surfaces), values_of(up)[:, :, None])
-        combination = self._numbers, heights.argmin(axis=1), onp.ones((1, 1))
-        return np.sum(weighted_vertices(self.surfaces, *combination) * up, axis=-1)
+        self.pull_place(top, up, slopes)
+        if bottom is None:
+            slopes.add(self._numbers, self.lowest, -up[:, None])
+            low = self.surfaces[self._numbers[:, 0], self.lowest[:, 0]]
+        else:
+            self.pull_place(bottom, -up, slopes)
+            low = self.place(bottom)
+        self.pull_axis("up", self.place(top) - low, slopes)
 
     @cached_property
     def volumes(self) -> Array:
         """Volumes that closed surfaces enclose, shape (n,)."""
-        # About the mean vertex, where products of coordinates lose the fewest digits.
+        # Homogeneous functions of degree three are a third of the product with their slopes. About
+        # the mean vertex, products of coordinates lose the fewest digits.
         centred = self.surfaces - np.mean(self.surfaces, axis=1, keepdims=True)
-        a, b, c = _corners(centred, self.set.faces)
-        return np.sum(a * np.cross(b, c), axis=(-2, -1)) / 6.0
+        return np.sum(centred * self.volume_slopes, axis=(-2, -1)) / 3.0
+
+    @cached_property
+    def volume_slopes(self) -> Array:
+        """Derivatives of the volumes of closed surfaces by the vertices, shape (n, V, 3)."""
+        # A vertex moves its triangles, whose pyramids grow by a third of their areas.
+        return apply_operator(self.set.mesh.corners.T, self._double_normals) / 6.0
+
+    @cached_property
+    def _sides(self) -> tuple[Array, Array]:
+        """Sides of all triangles, from the first corner to the second and the third, (n, F, 3)."""
+        sides = apply_operator(self.set.mesh.sides, self.surfaces)
+        n_faces = len(self.set.faces)
+        return sides[:, :n_faces], sides[:, n_faces:]
+
+    @cached_property
+    def _double_normals(self) -> Array:
+        """Normals of all triangles, twice as long as these are large, shape (n, F, 3)."""
+        return _cross(*self._sides)
+
+    @cached_property
+    def triangle_areas(self) -> Array:
+        """Areas of all triangles, shape (n, F)."""
+        return 0.5 * _norms(self._double_normals)[..., 0]
 
     def areas(self, faces: ndarray) -> Array:
         """Return the sum of the areas of some triangles, shape (n,).
@@ -170,12 +285,29 @@ class LandmarkedBodies:
         faces : array of int, shape (k, 3)
             Triangles: numbers of their vertices.
         """
-        a, b, c = _corners(self.surfaces, faces)
-        return 0.5 * np.sum(np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
+        a, b, c = (self.surfaces[:, corners] for corners in faces.T)
+        return 0.5 * np.sum(_norms(_cross(b - a, c - a)), axis=(-2, -1))
+
+    def area_slopes(self, chosen: ndarray) -> ndarray:
+        """Return the derivatives of the sum of the areas of some triangles, shape (n, V, 3).
+
+        Parameters
+        ----------
+        chosen : array of bool, shape (F,)
+            The triangles.
+        """
+        second, third = self._sides
+        areas = self.triangle_areas
+        halves = onp.divide(chosen, 4.0 * areas, out=onp.zeros_like(areas), where=areas > 0.0)
+        normals = halves[..., None] * self._double_normals
+        by_sides = onp.concatenate([_cross(third, normals), _cross(normals, second)], axis=1)
+        return apply_operator(self.set.mesh.sides.T, by_sides)
 
 
-def _corners(surfaces: Array, faces: ndarray) -> tuple[Array, Array, Array]:
-    return surfaces[:, faces[:, 0]], surfaces[:, faces[:, 1]], surfaces[:, faces[:, 2]]
+def _cross(a: Array, b: Array) -> Array:
+    """Return cross products, without the checks and copies of `np.cross`."""
+    (a_x, a_y, a_z), (b_x, b_y, b_z) = ((v[..., 0], v[..., 1], v[..., 2]) for v in (a, b))
+    return np.stack([a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x], axis=-1)
 
 
 def axes_of_frame(bottom: Array, top: Array, right: Array, left: Array) -> Array:
@@ -187,4 +319,33 @@ def axes_of_frame(bottom: Array, top: Array, right: Array, left: Array) -> Array
 
 
 def _unit(vectors: Array) -> Array:
-    return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
+    return vectors / _norms(vectors)
+
+
+def _norms(vectors: Array) -> Array:
+    return np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
+
+
+def _pull_unit(vectors: ndarray, upstream: ndarray) -> ndarray:
+    """Return derivatives by vectors, given those by the unit vectors along them."""
+    units = _unit(vectors)
+    return (upstream - _along(upstream, units) * units) / _norms(vectors)
+
+
+def _along(a: ndarray, b: ndarray) -> ndarray:
+    return onp.sum(a * b, axis=-1, keepdims=True)
+
+
+def _pull_frame(
+    bottom: ndarray, top: ndarray, right: ndarray, left: ndarray, upstream: ndarray
+) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Return derivatives by the landmarks of a frame, given those by its axes, (3, n, 3)."""
+    up, width = _unit(top - bottom), left - right
+    raw_side = width - _along(width, up) * up
+    of_side, of_up, of_forward = upstream
+    pull = _pull_unit(raw_side, of_side + onp.cross(up, of_forward))
+    of_width = pull - _along(pull, up) * up
+    of_up = of_up + onp.cross(of_forward, _unit(raw_side))
+    of_up = of_up - _along(width, up) * pull - _along(pull, up) * width
+    of_height = _pull_unit(top - bottom, of_up)
+    return -of_height, of_height, -of_width, of_width

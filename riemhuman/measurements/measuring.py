@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
-from autograd import make_vjp
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +19,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
+from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.measurements.definitions import Measurement, nearest_name
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
@@ -357,18 +357,19 @@ def values_of_bodies(
         return np.stack(
             [definition.value(bodies) for definition in description.measurements], axis=-1
         ), None
-    values, slopes = [], []
-    for measurement in description.measurements:
-        pull_back, value = make_vjp(
-            lambda moved, measurement=measurement: measurement.value(
-                LandmarkedBodies(description, moved, axes)
-            )
-        )(surfaces)
-        values.append(value)
-        slopes.append(pull_back(np.ones(len(surfaces))))
-    measured, slope = np.stack(values, axis=-1), np.stack(slopes, axis=1)
+    measured, slopes = values_and_slopes(description, surfaces, axes)
+    slope = np.stack([of_one.by_vertex() for of_one in slopes], axis=1)
     slope[np.isnan(measured)] = np.nan
     return measured, slope
+
+
+def values_and_slopes(
+    description: MeasurementSet, surfaces: Array, axes: str
+) -> tuple[ndarray, list[VertexSlopes]]:
+    """Return values, shape (n, M), NaN if not defined, and derivatives; nothing is checked."""
+    bodies = LandmarkedBodies(description, surfaces, axes)
+    pairs = [measurement.value_and_slopes(bodies) for measurement in description.measurements]
+    return np.stack([value for value, _ in pairs], axis=-1), [slopes for _, slopes in pairs]
 
 
 def in_standard_pose(definitions: MeasurementSet, points: ndarray) -> ndarray:

@@ -13,7 +13,7 @@ from riemhuman.measurements import (
     nearest_body,
     predict_measurements,
 )
-from riemhuman.measurements._kinks import least_squares_with_kinks
+from riemhuman.measurements._kinks import _weights_of_least_gain, least_squares_with_kinks
 from riemhuman.measurements.bodies_from_measurements import adults, predict
 
 SIXTEEN = (
@@ -103,6 +103,30 @@ def test_starts_have_a_coefficient_for_each_direction():
     for start in (np.zeros(5), np.zeros((2, 32)), np.full(32, np.nan)):
         with pytest.raises(ArgumentError, match="start"):
             model_from_measurements({"stature": 1.7}, resolution="coarse", start=start)
+
+
+def test_the_full_model_from_the_coarse_body_ends_at_the_same_cost():
+    wanted = {"stature": 1.8, "body mass": 80.0}
+    coarse = model_from_measurements(wanted, "man", resolution="coarse")
+    default, warm = (model_from_measurements(wanted, "man", start=s) for s in (None, coarse.betas))
+    assert default.converged
+    assert warm.converged
+    assert abs(warm.cost - default.cost) < 3e-4 * default.cost
+
+
+def test_weights_of_gradients_are_the_best():
+    """Also of gradients that depend on each other, and of two that are the same."""
+    rng = np.random.default_rng(0)
+    for size, rank in [(2, 32), (20, 32), (20, 3), (12, 1), (15, 6)]:
+        gradients = rng.standard_normal((rank, size)) + 2.0 * rng.standard_normal((rank, 1))
+        gradients[:, 1] = gradients[:, 0]
+        products, errors = gradients.T @ gradients, rng.exponential(size=size)
+        weights = _weights_of_least_gain(products, errors)
+        assert weights.min() >= 0.0
+        assert abs(weights.sum() - 1.0) < 1e-12
+        # By the conditions of Karush, Kuhn and Tucker, the slope is least where a weight is used.
+        slopes = products @ weights + errors
+        assert (slopes - slopes.min()) @ weights < 1e-9 * np.abs(products).max()
 
 
 def test_kinks_are_followed():

@@ -1,9 +1,10 @@
 """Measurements of bodies: scaling, rigid motions, remeshing, gradients, poses, missing values."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from autograd.core import make_vjp
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
@@ -11,7 +12,9 @@ from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
 from riemhuman.measurements._sections import section
+from riemhuman.measurements._vertex_slopes import slopes_along
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
+from riemhuman.measurements.measuring import values_and_slopes
 from riemhuman.registration import ScanRegistration
 from riemhuman.surfaces import Template
 
@@ -94,6 +97,52 @@ def test_derivatives(bodies, own):
     both = few.measure(bodies.points[:2], gradient=True).gradient
     each = [few.measure(point, gradient=True).gradient for point in bodies.points[:2]]
     np.testing.assert_allclose(both, each, atol=1e-12)
+
+
+@pytest.mark.parametrize("axes", ["space", "body"])
+def test_written_derivatives_are_those_of_autograd(bodies, own, axes, monkeypatch):
+    """On a bent body, whose axes are not those of the template, and on another one beside it."""
+    points = bodies.points[[3, 14]]
+    traced = []
+    for measurement in own.definitions.measurements:
+        pull_back, value = make_vjp(
+            lambda f, one=measurement: one.value(LandmarkedBodies(own.definitions, f, axes)), points
+        )
+        traced.append((value, pull_back(np.ones(2))))
+    monkeypatch.setattr("riemhuman.measurements.definitions.make_vjp", None)
+    written = own.measure(points, axes=axes, gradient=True)
+    for number, (value, slopes) in enumerate(traced):
+        name, scale = own.names[number], np.abs(slopes).max()
+        np.testing.assert_allclose(written.values[:, number], value, rtol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            written.gradient[:, number], slopes, rtol=0, atol=1e-11 * scale, err_msg=name
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Radius(Girth):
+    """A girth over 2 π."""
+
+    def value(self, bodies):
+        return super().value(bodies) / (2.0 * np.pi)
+
+
+def test_derivatives_of_a_value_of_ones_own_are_traced(bodies, own):
+    waist = own.definitions.measurements[own.names.index("waist girth")]
+    fields = {name: getattr(waist, name) for name in ("at", "normal", "parts", "leave_out", "hull")}
+    both = Measurements(own.definitions, [waist, Radius(name="radius", **fields)])
+    girth, radius = both.measure(bodies.points[3], gradient=True).gradient
+    np.testing.assert_allclose(2.0 * np.pi * radius, girth, atol=1e-12)
+
+
+def test_derivatives_along_directions(bodies, own):
+    rng = np.random.default_rng(0)
+    directions = rng.standard_normal((bodies.points[0].size, 4))
+    values, slopes = values_and_slopes(own.definitions, bodies.points[[3]], "body")
+    measured = own.measure(bodies.points[3], gradient=True)
+    np.testing.assert_array_equal(values[0], measured.values)
+    expected = measured.gradient.reshape(len(own.names), -1) @ directions
+    np.testing.assert_allclose(slopes_along(slopes, directions), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_volume_and_area_are_those_of_the_surface(bodies, own):

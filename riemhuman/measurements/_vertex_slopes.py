@@ -1,0 +1,71 @@
+"""Derivatives of measurements by the vertices of bodies, as terms that are added when needed.
+
+A girth depends on some hundred vertices, a volume on all. What a line, a place or an axis depends
+on is said by a function that is given the derivatives by it and adds those by the vertices: the
+chain rule, backwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+
+from riemhuman.arrays import Integers
+
+
+class VertexSlopes:
+    """Derivatives of one measurement of each of n bodies by its vertices, shape (n, V, 3)."""
+
+    def __init__(self, shape: tuple[int, int, int]) -> None:
+        self.shape = shape
+        self._terms: list[tuple[Integers, Integers, ndarray]] = []
+        self._of_all: ndarray | None = None
+
+    def add(self, bodies: Integers, vertices: Integers, slopes: ndarray) -> None:
+        """Add derivatives by vertices of bodies, shape (..., 3); their numbers are broadcast."""
+        self._terms.append((bodies, vertices, slopes))
+
+    def add_of_all(self, slopes: ndarray) -> None:
+        """Add derivatives by all vertices of all bodies."""
+        self._of_all = slopes if self._of_all is None else self._of_all + slopes
+
+    def by_vertex(self) -> ndarray:
+        """Return the derivatives, shape (n, V, 3)."""
+        total = np.zeros(self.shape) if self._of_all is None else self._of_all.copy()
+        for bodies, vertices, slopes in self._terms:
+            np.add.at(total, (bodies, vertices), slopes)
+        return total
+
+    def of_one_body(self) -> tuple[ndarray, ndarray, ndarray | None]:
+        """Return numbers of vertices with their derivatives, which add up to those of all."""
+        vertices, slopes = [np.empty(0, np.int64)], [np.empty((0, 3))]
+        for _, numbers, terms in self._terms:
+            vertices.append(numbers.ravel())
+            slopes.append(terms.reshape(-1, 3))
+        of_all = None if self._of_all is None else self._of_all.ravel()
+        return np.concatenate(vertices), np.concatenate(slopes), of_all
+
+
+Pull = Callable[[ndarray, VertexSlopes], None]
+"""Adds the derivatives by vertices, given those by something that depends on them, (n, 3)."""
+
+
+def fixed(upstream: ndarray, slopes: VertexSlopes) -> None:
+    """Add nothing: what does not depend on the vertices."""
+
+
+def slopes_along(measurements: Sequence[VertexSlopes], directions: ndarray) -> ndarray:
+    """Return derivatives of measurements of one body along columns of directions, (3V, K)."""
+    parts = [slopes.of_one_body() for slopes in measurements]
+    vertices, values = (np.concatenate([part[k] for part in parts]) for k in range(2))
+    columns = 3 * vertices[:, np.newaxis] + np.arange(3)
+    ends = 3 * np.cumsum([0, *(len(part[0]) for part in parts)])
+    terms = values.ravel(), columns.ravel(), ends
+    along: ndarray = sparse.csr_array(terms, shape=(len(parts), len(directions))) @ directions
+    of_all = {number: part[2] for number, part in enumerate(parts) if part[2] is not None}
+    if of_all:
+        along[list(of_all)] += np.array(list(of_all.values())) @ directions
+    return along
