@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_ROOM_OF_NAME = {
+_MODULE_OF_NAME = {
     "AlignedSurfaces": "geometry.aligned_surfaces",
     "AreaMetric": "geometry.smoothed_metrics",
     "ElasticMetric": "geometry.surface_metric",
@@ -66,7 +66,7 @@ _ROOM_OF_NAME = {
     "RiemhumanError": "errors",
     "SeamWarning": "errors",
 }
-_ROOMS = (
+_SUBPACKAGES = (
     "bodies",
     "datasets",
     "descriptors",
@@ -89,7 +89,7 @@ _ROOMS = (
     "testing",
 )
 
-__all__ = [*_ROOM_OF_NAME, *_ROOMS]
+__all__ = [*_MODULE_OF_NAME, *_SUBPACKAGES]
 
 
 def _load_default_solvers() -> DefaultSolvers:
@@ -109,9 +109,9 @@ notebook_pictures.load_by(_load_plots)
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOM_OF_NAME:
-        return getattr(importlib.import_module(f"{__name__}.{_ROOM_OF_NAME[name]}"), name)
-    if name in _ROOMS:
+    if name in _MODULE_OF_NAME:
+        return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
+    if name in _SUBPACKAGES:
         return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -180,8 +180,8 @@ def check_shape(
 ) -> None:
     """Raise an ArgumentError if the trailing shape of an array is not `shape`."""
     fits = values.ndim >= len(shape) if batched else values.ndim == len(shape)
-    for expected, found in zip(reversed(shape), reversed(values.shape), strict=False):
-        fits = fits and (isinstance(expected, str) or expected == found)
+    for expected, length in zip(reversed(shape), reversed(values.shape), strict=False):
+        fits = fits and (isinstance(expected, str) or expected == length)
     if not fits:
         expected = ", ".join(str(length) for length in (["..."] if batched else []) + list(shape))
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
@@ -552,13 +552,15 @@ def _common_step(values: np.ndarray) -> float:
 
 def refuse_type(value: object, name: str, expected: str) -> NoReturn:
     """Raise an ArgumentTypeError that says which class was found, or that it was a class itself."""
-    found = f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
-    raise ArgumentTypeError(f"{name} must be {expected}; found {found}")
+    kind = f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
+    raise ArgumentTypeError(f"{name} must be {expected}; found {kind}")
 
 
 def check_methods(value: object, name: str, expected: str, *methods: str) -> None:
     """Raise an ArgumentTypeError unless this is an object, no class, with these methods."""
-    if isinstance(value, type) or not all(callable(getattr(value, each, None)) for each in methods):
+    if isinstance(value, type) or not all(
+        callable(getattr(value, method, None)) for method in methods
+    ):
         refuse_type(value, name, expected)
 
 
@@ -586,8 +588,11 @@ def _describe(array: object, values: np.ndarray) -> str:
 def _unit_hint(ratio: float) -> str:
     """Return a text that names the units of two surfaces whose sizes have this ratio, if likely."""
     pairs = itertools.permutations(UNITS, 2)
-    gaps = {(one, other): abs(np.log(ratio * UNITS[other] / UNITS[one])) for one, other in pairs}
-    one, other = min(gaps, key=lambda pair: gaps[pair])
-    if gaps[one, other] > np.log(_BODY_RATIO):
+    gaps = {
+        (unit, other_unit): abs(np.log(ratio * UNITS[other_unit] / UNITS[unit]))
+        for unit, other_unit in pairs
+    }
+    unit, other_unit = min(gaps, key=lambda pair: gaps[pair])
+    if gaps[unit, other_unit] > np.log(_BODY_RATIO):
         return ""
-    return f", as if one were in {one} and the other in {other}"
+    return f", as if one were in {unit} and the other in {other_unit}"

@@ -90,16 +90,16 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
         One of `KINDS`.
     """
     one_of(kind, "kind", tuple(KINDS))
-    found: dict[str, Callable[..., Any]] = {}
+    factories: dict[str, Callable[..., Any]] = {}
     for entry in entry_points(group=f"riemhuman.{kind}"):
         try:
-            found[entry.name] = entry.load()
+            factories[entry.name] = entry.load()
         except Exception as error:
             raise ArgumentError(
                 f"the {kind} of installed packages include {entry.name!r}, {entry.value}, which "
                 f"cannot be loaded: {type(error).__name__}: {error}"
             ) from error
-    return found | _REGISTERED[kind]
+    return factories | _REGISTERED[kind]
 
 
 def extension(kind: str, name: str) -> Callable[..., Any]:

@@ -137,13 +137,13 @@ def load_photographed_bodies(
                     f"{file}: {_VERTICES} has shape {surfaces.shape}; faces number "
                     f"{n_vertices:,} vertices, so that (n, {n_vertices}, 3) is expected"
                 )
-            own = surfaces.reshape(-1, n_vertices, 3)
-            check_mesh(own[0], triangles)
-            for body in own:
+            bodies = surfaces.reshape(-1, n_vertices, 3)
+            check_mesh(bodies[0], triangles)
+            for body in bodies:
                 check_human_size(float(np.ptp(body, axis=0).max()), np.nan, _VERTICES)
-            _refuse_mirrored(own, triangles, str(file))
-        points.append(own)
-        names += [file.stem] * len(own)
+            _refuse_mirrored(bodies, triangles, str(file))
+        points.append(bodies)
+        names += [file.stem] * len(bodies)
     missing = tuple(name for name in _OPTIONAL if any(name not in arrays for arrays in read))
     keypoints = _joined(read, "pred_keypoints_3d", 3)
     surfaces = np.concatenate(points)
@@ -223,12 +223,12 @@ def _find_feet(points: np.ndarray, faces: np.ndarray, body: np.ndarray) -> np.nd
 def _files(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> list[Path]:
     several = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
     files: list[Path] = []
-    for each in several:
-        place = file_path(each)
-        found = sorted(place.glob("*.npz"), key=lambda file: natural_key(file.name))
-        if place.is_dir() and not found:
+    for given in several:
+        place = file_path(given)
+        contents = sorted(place.glob("*.npz"), key=lambda file: natural_key(file.name))
+        if place.is_dir() and not contents:
             raise FileFormatError(f"{place} holds no .npz file of SAM 3D Body")
-        files += found if place.is_dir() else [place]
+        files += contents if place.is_dir() else [place]
     if not files:
         raise FileFormatError("paths holds no file of SAM 3D Body; at least one is needed")
     return files

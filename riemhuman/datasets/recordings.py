@@ -159,8 +159,8 @@ def _contents(used: set[str], names: set[str]) -> RecordingContents:
 def _leaves(content: object, depth: int = 0) -> set[str]:
     """Return the names of all fields that are no dictionaries, of people in frames and lists."""
     if isinstance(content, list):
-        found = [_leaves(item, depth + 1) for item in content if isinstance(item, dict)]
-        return set().union(*found)
+        leaves = [_leaves(item, depth + 1) for item in content if isinstance(item, dict)]
+        return set().union(*leaves)
     if not isinstance(content, dict) or depth > 2 * _DEEPEST:
         return set()
     names = set()
@@ -284,17 +284,17 @@ def _photographed_motion(
     up: str | None,
 ) -> ArrayMotion:
     """Return the bodies in a file, moments of a person's motion, as a motion with one shape."""
-    found = load_photographed_bodies(path, faces, up=up)
+    photographed = load_photographed_bodies(path, faces, up=up)
     difference: str | None = "no model is given"
     if model is not None:
-        difference = face_difference(found.faces, model.faces)
+        difference = face_difference(photographed.faces, model.faces)
     if model is None or difference:
         raise FileFormatError(
             f"{path} holds surfaces without poses, for which a body model with their triangles is "
             f"needed: {difference}. registration.transfer_model(load_open_model(), "
             "Template(body, faces)) makes one"
         )
-    points = found.places
+    points = photographed.places
     fit = model.fit(points, betas_prior=1e-7, sequence=True)
     person, spread = one_person(fit.betas, None, len(points))
     name = path.stem
@@ -368,9 +368,9 @@ def _people(content: object, name: str, depth: int = 0) -> Iterator[_Person]:
     """Yield the people in a dictionary, in those that it holds, and in frames of lists."""
     if not isinstance(content, dict) or depth > _DEEPEST:
         return
-    found = _person(content, name)
-    if found is not None:
-        yield found
+    person = _person(content, name)
+    if person is not None:
+        yield person
         return
     by_frame = _people_by_frame(content)
     if by_frame:
@@ -455,7 +455,7 @@ def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
     if _vectors(_first(content, _WHOLE_POSES)) is None:
         pose_names = [_first_name(content, names) for names in (_ROOT_POSES, _BODY_POSES)]
     others = [_first_name(content, names) for names in (_TRANSLATIONS, _BETAS, _RATES, (_SCALE,))]
-    used = tuple(found for found in (*pose_names, *others) if found is not None)
+    used = tuple(field for field in (*pose_names, *others) if field is not None)
     return _Person(name, poses, translations, betas, known, used)
 
 
@@ -507,12 +507,12 @@ def _first_name(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> str
 
 def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
     """Return the person who is wanted, or seen most."""
-    names = [found.name for found in people]
+    names = [candidate.name for candidate in people]
     if person is not None:
         if person not in names:
             raise ArgumentError(f"person must be one of {', '.join(names)}; found {person!r}")
         return people[names.index(person)]
-    chosen = max(people, key=lambda found: len(found.poses))
+    chosen = max(people, key=lambda candidate: len(candidate.poses))
     if len(people) > 1:
         warn(
             f"{file.name} holds {len(people)} people ({', '.join(names[:8])}); person "

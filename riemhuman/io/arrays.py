@@ -112,11 +112,11 @@ def first_headers(
         return names, {name: _header(archive, members[name], limit) for name in names[:most]}
 
 
-def check_fields(found: Iterable[str], required: Iterable[str]) -> None:
+def check_fields(fields: Iterable[str], required: Iterable[str]) -> None:
     """Raise an error if a file lacks some fields."""
-    missing = [name for name in required if name not in found]
+    missing = [name for name in required if name not in fields]
     if missing:
-        listed = ", ".join(name[:60] for name in sorted(found)[:20])
+        listed = ", ".join(name[:60] for name in sorted(fields)[:20])
         raise FileFormatError(f"lacks the fields {', '.join(missing)}; found {listed or 'none'}")
 
 

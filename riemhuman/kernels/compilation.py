@@ -209,7 +209,10 @@ def _digest_of_file(file: str) -> bytes:
 def _bind() -> None:
     """Bind names to compiled functions in all modules that define some."""
     with _lock:
-        modules = {id(names): names for names in (one.py_func.__globals__ for one in _waiting)}
+        modules = {
+            id(names): names
+            for names in (placeholder.py_func.__globals__ for placeholder in _waiting)
+        }
         # Numba looks names up when it compiles, so all are bound before the first is called.
         for names in modules.values():
             for name, value in list(names.items()):

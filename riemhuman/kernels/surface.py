@@ -273,14 +273,14 @@ def refuse_vertices(bad: Booleans, message: str, error: type[Exception]) -> None
     _refuse(bad, message, error, "vertex", "vertices")
 
 
-def _refuse(bad: Booleans, message: str, error: type[Exception], one: str, several: str) -> None:
+def _refuse(bad: Booleans, message: str, error: type[Exception], part: str, parts: str) -> None:
     if not bad.any():
         return
     *leading, first = (int(i) for i in np.argwhere(bad)[0])
     where = f" of item {tuple(leading)}" if leading else ""
     count = int(bad.sum())
-    others = "" if count == 1 else f", the first of {count} such {several}"
-    raise error(f"{message}; found otherwise at {one} {first}{where}{others}")
+    others = "" if count == 1 else f", the first of {count} such {parts}"
+    raise error(f"{message}; found otherwise at {part} {first}{where}{others}")
 
 
 def triangle_frames(points: Points, operator: object) -> Array:

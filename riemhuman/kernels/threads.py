@@ -242,11 +242,11 @@ def in_tiles(
     n_threads: int,
 ) -> Array:
     """Return sums over pairs, computed tile by tile in threads."""
-    within = all(one is other for one, other in zip(a, b, strict=True))
+    within = all(x is y for x, y in zip(a, b, strict=True))
     a, b = tuple(map(of_one_kind, a)), tuple(map(of_one_kind, b))
     n_a, n_b = len(a[0]), len(b[0])
     squared = np.zeros((n_a, n_b))
-    n_values = max(1, *(one[:1].size for one in a))
+    n_values = max(1, *(array[:1].size for array in a))
     n_pairs = _TILE_WORK / n_values
     if n_threads > 1:
         n_pairs = min(n_pairs, n_a * n_b / (_TILES_A_THREAD * n_threads))
@@ -254,7 +254,7 @@ def in_tiles(
     size = 4 * int(np.clip(0.25 * math.sqrt(n_pairs) + 0.5, 2, 16))
 
     rows, columns = (
-        [(slice(k, k + size), tuple(one[k : k + size] for one in arrays)) for k in starts]
+        [(slice(k, k + size), tuple(array[k : k + size] for array in arrays)) for k in starts]
         for arrays, starts in ((a, range(0, n_a, size)), (b, range(0, n_b, size)))
     )
     # Within a set both have to be the same arrays.

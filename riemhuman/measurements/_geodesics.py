@@ -132,8 +132,8 @@ class Mesh:
         for k in range(2):
             near = np.unique(inside[of_ends[k]].indices)
             parts.append((to_ends[k][near], near, np.full(len(near), len(points) + k)))
-        lengths, one, other = (np.concatenate(part) for part in zip(*parts, strict=True))
-        graph = sparse.csr_array((lengths, (one, other)), shape=(len(points) + 2,) * 2)
+        lengths, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
+        graph = sparse.csr_array((lengths, (rows, columns)), shape=(len(points) + 2,) * 2)
         _, before = dijkstra(graph, False, len(points), return_predecessors=True)
         passed: list[int] = []
         step, there = before[-1], of_ends[1]

@@ -67,13 +67,13 @@ def percentiles(
     if height is None:
         raise ArgumentError("stature must be given, or be among the values")
     shares = _shares_of_sexes(height, sex)
-    found = {name: float("nan") for name in values}
+    percentages = {name: float("nan") for name in values}
     for name, value in given.items() if shares else ():
         real_number(value, name, minimum=0.0, strict=True)
-        found[name] = sum(
-            share * _percentile(name, value, height, each) for each, share in shares.items()
+        percentages[name] = sum(
+            share * _percentile(name, value, height, group) for group, share in shares.items()
         )
-    return found
+    return percentages
 
 
 def average_adult(
@@ -150,12 +150,12 @@ def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:
     if not stature > 0.0:
         return {}
     scores = []
-    for each in sexes:
-        mean, std = _adults()[each]["log_stature"]
+    for group in sexes:
+        mean, std = _adults()[group]["log_stature"]
         scores.append((np.log(stature) - mean) / std)
     if min(np.abs(scores)) > _FARTHEST:
         return {}
-    stds = np.array([_adults()[each]["log_stature"][1] for each in sexes])
+    stds = np.array([_adults()[group]["log_stature"][1] for group in sexes])
     shares = softmax(-np.square(scores) / 2.0 - np.log(stds))
     return dict(zip(sexes, shares.tolist(), strict=True))
 

@@ -139,7 +139,11 @@ def benchmark(
     if representations is None:
         added = of_extensions(bodies).items()
         representations = table_metrics(bodies)
-        representations |= {name: one for name, one in added if hasattr(one, "dist_pairwise")}
+        representations |= {
+            name: representation
+            for name, representation in added
+            if hasattr(representation, "dist_pairwise")
+        }
     for name, representation in representations.items():
         if not (hasattr(representation, "dist_pairwise") or hasattr(representation, "describe")):
             raise ArgumentTypeError(
@@ -148,10 +152,10 @@ def benchmark(
             )
     labels = {}
     for kind, field in _LABELS.items():
-        own = getattr(bodies, field, None)
-        if own is None:
+        labels_of_field = getattr(bodies, field, None)
+        if labels_of_field is None:
             continue
-        numbers, classes = class_numbers(own, f"bodies.{field}", len(bodies))
+        numbers, classes = class_numbers(labels_of_field, f"bodies.{field}", len(bodies))
         if len(classes) < len(numbers):
             labels[kind] = numbers
     if not labels:
@@ -161,29 +165,32 @@ def benchmark(
         )
 
     def score(matrices: Mapping[str, np.ndarray]) -> dict[str, RetrievalScores]:
-        found = {kind: scores(matrix, labels[kind]) for kind, matrix in matrices.items()}
-        if learned and "pose" in found:
-            found[AMONG_OTHERS] = scores(matrices["pose"], labels["pose"], bodies.subject)
-        return found
+        scores_by_task = {kind: scores(matrix, labels[kind]) for kind, matrix in matrices.items()}
+        if learned and "pose" in scores_by_task:
+            scores_by_task[AMONG_OTHERS] = scores(matrices["pose"], labels["pose"], bodies.subject)
+        return scores_by_task
 
     records = []
     described = described_together(representations, bodies, progress=progress)
     n_pairs = len(bodies) * (len(bodies) - 1) // 2
     for name, representation in representations.items():
-        times, problem, found = (np.nan, np.nan), None, {}
+        times, problem, scores_by_task = (np.nan, np.nan), None, {}
         try:
             with task(f"{name}: {n_pairs:,} distances"):
-                own = described.get(name)
-                distances, times = timed_distances(representation, bodies, own)
-            found = score(dict.fromkeys(labels, distances))
+                description = described.get(name)
+                distances, times = timed_distances(representation, bodies, description)
+            scores_by_task = score(dict.fromkeys(labels, distances))
         except RiemhumanError as error:
             problem = f"{type(error).__name__}: {error}"
-        tasks = found or labels
-        records += [BenchmarkRecord(name, t, found.get(t), *times, problem) for t in tasks]
+        tasks = scores_by_task or labels
+        records += [BenchmarkRecord(name, t, scores_by_task.get(t), *times, problem) for t in tasks]
     if learned:
         with task(f"{_LEARNED_METRIC}: distances"), suppress(MissingDependencyError):
-            found = score(_learned_distances(bodies))
-            records += [BenchmarkRecord(_LEARNED_METRIC, t, found[t], 0.0, np.nan) for t in found]
+            scores_by_task = score(_learned_distances(bodies))
+            records += [
+                BenchmarkRecord(_LEARNED_METRIC, t, scores_by_task[t], 0.0, np.nan)
+                for t in scores_by_task
+            ]
     return records
 
 

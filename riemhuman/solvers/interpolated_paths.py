@@ -77,11 +77,11 @@ def rotating_paths(
     start: Points,
     end: Points,
     n_nodes: int,
-    found: list[Array] | None = None,
+    tried: list[Array] | None = None,
 ) -> list[tuple[Array, float]]:
     """Return paths whose triangles rotate, with their energies: the best, then alternatives.
 
-    All paths that are tried are added to `found`.
+    All paths that are tried are added to `tried`.
     """
     # In these a whole limb rotates the other way, and their energy is only a little higher.
     space = surface_space(metric.space)
@@ -105,8 +105,8 @@ def rotating_paths(
         path = linear_path(start, end, n_nodes)
         times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
         path[1:-1] = interpolator.interpolate(start, end, times, rotations)
-        if found is not None:
-            found.append(path)
+        if tried is not None:
+            tried.append(path)
         check_interrupt()
         return energy.value(metric, path), path
 

@@ -285,7 +285,7 @@ def _measured(
         metric_name,
         result,
         seconds,
-        {other: float(metric.energy(path)) for other, metric in metrics.items()},
+        {measured_by: float(metric.energy(path)) for measured_by, metric in metrics.items()},
         summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
         summarize(change_along_path(edge_lengths(path, edges)), lengths),
         float(change_along_path(signed_volume(path, faces))),

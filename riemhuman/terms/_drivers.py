@@ -216,7 +216,7 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
         faces, frames, areas = self._faces, self._frames, self.areas
         faces_of_others = faces if other_faces is None else of_one_kind(other_faces)
         f = of_one_kind(point)[:, None]
-        kinds = [of_one_kind(other)[:, None] for other in others]
+        kinds = [of_one_kind(reference)[:, None] for reference in others]
 
         def run(first: int, last: int) -> tuple[Array, Array]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
@@ -225,9 +225,9 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
                 end = min(start + size, last)
                 records, slopes = onp.zeros((2, 2, LENGTH, end - start))
                 fill_records(f, faces, frames, start, end, records[1:])
-                for i, other in enumerate(kinds):
+                for i, reference in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
-                    fill_records(other, faces_of_others, frames, start, end, records[:1])
+                    fill_records(reference, faces_of_others, frames, start, end, records[:1])
                     weighted = of_one_kind(weights[i] * areas[start:end])
                     for term in self.terms:
                         squared[i] += term.add_segments(records, slopes, weighted)
