@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import riemhuman as rh
+from riemhuman.plots._ground_picture import Ground, over
 from riemhuman.plots.windows import window_around
 
 matplotlib.use("agg")
@@ -80,21 +81,23 @@ def moving(bodies, space) -> None:
     geodesic = rh.solvers.BasisPath(basis, n_nodes=n_nodes).solve(metric, start, end).path
     faces = bodies.template.faces
     colors = [shrinking_colors(area_change(path, faces)) for path in (straight, geodesic)]
-    apart = np.array([0.75, 0.0, 0.0])
-    places = np.concatenate([straight - apart, geodesic + apart], axis=1)
-    places = places - [*((start + end).mean(axis=0) / 2)[:2], 0.0]
-    both = np.concatenate([faces, faces + len(start)])
-    view = rh.plots.View(azimuth=0.0, elevation=4.0)
-    window = window_around(places.reshape(-1, 3), view)
+    middle = (start + end).mean(axis=0) / 2 * [1.0, 1.0, 0.0]
+    view = rh.plots.View(azimuth=0.0)
+    window = window_around(np.concatenate([*straight, *geodesic]) - middle, view, margin=0.1)
+    ground = Ground.below([surface - middle for surface in (*straight, *geodesic)])
     frames = []
-    for surface, *painted in zip(places, *colors, strict=True):
-        picture = rh.plots.render(
-            surface, both, height=380, view=view, window=window, color=np.concatenate(painted)
-        )
+    for surfaces in zip(straight, geodesic, *colors, strict=True):
+        halves = []
+        for surface, painted in zip(surfaces[:2] - middle, surfaces[2:], strict=True):
+            settings = {"height": 380, "view": view, "window": window}
+            body = rh.plots.render(surface, faces, color=painted, **settings)
+            below = ground.picture(surface, view, window, body.shape[:2])
+            halves.append(np.round(over(body, below)).astype(np.uint8))
+        picture = np.concatenate(halves, axis=1)
         canvas = Image.new("RGBA", (picture.shape[1], 400), "white")
         canvas.alpha_composite(Image.fromarray(picture), (0, 20))
         pen = ImageDraw.Draw(canvas)
-        for place, text in ((0.27, "straight line: arms shrink"), (0.73, "geodesic: arms rotate")):
+        for place, text in ((0.25, "straight line: arms shrink"), (0.75, "geodesic: arms rotate")):
             pen.text((place * canvas.width, 4), text, "black", anchor="mt", font_size=16)
         frames.append(canvas.convert("RGB"))
     hold = [600, *[90] * (n_nodes - 2), 600]
@@ -161,13 +164,13 @@ def path_and_mean(bodies, space, people) -> None:
     faces = bodies.template.faces
     squat, hands = (bodies.pose_names.index(name) for name in ("squat", "hands_on_hips"))
     path = rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, people[6, squat], people[6, hands])
-    figure, ax = plt.subplots(figsize=(9, 2.8), layout="constrained")
+    figure, ax = plt.subplots(figsize=(9, 2.5), layout="constrained")
     rh.plots.plot_path(path.path, faces, ax=ax, spacing=1.15)
     save(figure, "path")
 
     some = people[[1, 4, 8], 0]
     mean = rh.FrechetMean(space, solver=rh.solvers.BasisMean(basis)).fit(some).estimate_
-    figure, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
+    figure, ax = plt.subplots(figsize=(9, 2.8), layout="constrained")
     rh.plots.plot_path([*some, mean], faces, colors=3 * [SKIN] + [GOLD], ax=ax, spacing=1.7)
     save(figure, "mean")
 
@@ -202,7 +205,7 @@ def motions() -> None:
     warping = rh.motions.DynamicTimeWarping(space.metric, centered=True)
     curves = rh.motions.MotionSpace(space, n_times=9)
     rows = rh.motions.align_motions(curves, first, second, warping)[:2]
-    figure, axes = plt.subplots(2, 1, figsize=(9, 5), layout="constrained")
+    figure, axes = plt.subplots(2, 1, figsize=(9, 3.8), layout="constrained")
     for ax, row, color in zip(axes, rows, (SKIN, GOLD), strict=True):
         rh.plots.plot_path(row, template.faces, colors=len(row) * [color], ax=ax, spacing=1.15)
     save(figure, "motions")

@@ -15,7 +15,7 @@ from riemhuman.plots.windows import Window, window_around
 FOLDER = Path(__file__).parent / "pictures" / "gallery"
 WIDTH, HEIGHT = 480, 320  # pixels
 SKIN, GOLD, BLUE = (0.80, 0.73, 0.66), (0.93, 0.74, 0.30), (0.45, 0.62, 0.78)
-FRONT = rh.plots.View(azimuth=8.0, elevation=4.0)
+FRONT = rh.plots.View(azimuth=8.0, elevation=8.0)
 
 
 def main() -> None:
@@ -92,7 +92,7 @@ def triangle_areas(surface: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def window_of(points: np.ndarray, view: rh.plots.View) -> Window:
     """Return a window of the thumbnail's shape around points."""
-    window = window_around(points, view, margin=0.06)
+    window = window_around(points, view, margin=0.1)
     height = max(window.height, window.width * HEIGHT / WIDTH)
     return replace(window, width=height * WIDTH / HEIGHT, height=height)
 
@@ -107,19 +107,24 @@ def beside_each_other(surfaces: Sequence[np.ndarray], gap: float = 0.12) -> list
     return moved
 
 
-def draw(number, surfaces, faces, colors, view=FRONT) -> None:
+def draw(number, surfaces, faces, colors, view=FRONT, *, ground=True, gap=0.12) -> None:
     """Draw surfaces beside each other, each in one colour or in one for each triangle."""
-    moved = beside_each_other(list(surfaces))
-    together = np.concatenate([faces + k * len(moved[0]) for k in range(len(moved))])
-    painted = [np.broadcast_to(color, (len(faces), 3)) for color in colors]
-    write(number, picture_of(np.concatenate(moved), together, np.concatenate(painted), view))
+    moved = beside_each_other(list(surfaces), gap)
+    shown = [(surface, faces, color) for surface, color in zip(moved, colors, strict=True)]
+    write(number, picture_of(shown, view, ground=ground))
 
 
-def picture_of(points, faces, colors, view=FRONT, window=None) -> Image.Image:
-    """Return a picture of a surface on a transparent ground."""
-    window = window_of(points, view) if window is None else window
-    drawn = rh.plots.render(points, faces, height=HEIGHT, view=view, window=window, color=colors)
-    return Image.fromarray(drawn).resize((WIDTH, HEIGHT))
+def picture_of(shown, view=FRONT, window=None, *, ground=True) -> Image.Image:
+    """Return a picture of surfaces, each with its triangles and colours, on a clear ground."""
+    if window is None:
+        window = window_of(np.concatenate([points for points, _, _ in shown]), view)
+    picture = Image.new("RGBA", (WIDTH, HEIGHT))
+    for points, faces, color in shown:
+        drawn = rh.plots.render(
+            points, faces, height=HEIGHT, view=view, window=window, color=color, ground=ground
+        )
+        picture.alpha_composite(Image.fromarray(drawn).resize((WIDTH, HEIGHT)))
+    return picture
 
 
 def draw_table(number, table) -> None:
@@ -135,9 +140,7 @@ def draw_table(number, table) -> None:
 def draw_scan(number, scan, body, faces) -> None:
     """Draw a scan beside the body that it shows."""
     left, right = beside_each_other([scan.points, body], gap=0.25)
-    together = np.concatenate([scan.faces, faces + len(left)])
-    colors = [np.broadcast_to(c, (n, 3)) for c, n in ((BLUE, len(scan.faces)), (SKIN, len(faces)))]
-    write(number, picture_of(np.concatenate([left, right]), together, np.concatenate(colors)))
+    write(number, picture_of([(left, scan.faces, BLUE), (right, faces, SKIN)]))
 
 
 def draw_lines(number, bodies) -> None:
@@ -149,10 +152,7 @@ def draw_lines(number, bodies) -> None:
     surfaces = [model(bodies.betas[10 * person], standing) for person in (2, 8)]
     window = window_of(np.concatenate(beside_each_other(surfaces, gap=0.3)), FRONT)
     moved = beside_each_other(surfaces, gap=0.3)
-    together = np.concatenate([model.faces, model.faces + len(moved[0])])
-    picture = picture_of(
-        np.concatenate(moved), together, np.broadcast_to(SKIN, (len(together), 3)), FRONT, window
-    )
+    picture = picture_of([(surface, model.faces, SKIN) for surface in moved], FRONT, window)
     pen = ImageDraw.Draw(picture)
     for surface, place in zip(surfaces, moved, strict=True):
         shift = place[0] - surface[0]
@@ -212,7 +212,7 @@ def draw_sheets(number) -> None:
         x, z = np.sin(angle) / curvature, (1 - np.cos(angle)) / curvature
         sheets.append(np.stack([x.ravel(), v.ravel(), -z.ravel()], axis=1))
     view = rh.plots.View(azimuth=35.0, elevation=25.0)
-    draw(number, sheets, faces, [BLUE, SKIN, GOLD], view)
+    draw(number, sheets, faces, [BLUE, SKIN, GOLD], view, ground=False, gap=0.5)
 
 
 CORNERS = (
@@ -226,10 +226,7 @@ CORNERS = (
 def draw_photograph(number, body, faces) -> None:
     """Draw a body in the frame of a photograph, and the same body outside of it."""
     left, right = beside_each_other([body, body], gap=0.5)
-    together = np.concatenate([faces, faces + len(left)])
-    grey = (0.55, 0.57, 0.60)
-    colors = [np.broadcast_to(color, (len(faces), 3)) for color in (grey, SKIN)]
-    picture = picture_of(np.concatenate([left, right]), together, np.concatenate(colors))
+    picture = picture_of([(left, faces, (0.55, 0.57, 0.60)), (right, faces, SKIN)])
     canvas = Image.new("RGBA", (WIDTH, HEIGHT), "white")
     pen = ImageDraw.Draw(canvas)
     window = window_of(np.concatenate([left, right]), FRONT)

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
-from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw, ImageFont
 
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
 from riemhuman.plots._ground_picture import Ground, over
-from riemhuman.plots.figures import value_colors
 from riemhuman.plots.rendering import render
 from riemhuman.plots.windows import View, Window
 from riemhuman.progress import ProgressBar
@@ -103,7 +101,12 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
         for body, ground, window in zip(film.bodies, grounds, windows, strict=True):
             surface = film.surface(body, share) - (_middle(body) if turns else 0.0)
             drawn = render(
-                surface, film.faces, height=height, view=view, window=window, color=_colors(body)
+                surface,
+                film.faces,
+                height=height,
+                view=view,
+                window=window,
+                color=body.colors(film.faces),
             )
             parts.append(over(drawn, ground.picture(surface, view, window, drawn.shape[:2])))
         said = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
@@ -145,12 +148,6 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
         )
         for low, high in corners
     ]
-
-
-def _colors(body: ViewedBody) -> ArrayLike:
-    if body.values is None:
-        return body.color
-    return value_colors(body.values, body.limit, signed=body.signed)
 
 
 def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], said: str) -> Image.Image:

@@ -26,8 +26,14 @@ from riemhuman.plots.figures import (
     scale_ends,
     value_colors,
 )
-from riemhuman.plots.rendering import as_surfaces, drawn, render, surface_values
-from riemhuman.plots.windows import View, same_heights, window_around
+from riemhuman.plots.rendering import (
+    as_surfaces,
+    drawn,
+    render,
+    surface_values,
+    vertex_values,
+)
+from riemhuman.plots.windows import View, Window, same_heights, window_around
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.terms import EbinTerm, NormalTerm
@@ -85,18 +91,31 @@ def plot_body(
         if shades.ndim != 1:
             raise ArgumentError(f"values of one body must be one row; found shape {shades.shape}")
         low, limit = scale_ends(shades)
-        color = value_colors(shades, limit, signed=low < 0)
+        color = value_colors(vertex_values(shades, faces, len(vertices)), limit, signed=low < 0)
     picture = render(
         vertices, faces, height=height, view=view, window=window, color=color, ground=ground
     )
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
     if values is not None and label is not None:
-        colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
-        table = colors.ListedColormap(value_colors(np.linspace(-1.0 if low else 0.0, 1.0, 256)))
-        scale = cm.ScalarMappable(colors.Normalize(low, limit or 1.0), table)
-        ax.figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02)
+        draw_bar(ax, low, limit, label)
     return ax
+
+
+def draw_bar(ax: Axes, low: float, limit: float, label: str) -> None:
+    """Draw the bar of a scale beside axes: from 0 or, with a sign, from minus the limit."""
+    colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
+    is_signed = low < 0
+    table = colors.ListedColormap(value_colors(np.linspace(-1.0 if is_signed else 0.0, 1.0, 256)))
+    scale = cm.ScalarMappable(colors.Normalize(low, limit or 1.0), table)
+    ax.figure.colorbar(
+        scale, ax=ax, label=label, shrink=0.6, pad=0.02, format=_signed if is_signed else None
+    )
+
+
+def _signed(value: float, _: object) -> str:
+    """Return a number with its sign, and a real minus."""
+    return f"{value:+g}".replace("-", "\u2212") if value else "0"
 
 
 # More than eight arguments: each keyword is one choice about the picture.
@@ -111,6 +130,9 @@ def plot_path(
     spacing: float | None = None,
     view: View | None = None,
     ground: bool = True,
+    one_floor: bool = False,
+    labels: Sequence[str] | None = None,
+    label: str | None = None,
     ax: Axes | None = None,
     height: int = 360,
 ) -> Axes:
@@ -132,7 +154,15 @@ def plot_path(
         Distance between the middles of successive surfaces, metres; by default they do not overlap.
     view : View, optional
     ground : bool
-        Whether all stand on the ground of viewers, below the lowest, with their shadows.
+        Whether surfaces stand on the ground of viewers, a grid of 25 cm with their shadows; without
+        it, they are drawn at the heights that they have.
+    one_floor : bool
+        Whether the ground is below the lowest surface and others may be above it, as in a jump; by
+        default each surface stands.
+    labels : sequence of str, optional
+        A name below each surface, shape (n_times,).
+    label : str, optional
+        Label of a colour bar, used with `values`.
     ax : matplotlib.axes.Axes, optional
     height : int
         Pixels.
@@ -148,35 +178,23 @@ def plot_path(
     if n_shown is not None:
         n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
         chosen = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
+    if labels is not None and len(labels) != len(surfaces):
+        raise ArgumentError(
+            f"labels must name each of the {len(surfaces)} surfaces; found {len(labels)}"
+        )
+    triangles = check_mesh(surfaces[0], faces)[1]
+    if ground and not one_floor:
+        surfaces = surfaces - surfaces[..., 1].min(axis=1)[:, None, None] * [0.0, 1.0, 0.0]
     view = View() if view is None else view
     step = None if spacing is None else real_number(spacing, "spacing", minimum=0, strict=True)
-    floors = _floors(surfaces[chosen], step) if ground else [None] * len(chosen)
-    # Each surface has its own window, so that a walking body stays in its place on the strip.
-    windows = same_heights(
-        [
-            window_around(surface, view) if floor is None else floor.window([surface], view)
-            for surface, floor in zip(surfaces[chosen], floors, strict=True)
-        ]
-    )
+    floors, windows = _floors_and_windows(surfaces[chosen], view, step, ground=ground)
     widths = np.array([frame.width for frame in windows])
     middles = np.cumsum(widths) - widths / 2
     if step is not None:
         middles = widths[0] / 2 + step * np.arange(len(chosen))
-    if values is not None:
-        shades = surface_values(values, surfaces.shape[1], len(np.asarray(faces)))
-        if shades.shape[:-1] != surfaces.shape[:1]:
-            raise ArgumentError(
-                f"values must have one row for each of the {len(surfaces)} surfaces; "
-                f"found shape {shades.shape}"
-            )
-        low, limit = scale_ends(shades, largest)
-        tints = value_colors(shades, limit, signed=low < 0)
-    else:
-        given = [SKIN] * len(surfaces) if colors is None else colors
-        tints = real_array(given, "colors", (len(surfaces), 3), batched=False)
+    tints, low, limit = _tints(surfaces, triangles, values, largest, colors)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / windows[0].height), 2.4)
     whole_number(height, "height", minimum=1)
-    triangles = check_mesh(surfaces[0], faces)[1]
     for order, (index, frame, floor) in enumerate(zip(chosen, windows, floors, strict=True)):
         picture = drawn(surfaces[index], triangles, height, view, frame, tints[index], floor)
         sides = (middles[order] - frame.width / 2, middles[order] + frame.width / 2)
@@ -186,17 +204,57 @@ def plot_path(
             interpolation="antialiased",
             zorder=2 + order,
         )
+        if labels is not None:
+            ax.text(
+                middles[order], 0.0, labels[int(index)], ha="center", va="top", fontsize="small"
+            )
     ax.set_xlim(0.0, middles[-1] + widths[-1] / 2)
     ax.set_ylim(0.0, windows[0].height)
     ax.set_axis_off()
+    if values is not None and label is not None:
+        draw_bar(ax, low, limit, label)
     return ax
 
 
-def _floors(surfaces: ndarray, spacing: float | None) -> list[Ground | None]:
-    """Return the ground below each surface of a strip, at one height; they hardly overlap."""
+def _tints(
+    surfaces: ndarray,
+    triangles: ndarray,
+    values: ArrayLike | None,
+    largest: float | None,
+    colors: ArrayLike | None,
+) -> tuple[ndarray, float, float]:
+    """Return the colours of surfaces, and the ends of the scale of their values."""
+    n_surfaces, n_vertices = surfaces.shape[:2]
+    if values is None:
+        given = [SKIN] * n_surfaces if colors is None else colors
+        return real_array(given, "colors", (n_surfaces, 3), batched=False), 0.0, 0.0
+    shades = surface_values(values, n_vertices, len(triangles))
+    if shades.shape[:-1] != (n_surfaces,):
+        raise ArgumentError(
+            f"values must have one row for each of the {n_surfaces} surfaces; "
+            f"found shape {shades.shape}"
+        )
+    low, limit = scale_ends(shades, largest)
+    smooth = np.stack([vertex_values(row, triangles, n_vertices) for row in shades])
+    return value_colors(smooth, limit, signed=low < 0), low, limit
+
+
+def _floors_and_windows(
+    surfaces: ndarray, view: View, spacing: float | None, *, ground: bool
+) -> tuple[list[Ground | None], list[Window]]:
+    """Return the ground below each surface of a strip, and its window.
+
+    Grounds are at one height and hardly overlap. Each surface has its own window, so that a walking
+    body stays in its place on the strip.
+    """
     lowest = float(surfaces[..., 1].min())
     widest = np.inf if spacing is None else spacing / (2 * SHOWN)
-    return [Ground.below([surface], lowest, widest) for surface in surfaces]
+    floors = [Ground.below([f], lowest, widest) if ground else None for f in surfaces]
+    windows = [
+        window_around(surface, view) if floor is None else floor.window([surface], view)
+        for surface, floor in zip(surfaces, floors, strict=True)
+    ]
+    return floors, same_heights(windows)
 
 
 @dataclass(frozen=True, repr=False)

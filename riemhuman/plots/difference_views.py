@@ -26,7 +26,6 @@ from riemhuman.plots.body_plots import contributions, per_area, plot_path
 from riemhuman.plots.figures import colour_limit, new_figure
 from riemhuman.plots.measurement_views import measurement_panel
 from riemhuman.plots.rendering import as_surfaces
-from riemhuman.plots.scan_views import signed_bar
 from riemhuman.plots.viewer import ViewedBody, Viewer
 from riemhuman.plots.windows import View
 from riemhuman.surfaces import Template
@@ -160,16 +159,19 @@ def plot_difference(
     >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
     """
     difference = _difference(point_a, point_b, faces, measurements, names, with_list=False)
-    on_floor = [surface - [0.0, surface[:, 1].min(), 0.0] for surface in difference.surfaces]
     values = np.stack(difference.outside())
-    limit = colour_limit(values)
     figure = new_figure(7.2, 4.8)
-    ax = figure.subplots()
-    plot_path(on_floor, difference.faces, values, largest=limit, view=view, ax=ax, height=height)
-    for image, name in zip(ax.images, names, strict=True):
-        left, right, *_ = image.get_extent()
-        ax.text((left + right) / 2, 0.0, name, ha="center", va="top", fontsize=10)
-    signed_bar(figure, ax, limit or 1.0, "+ outside of the other body, − inside, mm")
+    plot_path(
+        np.stack(difference.surfaces),
+        difference.faces,
+        values,
+        largest=colour_limit(values),
+        labels=names,
+        label="+ outside of the other body, − inside, mm",
+        view=view,
+        ax=figure.subplots(),
+        height=height,
+    )
     return figure
 
 

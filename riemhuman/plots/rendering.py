@@ -186,6 +186,17 @@ def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
     return np.where(is_known, checked, np.nan)
 
 
+def vertex_values(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
+    """Return values of vertices: their own, or the means of those known of their triangles."""
+    if len(values) != len(faces):
+        return values
+    known = np.isfinite(values)
+    corners = faces[known].ravel()
+    counts = np.bincount(corners, minlength=n_vertices)
+    sums = np.bincount(corners, np.repeat(values[known], 3), n_vertices)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
 @cache
 def _light() -> tuple[ndarray, ndarray, float]:
     """Return the light of the viewer's page, in the viewer's frame: right, up, towards the eye.

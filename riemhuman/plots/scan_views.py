@@ -12,9 +12,9 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from riemhuman.optional import import_matplotlib
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill
+from riemhuman.plots.body_plots import draw_bar
 from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_colors
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewer import ViewedBody, Viewer
@@ -22,7 +22,6 @@ from riemhuman.plots.windows import View, Window, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Points of a scan on a page: corners of triangles, and loose ones, each drawn as a disc.
@@ -237,18 +236,5 @@ def plot_scan(
             0.5, -0.01, "blue-grey: not seen", transform=axes[1].transAxes, ha="center", va="top",
             fontsize=9,
         )  # fmt: skip
-    signed_bar(figure, axes[2], end, "outside of the body, mm")
+    draw_bar(axes[2], -end, end, "outside of the body, mm")
     return figure
-
-
-def signed_bar(figure: Figure, ax: Axes, limit: float, label: str) -> None:
-    """Draw the bar of a scale with a sign beside axes, from minus the limit to the limit."""
-    colors, cm = (import_matplotlib(name) for name in ("colors", "cm"))
-    table = colors.ListedColormap(value_colors(np.linspace(-1.0, 1.0, 256)))
-    scale = cm.ScalarMappable(colors.Normalize(-limit, limit), table)
-    figure.colorbar(scale, ax=ax, label=label, shrink=0.6, pad=0.02, format=_signed)
-
-
-def _signed(value: float, _: object) -> str:
-    """Return a number with its sign, and a real minus."""
-    return f"{value:+g}".replace("-", "\u2212") if value else "0"

@@ -52,6 +52,7 @@ from riemhuman.plots.rendering import (
     png_bytes,
     strip_picture,
     surface_values,
+    vertex_values,
 )
 from riemhuman.plots.windows import View, window_around
 
@@ -180,6 +181,13 @@ class ViewedBody:
         if self.value_limit is not None:
             return self.value_limit
         return 0.0 if self.values is None else colour_limit(self.values)
+
+    def colors(self, faces: ndarray) -> ndarray:
+        """Return the colour of the body, shape (3,), or those of its vertices by their values."""
+        if self.values is None:
+            return np.asarray(self.color)
+        values = vertex_values(np.asarray(self.values), faces, len(self.frames[0]))
+        return value_colors(values, self.limit, signed=self.signed)
 
     @property
     def n_times(self) -> int:
@@ -371,12 +379,7 @@ class Viewer:
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
             bodies = [replace(body, frames=body.frames[round(place)][None]) for place in places]
         surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
-        colors = [
-            body.color
-            if body.values is None
-            else value_colors(body.values, body.limit, signed=body.signed)
-            for body in bodies
-        ]
+        colors = [body.colors(self.faces) for body in bodies]
         return strip_picture(surfaces, self.faces, colors, height, one_floor=is_path)
 
 
@@ -421,7 +424,7 @@ def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
     if body.times is not None:
         record["times"] = np.round(body.times, 3).tolist()
     if body.values is not None:
-        colors = value_colors(_vertex_values(body, faces), body.limit, signed=body.signed)
+        colors = body.colors(faces)
         record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))
         record["values"] = deflated(body.values.astype("<f4"))
         record["largest"] = body.limit
@@ -464,16 +467,6 @@ def _packed_changes(changes: ndarray) -> dict[str, Any]:
     step = max(float(np.abs(changes).max()), 1e-9) / (LEVELS // 2)
     integers = np.round(changes / step).astype("<i2")
     return {"step": step, "changes": packed(integers.view("<u2"))}
-
-
-def _vertex_values(body: ViewedBody, faces: ndarray) -> ndarray:
-    """Return the values of vertices: their own, or the mean of their triangles."""
-    values = np.asarray(body.values)
-    if len(values) != len(faces):
-        return values
-    counts = np.bincount(faces.ravel(), minlength=len(body.frames[0]))
-    sums = np.bincount(faces.ravel(), np.repeat(values, 3), len(counts))
-    return np.asarray(sums / np.maximum(counts, 1))
 
 
 def view_path(
@@ -629,16 +622,14 @@ def save_picture(
     chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
     shown = [bodies[number] for number in (*chosen, *[-1] * mean)]
     labels = [body.label for body in shown]
-    # All stand on one floor.
-    frames = [surface - [0.0, surface[:, 1].min(), 0.0] for surface in (b.frames[0] for b in shown)]
-    colors = [body.color for body in shown]
+    frames, colors = [body.frames[0] for body in shown], [body.color for body in shown]
     spacing = max(window_around(frame, View()).width for frame in frames)
     with figure_style():
         figure = new_figure(1.9 * len(shown), 3.0)
-        ax = plot_path(frames, faces, colors=colors, spacing=spacing, ax=figure.subplots())
-        for image, label in zip(ax.images, labels, strict=True):
-            left, right, *_ = image.get_extent()
-            ax.text((left + right) / 2, 0.0, label, ha="center", va="top")
+        plot_path(
+            np.stack(frames), faces, colors=colors, spacing=spacing, labels=labels,
+            ax=figure.subplots(),
+        )  # fmt: skip
     save_figure(figure, path)
     count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
     return ", ".join(labels) + count * (n_shown < n_others)

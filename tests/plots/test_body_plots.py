@@ -10,6 +10,7 @@ from riemhuman.io import to_trimesh
 from riemhuman.plots import contributions, view_bodies
 from riemhuman.plots.body_plots import per_area, plot_body, plot_path
 from riemhuman.plots.figures import colour_limit
+from riemhuman.plots.rendering import vertex_values
 from riemhuman.surfaces import Template
 
 TEMPLATE = sphere_template()
@@ -183,3 +184,56 @@ def test_bad_surfaces():
         contributions(metric, SPACE.template.vertices, flat)
     with pytest.raises(ArgumentError, match="shape"):
         contributions(metric, flat[1:], flat[1:])
+
+
+def lowest_rows(ax):
+    """Return the last row of each picture in which a surface is drawn, not only its shadow."""
+    pictures = [image.get_array() for image in ax.images]
+    return [np.flatnonzero((picture[..., 3] == 255).any(axis=1))[-1] for picture in pictures]
+
+
+def test_surfaces_of_a_strip_stand_unless_they_jump():
+    jump = PATH[:3] + np.array([0.0, 0.5, 1.0])[:, None, None] * [0.0, 1.0, 0.0]
+    standing = lowest_rows(plot_path(jump, TEMPLATE.faces, height=120))
+    assert np.ptp(standing) <= 3
+    jumping = lowest_rows(plot_path(jump, TEMPLATE.faces, one_floor=True, height=120))
+    assert jumping[0] > jumping[1] + 10 > jumping[2] + 20
+
+
+def test_surfaces_of_a_strip_have_names_and_a_bar():
+    values = np.linspace(-1.0, 2.0, len(TEMPLATE.faces))
+    ax = plot_path(
+        PATH[:3],
+        TEMPLATE.faces,
+        [values] * 3,
+        n_shown=2,
+        labels=["one", "two", "three"],
+        label="mm",
+        height=40,
+    )
+    assert [text.get_text() for text in ax.texts] == ["one", "three"]
+    for text, image in zip(ax.texts, ax.images, strict=True):
+        left, right, *_ = image.get_extent()
+        assert left < text.get_position()[0] < right
+    bar = ax.figure.axes[-1]
+    assert bar.get_ylabel() == "mm"
+    assert bar.get_ylim()[0] == -bar.get_ylim()[1]
+    with pytest.raises(ArgumentError, match="labels must name each of the 3 surfaces; found 1"):
+        plot_path(PATH[:3], TEMPLATE.faces, labels=["one"])
+
+
+def test_values_of_triangles_are_drawn_as_smoothly_as_in_pages():
+    """As page and film, figures blend values over triangles; unknown ones do not spread."""
+    n_vertices = len(TEMPLATE.vertices)
+    faces = TEMPLATE.faces
+    values = np.where(np.arange(len(faces)) % 2, 1.0, np.nan)
+    smooth = vertex_values(values, faces, n_vertices)
+    touched = np.isin(np.arange(n_vertices), faces[1::2])
+    np.testing.assert_array_equal(smooth[touched], 1.0)
+    assert np.isnan(smooth[~touched]).all()
+    heights = TEMPLATE.vertices[:, 1]
+    by_face, by_vertex = (
+        plot_body(TEMPLATE.vertices, faces, shown, ground=False, height=60).images[0].get_array()
+        for shown in (vertex_values(heights[faces].mean(axis=1), faces, n_vertices), heights)
+    )
+    assert np.abs(by_face.astype(int) - by_vertex.astype(int)).mean() < 6

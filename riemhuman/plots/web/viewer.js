@@ -4,6 +4,8 @@
 
 const PITCH_LIMIT = 1.5;
 const ZOOM_LIMITS = [0.5, 60];
+const ROOM = { above: 0.03, ground: 0.09, names: 0.15 }; // shares of the tallest body
+const LABEL_GAP = 0.045; // of names below the feet
 const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
 
 const STILL = 150; // milliseconds without a change, after which a processor draws finely
@@ -359,7 +361,9 @@ class Viewer {
     const widest = Math.max(...widths);
     const inOneRow = widths.reduce((sum, width) => sum + width, 0);
     const tallest = Math.max(...bodies.map((body) => body.height));
-    const tall = 1.2 * tallest;
+    // Below the feet there is room for the ground and for names.
+    const room = bodies.some((body) => body.label || body.values) ? ROOM.names : ROOM.ground;
+    const tall = (1 + ROOM.above + room) * tallest;
     let best = { extent: Infinity };
     for (let columns = 1; columns <= bodies.length; columns += 1) {
       const rows = Math.ceil(bodies.length / columns);
@@ -369,7 +373,6 @@ class Viewer {
     this.extent = best.extent;
     this.distance = this.extent / 2 / Math.tan((this.camera.fov * Math.PI) / 360) + 0.5;
     this.cell = { tall };
-    const below = tall / 2;
     let left = -inOneRow / 2;
     bodies.forEach((body, index) => {
       const row = Math.floor(index / best.columns);
@@ -379,10 +382,10 @@ class Viewer {
         ? left + body.wide / 2
         : ((index % best.columns) - (inRow - 1) / 2) * widest;
       left += body.wide;
-      body.holder.position.set(across, ((best.rows - 1) / 2 - row) * tall + 0.07 * tall, 0);
       // All stand on one floor.
-      body.holder.position.y -= (tallest - body.height) / 2;
-      body.floor = body.holder.position.y + (tallest - body.height) / 2 - below * 0.87;
+      const floor = ((best.rows - 1) / 2 - row - 0.5) * tall + room * tallest;
+      body.holder.position.set(across, floor + body.height / 2, 0);
+      body.floor = floor - LABEL_GAP * tallest;
     });
   }
 

@@ -27,16 +27,18 @@ function roundStep(number) {
   return power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
 }
 
-// Values of vertices: their own, or the means of their triangles.
+// Values of vertices: their own, or the means of those known of their triangles.
 function readings(body) {
   if (body.hasVertexValues) return body.values;
   const sums = new Float32Array(body.positions.length / 3);
   const counts = new Float32Array(sums.length);
   body.faces.forEach((vertex, i) => {
-    sums[vertex] += body.values[Math.floor(i / 3)];
+    const value = body.values[Math.floor(i / 3)];
+    if (Number.isNaN(value)) return;
+    sums[vertex] += value;
     counts[vertex] += 1;
   });
-  return sums.map((sum, vertex) => sum / Math.max(counts[vertex], 1));
+  return sums.map((sum, vertex) => (counts[vertex] ? sum / counts[vertex] : NaN));
 }
 
 // The colours of one body's values. The bar goes from 0, or from minus the largest value if
