@@ -1,6 +1,6 @@
 """Run the notebooks and keep what they show: `python tutorials/store_outputs.py [NUMBER ...]`.
 
-Pictures are kept at most 900 pixels wide and with 64 colours. Of a viewer, the bodies that it shows
+Pictures are kept at most 900 pixels wide and with 96 colours. Of a viewer, the bodies that it shows
 are kept, without the scripts that draw them: the documentation site holds these once.
 """
 
@@ -88,11 +88,11 @@ def joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
 
 
 def few_colours(picture: str) -> str:
-    """Return a PNG picture, in base 64, at most 900 pixels wide and with 64 colours."""
+    """Return a PNG picture, in base 64, at most 900 pixels wide and with 96 colours."""
     image = Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB")
     image.thumbnail((900, 3600))
     packed = io.BytesIO()
-    image.quantize(64, dither=Image.Dither.NONE).save(packed, "png", optimize=True)
+    image.quantize(96, dither=Image.Dither.NONE).save(packed, "png", optimize=True)
     return base64.b64encode(packed.getvalue()).decode("ascii") + "\n"
 
 
@@ -100,17 +100,15 @@ def fragment(frame: str) -> str:
     """Return the viewer inside a frame, without the page around it."""
     page = html.unescape(re.search(r'srcdoc="(.*?)"', frame, re.DOTALL)[1])
     viewer = re.search(r'<div class="viewer".*?</script>\n</div>', page, re.DOTALL)[0]
-    return re.sub(
-        r'(?<=data:image/png;base64,)[^"]+', lambda still: few_clear_colours(still[0]), viewer
-    )
+    return re.sub(r'data:image/png;base64,([^"]+)', lambda still: smaller_still(still[1]), viewer)
 
 
-def few_clear_colours(picture: str) -> str:
-    """Return a PNG picture, in base 64, with 64 colours, what is clear included."""
+def smaller_still(picture: str) -> str:
+    """Return the address of a PNG picture, in base 64, as WebP: shades and what is clear stay."""
     image = Image.open(io.BytesIO(base64.b64decode(picture)))
     packed = io.BytesIO()
-    image.quantize(64, Image.Quantize.FASTOCTREE).save(packed, "png", optimize=True)
-    return base64.b64encode(packed.getvalue()).decode("ascii")
+    image.save(packed, "webp", quality=80, method=6)
+    return f"data:image/webp;base64,{base64.b64encode(packed.getvalue()).decode('ascii')}"
 
 
 def main(arguments: list[Any]) -> None:
