@@ -87,16 +87,16 @@ def with_separate_parts(image: np.ndarray, faces: np.ndarray, points: np.ndarray
     reflected = points * [-1.0, 1.0, 1.0]
     near = candidates[cKDTree(points[candidates]).query(reflected)[1]]
     for label in np.unique(component[candidates]):
-        own = faces[component[faces[:, 0]] == label]
-        if completed[own[0, 0]] >= 0:
+        part_faces = faces[component[faces[:, 0]] == label]
+        if completed[part_faces[0, 0]] >= 0:
             continue
         # A sphere has many mirror images: the nearest one counts.
         nearest, shortest = None, _MOST_TWISTED
-        for seed in _seeds(own, near):
-            found = _image_from_edge(beyond, len(own), seed)
-            if found is None:
+        for seed in _seeds(part_faces, near):
+            matched_vertices = _image_from_edge(beyond, len(part_faces), seed)
+            if matched_vertices is None:
                 continue
-            ones, others = np.array([*found]), np.array([*found.values()])
+            ones, others = np.array([*matched_vertices]), np.array([*matched_vertices.values()])
             distance = _difference_in_shape(reflected[ones], points[others])
             if distance < shortest and np.all(completed[others] < 0):
                 nearest, shortest = (ones, others), distance
@@ -173,11 +173,11 @@ def symmetric_places(
     corners = image[faces[places.triangles[model_image]]]
     barycentric = places.barycentric[model_image]
     along = unit_vectors(np.einsum("nk,nkx->nx", barycentric, normals[corners]))
-    other = np.einsum("nk,nkx->nx", barycentric, reference[corners])
-    other += heights[model_image, np.newaxis] * along
+    opposite = np.einsum("nk,nkx->nx", barycentric, reference[corners])
+    opposite += heights[model_image, np.newaxis] * along
     both = (gaps < _FARTHEST_OPPOSITE) & (gaps[model_image] < _FARTHEST_OPPOSITE)
-    both &= np.linalg.norm(other - registered, axis=1) < _FARTHEST_OPPOSITE
-    averaged: np.ndarray = np.where(both[:, np.newaxis], 0.5 * (registered + other), registered)
+    both &= np.linalg.norm(opposite - registered, axis=1) < _FARTHEST_OPPOSITE
+    averaged: np.ndarray = np.where(both[:, np.newaxis], 0.5 * (registered + opposite), registered)
     return averaged
 
 
@@ -192,9 +192,9 @@ def symmetric_points(points: np.ndarray, image: np.ndarray, faces: np.ndarray) -
         (image >= 0)[:, np.newaxis], 0.5 * (points + points[image] * mirror), points
     )
     component = joined_components(points, faces)
-    other = np.where(image >= 0, component[image], component)
-    for label in np.unique(component[component < other]):
-        part = np.flatnonzero((component == label) & (component < other))
+    opposite = np.where(image >= 0, component[image], component)
+    for label in np.unique(component[component < opposite]):
+        part = np.flatnonzero((component == label) & (component < opposite))
         before, after = points[part], averaged[part]
         middle = after.mean(axis=0)
         before, after = before - before.mean(axis=0), after - middle
@@ -214,14 +214,14 @@ def symmetric_parts(parts: Sequence[FilledPart], image: np.ndarray) -> tuple[Fil
     numbers = {frozenset(part.vertices.tolist()): number for number, part in enumerate(parts)}
     mended = list(parts)
     for number, part in enumerate(parts):
-        other = numbers.get(frozenset(image[part.vertices].tolist()))
+        opposite = numbers.get(frozenset(image[part.vertices].tolist()))
         anchors = part.anchors[image[part.anchors] >= 0]
-        if other is None or not len(anchors):
+        if opposite is None or not len(anchors):
             continue
-        if other == number:
+        if opposite == number:
             anchors = np.union1d(anchors, image[anchors])
             mended[number] = replace(part, anchors=anchors)
-        elif other > number:
+        elif opposite > number:
             mended[number] = replace(part, anchors=anchors)
-            mended[other] = replace(parts[other], anchors=np.sort(image[anchors]))
+            mended[opposite] = replace(parts[opposite], anchors=np.sort(image[anchors]))
     return tuple(mended)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from time import perf_counter
 
 import numpy as np
 
@@ -59,10 +60,10 @@ def register_scan(task: ScanTask, known: KnownBody | None = None) -> Registratio
     first = register_whole(task, known)
     if first.verdict.trusted:
         return first
-    other = _register_again(task, first, again=known is None)
+    retry = _register_again(task, first, again=known is None)
     gain = task.models.whole.settings.retries.retry_gain
-    likelier = other.verdict.likelihood > first.verdict.likelihood + gain
-    return other if other.verdict.trusted or likelier else first
+    likelier = retry.verdict.likelihood > first.verdict.likelihood + gain
+    return retry if retry.verdict.trusted or likelier else first
 
 
 def register_whole(task: ScanTask, known: KnownBody | None = None) -> RegistrationTrace:
@@ -73,14 +74,20 @@ def register_whole(task: ScanTask, known: KnownBody | None = None) -> Registrati
 
 def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> RegistrationTrace:
     """Return the stages after a search."""
-    best = search.candidates[0]
+    best, times = search.candidates[0], [perf_counter()]
     dense = fit_densely(search.body, best, search.scan)
+    times.append(perf_counter())
     arms = fit_arms_and_hands(dense, known=best.known)
+    times.append(perf_counter())
     elastic = leave_model(arms.task, arms.pose)
+    times.append(perf_counter())
     fitted = BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
     verdict = judge(search, fitted, unit_is_known=unit_is_known)
     up = find_up(search.body, elastic.pose, search.scan, best.up)
-    return RegistrationTrace(search, dense, arms, elastic, verdict, up)
+    times.append(perf_counter())
+    later = ("dense fit", "arms and hands", "elastic step", "trust")
+    seconds = {"search": search.seconds, **dict(zip(later, np.diff(times).tolist(), strict=True))}
+    return RegistrationTrace(search, dense, arms, elastic, verdict, up, seconds)
 
 
 def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:
@@ -114,8 +121,8 @@ def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
         likeliest = with_likeliest_arms(likeliest)
     if _is_refused_too(task, first, likeliest):
         return first
-    other = fit_and_judge(likeliest, unit_is_known=task.unit_is_known)
-    return _or_half(task, other) if likeliest.body is whole else other
+    retry = fit_and_judge(likeliest, unit_is_known=task.unit_is_known)
+    return _or_half(task, retry) if likeliest.body is whole else retry
 
 
 def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) -> Iterator[Search]:
@@ -140,20 +147,22 @@ def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
             yield search_scan(half, scan, quick=True)
 
 
-def _is_refused_too(task: ScanTask, first: RegistrationTrace, other: Search) -> bool:
+def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> bool:
     """Return whether a search leads to the body that is refused, or to one that will be."""
     settings, search = task.models.whole.settings, first.search
-    if other.body is not search.body:
+    if retry.body is not search.body:
         return False
-    samples = other.body.samples(settings.search.rounds[-1].n_model)
-    bodies = [pose_body(samples, each.candidates[0].pose).points for each in (search, other)]
+    samples = retry.body.samples(settings.search.rounds[-1].n_model)
+    bodies = [
+        pose_body(samples, searched.candidates[0].pose).points for searched in (search, retry)
+    ]
     gap = np.sqrt(np.mean(np.sum((bodies[0] - bodies[1]) ** 2, axis=1)))
     if gap < settings.search.same_metres:
         # All doubts but that about its likelihood among others are about the body alone.
         return find_margin(search) > settings.trust.least_margin
-    is_likelier = _likelihood_of(other) > _likelihood_of(search) + settings.retries.retry_gain
-    best = other.candidates[0].pose
-    return not is_likelier and is_clearly_refused(other.body, best, other.scan.points)
+    is_likelier = _likelihood_of(retry) > _likelihood_of(search) + settings.retries.retry_gain
+    best = retry.candidates[0].pose
+    return not is_likelier and is_clearly_refused(retry.body, best, retry.scan.points)
 
 
 def _likelihood_of(search: Search) -> float:

@@ -67,13 +67,14 @@ def _start_rotations(scan: ndarray, samples: ndarray) -> list[ndarray]:
         (Rotation.from_rotvec([0.0, turn, 0.0]) * up).as_matrix()
         for up, turn in product(upright, turns)
     ]
-    own, others = (
-        np.linalg.svd(each - each.mean(axis=0), full_matrices=False)[2] for each in (scan, samples)
+    scan_axes, body_axes = (
+        np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=False)[2]
+        for cloud in (scan, samples)
     )
     for first, second in product((1.0, -1.0), repeat=2):
         signs = np.array([first, second, 1.0])
-        signs[2] = np.linalg.det(others.T @ (signs[:, np.newaxis] * own))
-        rotations.append(others.T @ (signs[:, np.newaxis] * own))
+        signs[2] = np.linalg.det(body_axes.T @ (signs[:, np.newaxis] * scan_axes))
+        rotations.append(body_axes.T @ (signs[:, np.newaxis] * scan_axes))
     return rotations
 
 

@@ -54,7 +54,7 @@ def assign(
     # exp(−t) as (1 − t/1024)^1024, which needs only multiplications.
     scale = np.float32(0.5 / (sigma * sigma) / 1024.0)
     angular = np.float32(KAPPA / 1024.0)
-    one, zero = np.float32(1.0), np.float32(0.0)
+    unit, zero = np.float32(1.0), np.float32(0.0)
     least = np.float32(1.0 - _NEGLIGIBLE / 1024.0)
     # The mean of exp(κ (n·m − 1)) over all directions.
     mean_angular = (1.0 - math.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
@@ -74,7 +74,7 @@ def assign(
             dx, dy, dz = point_x[i] - x, point_y[i] - y, point_z[i] - z
             cosine = normal_x[i] * p + normal_y[i] * q + normal_z[i] * r
             cosine = cosine if signed else abs(cosine)
-            t = one - (dx * dx + dy * dy + dz * dz) * scale - (one - cosine) * angular
+            t = unit - (dx * dx + dy * dy + dz * dz) * scale - (unit - cosine) * angular
             t = t if t > least else zero
             for _ in range(10):
                 t *= t
@@ -82,7 +82,7 @@ def assign(
             share[i] = t
             total += t
         likelihood += math.log(total + outliers)
-        factor = one / (total + outliers)
+        factor = unit / (total + outliers)
         for i in range(n):
             t = share[i] * factor
             masses[i] += t
@@ -198,7 +198,7 @@ def _different(
         if len(different) == n_best:
             break
         points = pose_body(samples, candidate.pose).points
-        if all(np.sqrt(np.mean((points - other) ** 2) * 3) > same_metres for other in surfaces):
+        if all(np.sqrt(np.mean((points - better) ** 2) * 3) > same_metres for better in surfaces):
             different.append(candidate)
             surfaces.append(points)
     return different

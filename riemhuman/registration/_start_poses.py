@@ -69,10 +69,12 @@ def joint_precisions(model: BodyModel) -> np.ndarray:
 def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:
     """Return angles with left and right exchanged."""
     mirrored: dict[str, Any] = {}
-    for name, own in angles.items():
+    for name, joint_angles in angles.items():
         side, _, joint = name.partition("_")
-        other = {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side)
-        mirrored[other or name] = mirror_angles(own) if other else own
+        mirrored_name = {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side)
+        mirrored[mirrored_name or name] = (
+            mirror_angles(joint_angles) if mirrored_name else joint_angles
+        )
     return mirrored
 
 
@@ -96,7 +98,7 @@ class BodyParts:
         self.halves: list[np.ndarray] = []
         if {"left_hip", "right_hip", "middle_spine"} <= {*self.names}:
             ends = (("left_hip", "right_hip"), ("middle_spine",))
-            self.halves = [self.vertices(self.numbers(*each)) for each in ends]
+            self.halves = [self.vertices(self.numbers(*names)) for names in ends]
 
     def numbers(self, *names: str) -> list[int]:
         """Return the joints of these names, where the model has them."""
@@ -120,16 +122,16 @@ class BodyParts:
     def shares(self, chosen: np.ndarray) -> np.ndarray:
         """Return the share of the vertices of each joint that are chosen; 1 for small joints."""
         counts = np.bincount(self.owners, minlength=self.model.n_joints)
-        own = np.bincount(self.owners, chosen, minlength=self.model.n_joints)
-        return np.where(counts >= _LIMB * len(chosen), own / np.maximum(counts, 1), 1.0)
+        chosen_counts = np.bincount(self.owners, chosen, minlength=self.model.n_joints)
+        return np.where(counts >= _LIMB * len(chosen), chosen_counts / np.maximum(counts, 1), 1.0)
 
 
 def other_arms(
-    arm: np.ndarray, own: np.ndarray, poses: dict[str, np.ndarray]
+    arm: np.ndarray, current: np.ndarray, poses: dict[str, np.ndarray]
 ) -> Iterator[np.ndarray]:
     """Yield the rotations of an arm's joints in some poses, without those that are alike."""
-    seen = [own[arm]]
+    seen = [current[arm]]
     for pose in poses.values():
-        if all(np.abs(pose[arm] - other).max() > _ALIKE for other in seen):
+        if all(np.abs(pose[arm] - rotations).max() > _ALIKE for rotations in seen):
             seen.append(pose[arm])
             yield pose[arm]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -30,6 +31,7 @@ class Search:
     candidates: list[Candidate]  # those of the last round, the first with its likeliest arms
     is_quick: bool = False  # whether no arms were tried, and fewer starts followed
     signed: bool = True  # whether the signs of the scan's normals counted
+    seconds: float = 0.0  # that it took
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +52,18 @@ def search_scan(
     quick: bool = False,
 ) -> Search:
     """Return the likeliest bodies, and the scan with normals oriented like theirs."""
+    began = perf_counter()
     search = _search_near(body, scan, known, again=again, quick=quick)
     if not scan.estimated and scan.parts is None:
-        return search
+        return replace(search, seconds=perf_counter() - began)
     normals, agreement = orient_normals(body, scan, search.candidates[0].pose)
     if scan.signed and agreement < body.settings.retries.agreement:
         scan = replace(scan, signed=False)
         search = _search_near(body, scan, known, again=again, quick=quick)
         normals, _ = orient_normals(body, scan, search.candidates[0].pose)
     oriented = replace(scan, normals=normals, signed=True)
-    return replace(search, scan=oriented, signed=scan.signed)
+    seconds = perf_counter() - began
+    return replace(search, scan=oriented, signed=scan.signed, seconds=seconds)
 
 
 def _search_near(
@@ -170,9 +174,9 @@ def _with_likeliest_arm(
     if not others:
         return best
     others = advance(body, others, first, scan)
-    (other,) = advance(body, others, last, scan)
+    (likeliest,) = advance(body, others, last, scan)
     (current,) = advance(body, [best], last, scan)
-    return other if other.likelihood > current.likelihood + settings.arm_gain else best
+    return likeliest if likeliest.likelihood > current.likelihood + settings.arm_gain else best
 
 
 def orient_normals(

@@ -326,8 +326,8 @@ def filled_parts(
     known = np.flatnonzero(~without)
     tree = cKDTree(vertices[known])
     parts, taken = [], dict[str, int]()
-    found = [chosen[labels == label] for label in np.unique(labels)]
-    for numbers in sorted(found, key=len, reverse=True):
+    groups = [chosen[labels == label] for label in np.unique(labels)]
+    for numbers in sorted(groups, key=len, reverse=True):
         joint = joint_names[int(np.bincount(owners[numbers]).argmax())]
         separate = bool(whole[component[numbers[0]]])
         name = _part_name(vertices[numbers], joint, separate, float(leftward[numbers].mean()))

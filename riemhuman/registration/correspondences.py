@@ -250,8 +250,8 @@ def _shortcut_graph(points: np.ndarray, faces: np.ndarray) -> sparse.csr_array:
     """Return a graph of the lengths of edges, and of those across pairs of adjacent triangles."""
     pairs, edges = adjacent_triangles(faces)
     opposite = [
-        faces[own].sum(axis=1) - edges.sum(axis=1)
-        for own in pairs.T  # the corners off the edge
+        faces[triangles].sum(axis=1) - edges.sum(axis=1)
+        for triangles in pairs.T  # the corners off the edge
     ]
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     joined = np.concatenate([sides, np.stack(opposite, axis=1)])

@@ -36,6 +36,8 @@ class RegistrationTrace:
         What is trusted, and why not.
     up : array, shape (3,)
         The direction up, that of the start or a better one.
+    seconds : dict of str to float
+        The time that each stage took.
 
     Examples
     --------
@@ -53,6 +55,7 @@ class RegistrationTrace:
     elastic: ElasticFit
     verdict: Verdict
     up: np.ndarray
+    seconds: dict[str, float]
 
     def surfaces(self) -> dict[str, np.ndarray]:
         """Return the likeliest body after each stage, shape (V, 3), metres.

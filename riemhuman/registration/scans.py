@@ -169,8 +169,8 @@ def oriented_alike(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of triangles that share an edge, (P, 2), and which pass it in opposite ways."""
     pairs, edges = adjacent_triangles(faces)
     first, second = (
-        (faces[own] == edges[:, :1]) & (np.roll(faces[own], -1, axis=1) == edges[:, 1:])
-        for own in pairs.T
+        (faces[triangles] == edges[:, :1]) & (np.roll(faces[triangles], -1, axis=1) == edges[:, 1:])
+        for triangles in pairs.T
     )
     return pairs, first.any(axis=1) != second.any(axis=1)
 

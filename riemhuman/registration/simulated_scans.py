@@ -224,7 +224,7 @@ def _visible(
         return tuple(((points @ across.T - low) / _PIXEL_METRES).astype(np.int64).T)
 
     dense_pixels = pixels(dense)
-    nearest = np.full([each.max() + 2 for each in dense_pixels], -np.inf)
+    nearest = np.full([axis_pixels.max() + 2 for axis_pixels in dense_pixels], -np.inf)
     np.maximum.at(nearest, dense_pixels, dense @ view)
     visible: np.ndarray = nearest[pixels(scan)] - scan @ view <= _DEPTH_METRES
     return visible

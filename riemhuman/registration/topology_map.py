@@ -196,14 +196,16 @@ class TopologyMap:
                 registered = _rounded(
                     symmetric_places(reference, triangles, registered, dense.faces, images)
                 )
-            message = "; ".join(dict.fromkeys(each.message for each in results if each.message))
+            message = "; ".join(
+                dict.fromkeys(result.message for result in results if result.message)
+            )
             fine = cls._from_surfaces(dense, reference, triangles, registered, message)
             if dense is model and images is not None:
                 return fine._symmetric(images)
             if dense is model:
                 return fine._with_learned_weights(fine, kept)
-            found = cls._from_surfaces(model, reference, triangles, registered[kept], message)
-            return found._with_learned_weights(fine, kept)
+            unlearned = cls._from_surfaces(model, reference, triangles, registered[kept], message)
+            return unlearned._with_learned_weights(fine, kept)
 
     @classmethod
     def _from_surfaces(
@@ -634,8 +636,10 @@ def _check_bodies(
         surfaces, known, name, "the body model", error=error, remedy="the map is in metres"
     )
     centred = surfaces - surfaces.mean(axis=-2, keepdims=True)
-    one, two, three = (centred[..., corner, :] for corner in faces.T)
-    volumes = np.atleast_1d(np.einsum("...fx,...fx->...", one, np.cross(two, three)))
+    first_corners, second_corners, third_corners = (centred[..., corner, :] for corner in faces.T)
+    volumes = np.atleast_1d(
+        np.einsum("...fx,...fx->...", first_corners, np.cross(second_corners, third_corners))
+    )
     if np.any(volumes < 0):
         wrong = np.argwhere(volumes < 0)[0].tolist() if surfaces.ndim > 2 else []
         place = f"{name}[{', '.join(map(str, wrong))}]" if wrong else name
@@ -709,10 +713,10 @@ def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> np.ndarray:
 
 
 def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> BodyModel:
-    candidates = [load_open_model(each) for each in ("full", "coarse")]
-    for each in candidates if model is None else [model]:
-        if each.n_vertices == n_vertices and np.array_equal(each.faces, faces):
-            return each
+    candidates = [load_open_model(resolution) for resolution in ("full", "coarse")]
+    for candidate in candidates if model is None else [model]:
+        if candidate.n_vertices == n_vertices and np.array_equal(candidate.faces, faces):
+            return candidate
     found = "the model given" if model is not None else "the open models"
     raise FileFormatError(
         f"its map is of a model with {n_vertices:,} vertices and {len(faces):,} triangles; {found} "

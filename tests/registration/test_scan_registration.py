@@ -148,3 +148,5 @@ def test_a_trace_keeps_every_stage(registration, scan, result):
         candidate.likelihood for candidate in trace.search.candidates
     )
     assert trace.verdict.trusted == found.trusted
+    assert list(trace.seconds) == ["search", "dense fit", "arms and hands", "elastic step", "trust"]
+    assert min(trace.seconds.values()) > 0.0
