@@ -15,7 +15,89 @@ from typing import TYPE_CHECKING, Any
 
 from riemhuman.provided import default_solvers, notebook_pictures
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is loaded
+    from riemhuman import (
+        bodies as bodies,
+        datasets as datasets,
+        descriptors as descriptors,
+        errors as errors,
+        extensions as extensions,
+        geometry as geometry,
+        io as io,
+        kernels as kernels,
+        learned as learned,
+        measurements as measurements,
+        motions as motions,
+        plots as plots,
+        registration as registration,
+        report as report,
+        retrieval as retrieval,
+        solvers as solvers,
+        statistics as statistics,
+        surfaces as surfaces,
+        terms as terms,
+        testing as testing,
+    )
+    from riemhuman.bodies.body_model import BodyModel as BodyModel
+    from riemhuman.errors import (
+        ConvergenceWarning as ConvergenceWarning,
+        MixedPosesWarning as MixedPosesWarning,
+        PrecisionWarning as PrecisionWarning,
+        RiemhumanError as RiemhumanError,
+        SeamWarning as SeamWarning,
+    )
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces as AlignedSurfaces
+    from riemhuman.geometry.fields import (
+        EbinMetric as EbinMetric,
+        MetricFields as MetricFields,
+        NormalFieldMetric as NormalFieldMetric,
+        NormalFields as NormalFields,
+        RotationFieldMetric as RotationFieldMetric,
+        RotationFields as RotationFields,
+    )
+    from riemhuman.geometry.manifold import Manifold as Manifold
+    from riemhuman.geometry.metric import RiemannianMetric as RiemannianMetric
+    from riemhuman.geometry.product import (
+        ProductManifold as ProductManifold,
+        ProductMetric as ProductMetric,
+        PullbackMetric as PullbackMetric,
+    )
+    from riemhuman.geometry.smoothed_metrics import (
+        AreaMetric as AreaMetric,
+        RotationMetric as RotationMetric,
+    )
+    from riemhuman.geometry.sobolev_metric import (
+        GaugeInvariantMetric as GaugeInvariantMetric,
+        SobolevMetric as SobolevMetric,
+    )
+    from riemhuman.geometry.surface_metric import (
+        ElasticMetric as ElasticMetric,
+        GeneralElasticMetric as GeneralElasticMetric,
+        SRNFMetric as SRNFMetric,
+        SurfaceMetric as SurfaceMetric,
+    )
+    from riemhuman.geometry.vector_space import (
+        FlatMetric as FlatMetric,
+        VectorSpace as VectorSpace,
+    )
+    from riemhuman.io import save_glb as save_glb
+    from riemhuman.io.meshes import load_mesh as load_mesh, save_mesh as save_mesh
+    from riemhuman.plots.views import view as view
+    from riemhuman.retrieval.jobs import pairwise_job as pairwise_job, path_job as path_job
+    from riemhuman.retrieval.neighbors import NearestNeighbors as NearestNeighbors
+    from riemhuman.solvers.geodesic_regression import GeodesicRegression as GeodesicRegression
+    from riemhuman.solvers.means import (
+        FrechetMean as FrechetMean,
+        GeometricMedian as GeometricMedian,
+    )
+    from riemhuman.solvers.tangent_pca import TangentPCA as TangentPCA
+    from riemhuman.statistics.learned_metric import LearnedMetric as LearnedMetric
+    from riemhuman.surfaces.deformation_basis import DeformationBasis as DeformationBasis
+    from riemhuman.surfaces.procrustes import (
+        generalized_procrustes as generalized_procrustes,
+        procrustes as procrustes,
+    )
+    from riemhuman.surfaces.template import Template as Template
     from riemhuman.provided import DefaultSolvers, NotebookPictures
 
 __version__ = "0.1.0"
@@ -108,12 +190,14 @@ default_solvers.load_by(_load_default_solvers)
 notebook_pictures.load_by(_load_plots)
 
 
-def __getattr__(name: str) -> Any:
-    if name in _MODULE_OF_NAME:
-        return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
-    if name in _SUBPACKAGES:
-        return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+if not TYPE_CHECKING:  # type checkers would take any name for one of the library
+
+    def __getattr__(name: str) -> Any:
+        if name in _MODULE_OF_NAME:
+            return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
+        if name in _SUBPACKAGES:
+            return importlib.import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

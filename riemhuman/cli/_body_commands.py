@@ -170,7 +170,7 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     with options.task(f"{len(names)} bodies"):
         ends = np.diag(_DEVIATIONS * np.sqrt(pca.explained_variance_))
         coordinates = [sign * end for end in ends for sign in (-1.0, 1.0)]
-        bodies = [pca.mean_, *pca.inverse_transform(coordinates)]
+        bodies = [pca.mean_, *pca.inverse_transform(np.array(coordinates))]
         if options.samples:
             samples = pca.sample(options.samples, options.seed)
             bodies += list(samples.reshape(-1, *pca.mean_.shape))
@@ -262,9 +262,10 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     basis = rh.DeformationBasis.load(options.basis) if options.basis else None
     solver = rh.solvers.Disentangling(basis, pose_weight=options.pose_weight, progress=options.bars)
-    metrics = (rh.ElasticMetric(space, a=a, lam=lam, c=c) for a, lam, c in _PARTS)
+    of_shape, of_pose = (rh.ElasticMetric(space, a=a, lam=lam, c=c) for a, lam, c in _PARTS)
+    shape, pose = surfaces[:]
     with options.task("Disentangling"):
-        result = solver.solve(*metrics, *surfaces[:])
+        result = solver.solve(of_shape, of_pose, shape, pose)
     rh.save_mesh(options.output, result.surface, surfaces.faces)
     if options.picture is not None:
         names = [f"shape of {options.shape.stem}", f"pose of {options.pose.stem}", "both"]
@@ -418,13 +419,14 @@ def _basis(options: argparse.Namespace) -> cli.Answer:
             motions, options.n_components, options.step, progress=options.bars
         )
     basis.save(options.output)
+    ratios = basis.explained_variance_ratio
     record = {
         "n_components": basis.n_components,
         "n_vertices": basis.n_vertices,
         "n_motions": len(motions),
         "n_frames": n_frames,
         "step": options.step,
-        "explained_variance": basis.explained_variance_ratio.sum(),
+        "explained_variance": None if ratios is None else ratios.sum(),
     }
     return cli.Answer(record, record)
 

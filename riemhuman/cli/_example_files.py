@@ -12,7 +12,7 @@ import riemhuman as rh
 from riemhuman.io.files import write_text
 from riemhuman.io.text_tables import csv_text
 
-Angles = Mapping[str, Sequence[object]]
+Angles = Mapping[str, tuple[str, *tuple[float, ...]]]
 
 # Four women and four men of the ten open people.
 PEOPLE = {
@@ -68,7 +68,7 @@ def write_example_files(folder: Path) -> dict[str, str]:
     """Fill a folder with the world of files; return what is where, for people."""
     bodies = rh.datasets.load_open_bodies("coarse")
     betas = {
-        name: bodies.betas[bodies.subject == bodies.subject_names.index(kind)][0]
+        name: np.asarray(bodies.betas)[bodies.subject == bodies.subject_names.index(kind)][0]
         for name, kind in PEOPLE.items()
     }
     rng = np.random.default_rng(0)
@@ -238,7 +238,7 @@ def _walk(betas: np.ndarray) -> rh.datasets.ArrayMotion:
 
 def _stride(phase: float) -> Angles:
     """Return the joint angles of a walk at a phase in strides."""
-    angles: dict[str, Sequence[object]] = {"pelvis": ("x", 3)}
+    angles: dict[str, tuple[str, *tuple[float, ...]]] = {"pelvis": ("x", 3)}
     for side, sign, own_phase in (("left", 1, phase), ("right", -1, phase + 0.5)):
         hip, knee, ankle, arm = _angles_at(own_phase)
         angles[f"{side}_hip"] = ("zx", sign * 2, -hip)

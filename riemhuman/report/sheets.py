@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array
 from riemhuman.datasets import load_open_model
@@ -102,13 +102,13 @@ class Sheet:
 
 
 def sheet(
-    body: Array,
+    body: RegisteredScan | ScanRecord | ArrayLike,
     *,
     model: BodyModel | Measurements | None = None,
     name: str = "",
     sex: str = "adult",
     visit: str = "",
-    before: ArrayLike | None = None,
+    before: RegisteredScan | ScanRecord | ArrayLike | None = None,
     units: str = "cm",
 ) -> Sheet:
     """Make the sheet of a person.
