@@ -44,9 +44,9 @@ Distances, geodesics and means of registered human bodies: meshes that share one
 The shape metric compares people, the pose metric compares poses.
 
 examples:
+  riemhuman examples people/                  # a folder of people to try the commands on
   riemhuman tables                            # who is it, how do they stand? 100 open bodies
   riemhuman register scan.ply -o body.ply     # a registered body from a raw scan
-  riemhuman dist anna.ply ben.ply             # the distance of two registered bodies
 """
 _EPILOG = """\
 `riemhuman COMMAND --help` explains a command and shows examples. After

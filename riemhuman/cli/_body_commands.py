@@ -83,8 +83,8 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     "basis of deformations and the differences of the meshes. A metric of normals alone does\n"
     "not measure lengths: with --pose the metric (1, 1, 0) is added to what is minimised.",
     "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
-    "  riemhuman mean scans/ -o mean.obj --pose --picture mean.html\n"
-    "  riemhuman mean scans/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",
+    "  riemhuman mean bodies/ -o mean.obj --pose --picture mean.html\n"
+    "  riemhuman mean bodies/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",
     cli.FILES,
     cli.output("MESH", *cli.MESH_ENDINGS),
     inputs.BASIS,
@@ -125,9 +125,9 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "for each component (components.html), and summary.json. Bodies in several poses need\n"
     "--standard-pose, which fits a body model to them: components of different poses tear\n"
     "shoulders.",
-    "  riemhuman components scans/ -o components/\n"
+    "  riemhuman components bodies/ -o components/\n"
     "  riemhuman components bodies/ -o builds/ --standard-pose\n"
-    "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
+    "  riemhuman components bodies/ -o components/ -n 5 --samples 20 --seed 7\n"
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
     cli.FILES,
     cli.output("FOLDER", names=_COMPONENT_FILES),
@@ -282,9 +282,9 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     "Rotates and translates meshes onto the template by Procrustes alignment, without\n"
     "scaling, and writes them under their names into a folder with a page that shows them.\n"
     "--unit and --up convert meshes to metres with y up.",
-    "  riemhuman align scans/ -o aligned/\n"
-    "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
-    "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
+    "  riemhuman align bodies/ -o aligned/\n"
+    "  riemhuman align bodies/ -o aligned/ --template anna.ply\n"
+    "  riemhuman align bodies/ -o aligned/ --unit millimetres --up z\n",
     cli.FILES,
     cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))"),
     cli.template("the first mesh", "to align with"),
@@ -319,9 +319,9 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     "Fits the shape coefficients, pose and translation of a body model to meshes that share\n"
     "its triangulation, and writes the arrays betas, pose, trans, distances and names to an\n"
     ".npz file.",
-    "  riemhuman fit scans/ -o fits.npz                       # the open model\n"
+    "  riemhuman fit bodies/ -o fits.npz                      # the open model\n"
     "  riemhuman fit anna.ply ben.ply -o fits.npz --model SMPL.npz\n"
-    "  riemhuman fit scans/ -o fits.npz --picture fits.html --json\n",
+    "  riemhuman fit bodies/ -o fits.npz --picture fits.html --json\n",
     cli.FILES,
     cli.output("NPZ", ".npz"),
     cli.MODEL,

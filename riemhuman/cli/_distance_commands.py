@@ -92,7 +92,7 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     "  riemhuman tables --resolution coarse\n"
     "  riemhuman tables --open natural --people 1    # ten people not used in tuning\n"
     "  riemhuman tables --faust ~/MPI-FAUST\n"
-    "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
+    "  riemhuman tables --bodies bodies/ --labels bodies/labels.csv\n"
     "  riemhuman tables --all --resolution coarse    # also descriptors and model vectors\n",
     _BODY_SET,
     cli.choice("--resolution", "open bodies of 13,348 or 1,202 vertices", "full", "coarse"),
@@ -190,11 +190,11 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
     "--paths, it also finds a path of least energy over a basis for every pair; the file\n"
     "then also has the array lengths (n, n), and the table shows lengths. The geodesic\n"
     "distance lies between the distance and the length.",
-    "  riemhuman matrix scans/ -o D.npz\n"
-    "  riemhuman matrix scans/ -o D.npz --csv D.csv --pose --align\n"
+    "  riemhuman matrix bodies/ -o D.npz\n"
+    "  riemhuman matrix bodies/ -o D.npz --csv D.csv --pose --align\n"
     "  riemhuman matrix thousands/ -o D.npz --resume work/     # run it again to go on\n"
-    "  riemhuman matrix scans/ -o D.npz --paths --basis basis.npz -a 1 -l 1 -c 0.1\n"
-    "  riemhuman matrix scans/ --csv - --quiet | column -s, -t\n",
+    "  riemhuman matrix bodies/ -o D.npz --paths --basis basis.npz -a 1 -l 1 -c 0.1\n"
+    "  riemhuman matrix bodies/ --csv - --quiet | column -s, -t\n",
     cli.FOLDER,
     cli.output("NPZ", ".npz", required=False),
     cli.output(
@@ -289,9 +289,9 @@ def _path_distances(
     "the meshes of a folder nearest to a query",
     "Prints the meshes of a folder that are nearest to a query, nearest first: rank,\n"
     "distance and file. If the query is in the folder, it is skipped.",
-    "  riemhuman retrieve anna_1.ply scans/            # the same person\n"
-    "  riemhuman retrieve anna_1.ply scans/ --pose -k 10\n"
-    "  riemhuman retrieve anna_1.ply scans/ -k 1 --json\n",
+    "  riemhuman retrieve anna_1.ply bodies/           # the same person\n"
+    "  riemhuman retrieve anna_1.ply bodies/ --pose -k 10\n"
+    "  riemhuman retrieve anna_1.ply bodies/ -k 1 --json\n",
     cli.mesh_option("query", "QUERY"),
     cli.FOLDER,
     cli.option("-k", "number of meshes to print", default=5, metavar="K"),
@@ -477,7 +477,7 @@ def _map_page(
 
 @cli.command(
     "report",
-    "a page with the paper's experiments",
+    "a page on a data set: measurements, differences, paths, retrieval",
     "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
     "needs no network connection, figures, tables, matrices and their provenance. The default\n"
     "data are the open bodies that ship with the package. With --bodies, sections appear that\n"
@@ -488,7 +488,7 @@ def _map_page(
     "  riemhuman report --quick -o quick-report\n"
     "  riemhuman report --open natural -o natural-report\n"
     "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
-    "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
+    "  riemhuman report --bodies bodies/ --labels bodies/labels.csv -o bodies-report\n",
     _BODY_SET,
     cli.path_option("--dfaust", "FILE", "motions of Dynamic FAUST for the basis of geodesics"),
     cli.path_option(

@@ -90,14 +90,8 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     cli.UNIT,
 )
 def _view(options: argparse.Namespace) -> cli.Answer:
-    import tempfile
-    import webbrowser
-
     from riemhuman.representation import join_names
 
-    place = options.output
-    if place is None:
-        place = Path(tempfile.mkdtemp(prefix="riemhuman-")) / "view.html"
     first = options.meshes[0]
     if len(options.meshes) == 1 and (first / _PATH_FILE).is_file():
         first = first / _PATH_FILE
@@ -119,12 +113,8 @@ def _view(options: argparse.Namespace) -> cli.Answer:
                 viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
             else:
                 viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
-        viewer.save(place, progress=options.bars)
-    if options.open or options.output is None:
-        webbrowser.open(place.resolve().as_uri())
-    if options.output is None:
-        return cli.Answer({"page": place}, {"page": place})
-    return cli.Answer(record={})
+        page = inputs.save_or_open(viewer, options)
+    return cli.Answer(record={}) if page is None else cli.Answer({"page": page}, {"page": page})
 
 
 def _scan_and_body(options: argparse.Namespace) -> tuple[Path, Path] | None:

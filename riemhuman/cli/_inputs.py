@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from riemhuman.datasets import Motion, RegisteredMeshes
     from riemhuman.geometry import RiemannianMetric
     from riemhuman.measurements import Measurements
+    from riemhuman.plots import Viewer
     from riemhuman.surfaces import DeformationBasis, Template
 
 # Triples of a, λ and c.
@@ -182,7 +183,7 @@ def metric_options(
         weight("-c", "weight of the normal part", c, "C"),
         lambda parser: parser.set_defaults(default_metric=default),
         title="metric",
-        text=f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
+        text=f"a · Ebin(λ) + c · normals (default: {name});\n-a, -l and -c change one weight each",
     )
     return cli.several(cli.template(reference), cli.ALIGN, metric)
 
@@ -321,6 +322,20 @@ def mesh_folder(
         if summary is not None:
             (folder / _SUMMARY).write_text(as_json(summary) + "\n", encoding="utf-8")
         yield folder
+
+
+def save_or_open(viewer: Viewer, options: argparse.Namespace) -> Path | None:
+    """Write a view to the output or, without one, open a temporary page and return its place."""
+    import tempfile
+    import webbrowser
+
+    place: Path | None = options.output
+    if place is None:
+        place = Path(tempfile.mkdtemp(prefix="riemhuman-")) / "view.html"
+    viewer.save(place, progress=options.bars)
+    if options.output is None or getattr(options, "open", False):
+        webbrowser.open(place.resolve().as_uri())
+    return place if options.output is None else None
 
 
 class Motions(NamedTuple):

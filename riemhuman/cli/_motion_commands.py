@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from typing import TYPE_CHECKING
 
 import riemhuman as rh
@@ -12,9 +13,14 @@ from riemhuman.cli import _terminal as terminal
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from riemhuman.arrays import JSONRecord
-    from riemhuman.motions import MotionSpace
+    from riemhuman.arrays import Array, JSONRecord
+    from riemhuman.datasets import Motion
+    from riemhuman.motions import MotionSpace, Warp
     from riemhuman.motions.time_warping import MotionDistance
+    from riemhuman.plots import Viewer
+
+# Of all frames on a page, two bytes each.
+_MOST_COORDINATES = 6_000_000
 
 _TEMPLATE = cli.several(
     cli.path_option("--template", "MESH", "template mesh (default: the first frame)"), cli.UNIT
@@ -172,14 +178,22 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "motions align",
     "two motions aligned in time",
-    "Writes a page (.html) that plays both motions, the second re-timed to the first, with\n"
-    "the re-timing as a curve and corresponding frames, or an .npz file with the arrays\n"
-    "first, second, first_times and second_times.",
-    "  riemhuman motions align anna_runs/ ben_runs/ -o both.html\n"
+    "Opens a page that plays both motions side by side, the second re-timed to the first or as\n"
+    "recorded, with the warp, which shows the moments that correspond. Or writes the page\n"
+    "(.html), a picture (.png), a film (.gif, or .mp4 with the extra video), or an .npz file\n"
+    "with the arrays first, second, first_times and second_times.",
+    "  riemhuman motions align anna_runs/ ben_runs/     # opens in the browser\n"
+    "  riemhuman motions align walk.bvh run.bvh -o both.html\n"
     "  riemhuman motions align anna_runs/ ben_runs/ -o both.npz --n-times 100\n",
     _PAIR,
-    cli.output("FILE", ".html", ".npz"),
-    _N_TIMES,
+    cli.output(
+        "FILE",
+        *(".html", ".npz", ".png", ".gif", ".mp4"),
+        text="page, picture, film or arrays to write; without one, a temporary page opens in the "
+        "browser",
+        required=False,
+    ),
+    cli.option("--n-times", "times of the arrays of an .npz file", default=40, metavar="N"),
     _BY,
     _METRIC,
 )
@@ -188,21 +202,62 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     space = _space(read, options.metric, options.n_times)
     (first_motion, second_motion), (first_name, second_name) = read.motions, read.names
     names = first_name, second_name
+    measure = _measure(options, space)
     with options.task("Alignment"):
-        measure = _measure(options, space)
-        first, second, warp = rh.motions.align_motions(
-            space, first_motion, second_motion, measure, names
-        )
-    if options.ending == ".npz":
-        arrays = {"first": first, "second": second}
-        arrays |= {"first_times": warp.first, "second_times": warp.second}
-        rh.io.save_arrays(options.output, arrays)
-    else:
-        rh.plots.view_alignment(first, second, read.template.faces, warp, names).save(
-            options.output
-        )
-    record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
-    return cli.Answer({"distance": float(warp.dist)}, record)
+        if options.output is not None and options.ending == ".npz":
+            first, second, warp = rh.motions.align_motions(
+                space, first_motion, second_motion, measure, names
+            )
+            arrays = {"first": first, "second": second}
+            arrays |= {"first_times": warp.first, "second_times": warp.second}
+            rh.io.save_arrays(options.output, arrays)
+        else:
+            warp = measure.warp(first_motion, second_motion)
+    record: JSONRecord = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
+    text: JSONRecord = {"distance": float(warp.dist)}
+    if options.output is None or options.ending != ".npz":
+        with options.task("Page"):
+            viewer = _aligned_view(options, read, space, warp)
+            page = inputs.save_or_open(viewer, options)
+        if page is not None:
+            text, record = text | {"page": page}, record | {"page": page}
+    return cli.Answer(text, record)
+
+
+def _aligned_view(
+    options: argparse.Namespace, read: inputs.Motions, space: MotionSpace, warp: Warp
+) -> Viewer:
+    """Return the page of two motions and their warp, of frames at one rate, and not too many."""
+    import numpy as np
+
+    from riemhuman.datasets.motions import ModelMotion
+
+    motions = dict(zip(("first", "second"), read.motions, strict=True))
+    times = {"first": warp.first, "second": warp.second}
+    # Meshes and array paths do not tell their rate.
+    rates = [
+        None if place.is_dir() else getattr(motion, "frames_per_second", None)
+        for place, motion in zip((options.a_motion, options.b_motion), read.motions, strict=True)
+    ]
+    known = [rate for rate in rates if rate is not None]
+    shown: dict[str, Motion | Array] = {}
+    for (name, motion), rate in zip(motions.items(), rates, strict=True):
+        count = len(motion)
+        factor = 1.0 if rate is None else known[0] / rate
+        if isinstance(motion, ModelMotion) and factor == 1.0 and len(known) == 2:
+            shown[name] = motion  # the page poses it, which takes little room
+            continue
+        # The largest numbers of frames of which a page stays below some 15 MB.
+        most = max(2, _MOST_COORDINATES // (2 * 3 * read.template.n_vertices))
+        n_frames = min(max(2, round((count - 1) * factor) + 1), most)
+        places = np.linspace(0.0, count - 1.0, n_frames)
+        is_as_recorded = n_frames == count
+        shown[name] = motion[:] if is_as_recorded else space.resample(motion, at=places, name=name)
+        times[name] = times[name] * (n_frames - 1) / (count - 1)
+    aligned = dataclasses.replace(warp, first=times["first"], second=times["second"])
+    return rh.plots.view_motions(
+        shown["first"], shown["second"], aligned, read.template.faces, read.names
+    )
 
 
 @cli.command(

@@ -3,6 +3,7 @@
 import functools
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -97,10 +98,51 @@ def test_matrix(run, folder, people, tmp_path, by):
     assert float(single.out) == pytest.approx(arrays["distances"][0, 1], rel=1e-6)
 
 
+@pytest.mark.parametrize("by", ["warping", "changes", "velocities", "rate-invariant"])
+def test_the_page_of_an_alignment_has_both_motions_and_the_warp(run, people, tmp_path, by):
+    page = tmp_path / "both.html"
+    assert run("motions", "align", *people[:2], "-o", page, "--by", by, "-q").code == 0
+    text = page.read_text(encoding="utf-8")
+    assert people[0].name in text
+    assert 'data-part="warp"' in text
+    for choice in ("aligned", "as recorded"):
+        assert choice in text
+    (lasts,) = re.findall(r'"lasts":\[(\d+),(\d+)\]', text)
+    counts = [len(list(place.glob("*.ply"))) for place in people[:2]]
+    assert [int(last) + 1 for last in lasts] == counts
+
+
+def test_an_alignment_opens_by_default(run, people, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    record = json.loads(run("motions", "align", *people[:2], "--json", "-q").out)
+    page = Path(record["page"])
+    assert opened == [page.as_uri()]
+    assert page.read_text("utf-8").lower().startswith("<!doctype html>")
+    shutil.rmtree(page.parent)
+
+
+def test_recordings_of_two_rates_are_aligned_in_seconds(run, tmp_path):
+    """Half the frames at half the rate are the same motion."""
+    jump = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
+    lines = jump.read_text().splitlines()
+    start = next(k for k, line in enumerate(lines) if line.startswith("Frame Time"))
+    step, frames = float(lines[start].split()[-1]), lines[start + 1 :][:24]
+    for name, every in (("all", 1), ("half", 2)):
+        kept = frames[::every]
+        head = [*lines[: start - 1], f"Frames: {len(kept)}", f"Frame Time: {every * step:.8f}"]
+        (tmp_path / f"{name}.bvh").write_text("\n".join([*head, *kept]) + "\n")
+    page = tmp_path / "both.html"
+    finished = run(
+        "motions", "align", tmp_path / "all.bvh", tmp_path / "half.bvh", "-o", page, "-q"
+    )
+    assert finished.code == 0, finished.err
+    (lasts,) = re.findall(r'"lasts":\[(\d+),(\d+)\]', page.read_text(encoding="utf-8"))
+    assert abs(int(lasts[0]) - int(lasts[1])) <= 2
+
+
 def test_alignment(run, people, tmp_path):
     options = ("--n-times", "5", "-q")
-    assert run("motions", "align", *people[:2], "-o", tmp_path / "both.html", *options).code == 0
-    assert people[0].name in (tmp_path / "both.html").read_text(encoding="utf-8")
     assert run("motions", "align", *people[:2], "-o", tmp_path / "both.npz", *options).code == 0
     arrays = np.load(tmp_path / "both.npz")
     assert arrays["first"].shape == arrays["second"].shape == (5, 1202, 3)
