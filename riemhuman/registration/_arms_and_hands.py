@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
+from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._crossed_limbs import uncross_limbs
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, nearest_vertices
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
-from riemhuman.registration._limb_fits import (
-    are_less,
-    fit_joints,
-    fit_starts,
-    mapped_fits,
-    points_on,
-)
-from riemhuman.registration._posed_body import Pose, Prior, pose_body
+from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
+from riemhuman.registration._scan_preparation import N_THREADS
 from riemhuman.registration._soft_assignment import find_likelihoods
+from riemhuman.registration.settings import ArmSettings
+from riemhuman.surfaces.nearest_points import nearest_points
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+# Inverse variance of what does not move while a limb is fitted.
+_FIXED = 1e15
 
 
 @dataclass(frozen=True)
@@ -81,9 +85,8 @@ def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
     """Return a body whose forearms and hands come nearest to a scan."""
     if known or dense.is_refused:  # arms are as a moment before, or do not matter
         return ArmsFit(dense.task, dense.pose, {}, {})
-    task, pose = uncross_limbs(dense.task, dense.pose)
-    pose, doubtful = rotate_forearms(task, pose)
-    task, pose, hand_fits = pose_hands(task, pose)
+    pose, doubtful = rotate_forearms(dense.task, dense.pose)
+    task, pose, hand_fits = pose_hands(dense.task, pose)
     return ArmsFit(task, pose, doubtful, hand_fits)
 
 
@@ -91,7 +94,7 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface,
     """Return a body whose forearms are turned to come nearest to the scan, and doubtful arms."""
     doubtful, scales = {}, task.body.settings.dense.scales
     for arm in task.body.arm_surfaces:
-        points = points_on(task, pose, arm.vertices)
+        points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
         if not len(points):
             continue
         near = near_arms(task, pose, arm, points)
@@ -145,7 +148,7 @@ def elastic_arms(
     task: DenseTask, arm: ArmSurface, points: np.ndarray, poses: list[Pose]
 ) -> list[ArmFit]:
     """Return how near arms come to points of the scan after an elastic step."""
-    return mapped_fits(partial(_elastic_arm, task, arm, points), poses)
+    return _mapped(partial(_elastic_arm, task, arm, points), poses)
 
 
 def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
@@ -189,12 +192,12 @@ def pose_hands(
         if tried.get(arm) is pose:
             continue
         tried[arm] = pose
-        points = points_on(task, pose, arm.on_hand)
+        points = points_on(task.scan.points, task.body.surface(pose), arm.on_hand)
         if not len(points):
             continue
         now = task.prior.betas[n_betas:]
         others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
-        current, *fits = mapped_fits(partial(_fit_hand, task, pose, arm, points), others)
+        current, *fits = _mapped(partial(_fit_hand, task, pose, arm, points), others)
         # The arm alone may fit worse than with the body around it.
         unmoved = _hand_as_it_is(task.prior, pose, arm, points)
         current = min(unmoved, current, key=lambda fit: fit.cost)
@@ -222,3 +225,78 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
     surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.hand_metres)
     return HandFit(pose, prior, surface, distances)
+
+
+def points_on(points: np.ndarray, surface: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Return the points of a scan that lie near some vertices of a surface."""
+    near: np.ndarray = points[np.isin(nearest_vertices(surface, points), vertices)]
+    return near
+
+
+def fit_joints(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    prior: Prior,
+    start: Pose,
+    scales: tuple[float, ...] | None = None,
+) -> Pose:
+    """Fit some joints and the hands to the scan by points on them; all else stays as it starts."""
+    model = task.body.model
+    moving = np.isin(np.arange(model.n_joints), joints)
+    of_hands = np.arange(len(start.betas)) >= model.n_betas
+    of_limb = Prior(
+        np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
+        np.where(moving, prior.precisions, _FIXED),
+        np.where(of_hands, prior.betas, start.betas),
+        np.where(of_hands, prior.betas_precisions, _FIXED),
+    )
+    samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
+    scales = task.body.settings.dense.scales if scales is None else scales
+    return fit_closest(samples, start, of_limb, task.scan, scales)
+
+
+def fit_starts(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    starts: list[Pose],
+    scales: tuple[float, ...],
+) -> list[Pose]:
+    """Return what some joints become when they are fitted from several starts."""
+    return _mapped(partial(_fit_from, task, joints, samples, scales), starts)
+
+
+def _fit_from(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    scales: tuple[float, ...],
+    start: Pose,
+) -> Pose:
+    return fit_joints(task, joints, samples, task.prior, start, scales)
+
+
+def _mapped(fit: Callable[[Item], Result], starts: list[Item]) -> list[Result]:
+    """Return what a fit makes of several starts, some at once."""
+    return list(mapped(fit, starts, N_THREADS))
+
+
+def faces_among(faces: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Return the triangles of some vertices, numbered among these, which ascend."""
+    inside = np.isin(faces, vertices).all(axis=1)
+    return np.searchsorted(vertices, faces[inside])
+
+
+def limited_distances(
+    points: np.ndarray, surface: np.ndarray, faces: np.ndarray, farthest: float
+) -> np.ndarray:
+    """Return the distances of points from a surface; farther points count as so far, metres."""
+    return np.minimum(nearest_points(points, surface, faces)[1], farthest)
+
+
+def are_less(some: np.ndarray, others: np.ndarray, settings: ArmSettings) -> bool:
+    """Return whether distances of the same points are less, by more than chance makes them."""
+    gains = others - some
+    chance = settings.n_errors * np.sqrt(np.mean(gains**2) / len(gains))
+    return bool(gains.mean() > max(settings.least_gain * others.mean(), chance))

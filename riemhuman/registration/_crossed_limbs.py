@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.registration._arm_positions import move_end
-from riemhuman.registration._dense_fit import DenseTask, fit_closest
-from riemhuman.registration._limb_fits import (
+from riemhuman.registration._arms_and_hands import (
     are_less,
     faces_among,
     fit_joints,
     limited_distances,
     points_on,
 )
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
 from riemhuman.registration._posed_body import Pose, Prior
+from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._start_poses import BodyParts
 
 _MIRROR = np.diag([-1.0, 1.0, 1.0])
@@ -26,7 +28,6 @@ _LIMBS = {
     "elbow": ("collar", "shoulder", "elbow", "wrist"),
     "knee": ("hip", "knee", "ankle", "toes"),
 }
-CROSSING_JOINTS = tuple(_LIMBS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,22 +54,32 @@ class Crossing:
         return strained
 
 
-def find_crossing(task: DenseTask, pose: Pose, joint: str) -> Crossing | None:
-    """Return the forearms or shins of a body, below elbow or knee, if they are near in a scan."""
-    parts, settings = task.body.parts, task.body.settings.rivals
-    ends = parts.numbers(f"left_{joint}", f"right_{joint}")
-    if len(ends) < 2:
-        return None
-    surface = task.body.surface(pose)
-    lower = [np.flatnonzero(parts.vertices([end])) for end in ends]
-    near = [
+def crossing_joints(body: RegistrationModel, pose: Pose) -> list[str]:
+    """Return elbow or knee, or both, if the forearms or shins below are near each other."""
+    return [joint for joint in _LIMBS if _are_near(body, pose, joint)]
+
+
+def _are_near(body: RegistrationModel, pose: Pose, joint: str) -> bool:
+    settings, surface = body.settings.rivals, body.surface(pose)
+    lower = _lower_limbs(body.parts, joint)
+    return any(
         np.mean(cKDTree(surface[other]).query(surface[limb])[0] < settings.crossing_metres)
-        for limb, other in (lower, lower[::-1])
-    ]
-    if max(near) < settings.crossing_share:
-        return None
-    both = np.sort(np.concatenate(lower))
-    points = points_on(task, pose, both)
+        > settings.crossing_share
+        for limb, other in permutations(lower, 2)
+    )
+
+
+def _lower_limbs(parts: BodyParts, joint: str) -> list[np.ndarray]:
+    """Return the numbers of the vertices below the left and the right joint."""
+    ends = parts.numbers(f"left_{joint}", f"right_{joint}")
+    limbs = [np.flatnonzero(parts.vertices([end])) for end in ends]
+    return [limb for limb in limbs if len(limb)]
+
+
+def find_crossing(task: DenseTask, pose: Pose, joint: str) -> Crossing | None:
+    """Return the forearms or shins of a body, below elbow or knee, if a scan shows them."""
+    both = np.sort(np.concatenate(_lower_limbs(task.body.parts, joint)))
+    points = points_on(task.scan.points, task.body.surface(pose), both)
     return Crossing(joint, both, points) if len(points) else None
 
 
@@ -85,10 +96,13 @@ def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose,
     return [(fit_joints(task, moving, samples, prior, start), prior) for start, prior in starts]
 
 
-def uncross_limbs(task: DenseTask, pose: Pose) -> tuple[DenseTask, Pose]:
+def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
     """Return a body with arms and legs that may cross exchanged where that is nearer to a scan."""
-    settings = task.body.settings
-    for joint in CROSSING_JOINTS:
+    if known or dense.is_refused:  # limbs are as a moment before, or do not matter
+        return dense
+    settings = dense.task.body.settings
+    for joint in crossing_joints(dense.task.body, dense.pose):
+        task, pose = dense.task, dense.pose
         crossing = find_crossing(task, pose, joint)
         if crossing is None:
             continue
@@ -101,7 +115,8 @@ def uncross_limbs(task: DenseTask, pose: Pose) -> tuple[DenseTask, Pose]:
         if is_elsewhere and is_nearer:
             task = replace(task, prior=prior)
             pose = fit_closest(task.samples, start, prior, task.scan, settings.dense.scales)
-    return task, pose
+            dense = replace(dense, task=task, pose=pose)
+    return dense
 
 
 def _mirror_limbs(local: np.ndarray, pairs: list[list[int]]) -> np.ndarray:

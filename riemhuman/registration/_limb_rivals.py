@@ -22,20 +22,18 @@ from riemhuman.registration._arms_and_hands import (
     BodyFit,
     HandFit,
     elastic_arms,
-    other_arms_again,
-)
-from riemhuman.registration._crossed_limbs import (
-    CROSSING_JOINTS,
-    exchanged_limbs,
-    find_crossing,
-)
-from riemhuman.registration._limb_fits import (
     faces_among,
     fit_starts,
     limited_distances,
+    other_arms_again,
     points_on,
 )
-from riemhuman.registration._messages import part_in_words
+from riemhuman.registration._crossed_limbs import (
+    crossing_joints,
+    exchanged_limbs,
+    find_crossing,
+)
+from riemhuman.registration._messages import LANDMARKS_DECIDE, OPEN_HANDS, part_in_words
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 from riemhuman.registration.settings import RivalSettings
 from riemhuman.surfaces.nearest_points import nearest_points
@@ -49,6 +47,7 @@ class LimbDoubt:
 
     vertices: np.ndarray  # (V,) which vertices are not trusted
     reason: str
+    remedy: str = LANDMARKS_DECIDE  # what to do
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) 
         others += _other_hand(body, arm, fits, shown, settings)
         others += _arm_elsewhere(body, arm, settings)
     others += _turned_head(body, settings)
-    for joint in CROSSING_JOINTS:
+    for joint in crossing_joints(body.task.body, body.fit.pose):
         others += _exchanged_limbs(body, joint, settings)
     # What is said of both hands need not be said of one.
     known = [doubt.vertices for doubt in touching]
@@ -107,6 +106,8 @@ def _ill_fitting_limbs(
 ) -> list[LimbDoubt]:
     """Return doubt about limbs, with what they carry, that fit worse than the rest of the body."""
     parts = body.task.body.parts
+    most = dict.fromkeys(("shoulder", "hip", "knee"), settings.most_limb_excess)
+    most["elbow"] = settings.most_forearm_excess
     return [
         LimbDoubt(
             parts.vertices([k]),
@@ -114,7 +115,7 @@ def _ill_fitting_limbs(
             "from the rest of the body",
         )
         for k, name in enumerate(parts.names)
-        if not name.endswith("wrist") and shown.excess[k] > settings.most_limb_excess
+        if shown.excess[k] > most.get(name.split("_")[-1], np.inf)
     ]
 
 
@@ -135,7 +136,7 @@ def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
         for arm in body.task.body.arm_surfaces
     ]
     reason = "hands: they touch, and the scan does not tell their fingers apart"
-    return _doubts_about(body, np.concatenate(uncertain), reason)
+    return _doubts_about(body, np.concatenate(uncertain), reason, OPEN_HANDS)
 
 
 def _uncertain_fingers(
@@ -160,7 +161,7 @@ def _turned_arm(
 ) -> list[LimbDoubt]:
     """Return doubt about a forearm and hand that are almost as near to the scan otherwise."""
     task, pose = body.task, body.fit.pose
-    points = points_on(task, pose, arm.vertices)
+    points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
     if not len(points):
         return []
     surface = pose_body(arm.skin, pose).points
@@ -201,7 +202,7 @@ def _other_hand(
     elif not is_far and not is_no_better:
         margin, why = settings.hand_margin, f"{_EQUAL}, in which its fingers are open or bent"
     uncertain = _uncertain_fingers(arm, fits, margin, settings)
-    return _doubts_about(body, uncertain, f"{arm.side} hand: {why}")
+    return _doubts_about(body, uncertain, f"{arm.side} hand: {why}", OPEN_HANDS)
 
 
 def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> float:
@@ -211,7 +212,7 @@ def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> 
     """
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
-    points = points_on(task, pose, on_arm)
+    points = points_on(task.scan.points, task.body.surface(pose), on_arm)
     if not len(points):
         return settings.least_usual_metres
     points = points[:: max(len(points) // settings.n_compared, 1)]
@@ -294,7 +295,9 @@ def _displaced_in_rivals(
     """
     task, pose, vertices = body.task, body.fit.pose, limb.vertices
     displaced = np.zeros((len(starts), len(vertices)), dtype=bool)
-    seen = points_on(task, pose, vertices) if starts else vertices[:0]
+    seen = (
+        points_on(task.scan.points, task.body.surface(pose), vertices) if starts else vertices[:0]
+    )
     if not len(seen):
         return displaced
     seen = seen[:: max(len(seen) // settings.n_compared, 1)]
@@ -336,10 +339,12 @@ def _displaced(surface: np.ndarray, rival: np.ndarray, settings: RivalSettings) 
     return displaced & bool(displaced.mean() > settings.least_displaced)
 
 
-def _doubts_about(body: BodyFit, numbers: np.ndarray, reason: str) -> list[LimbDoubt]:
+def _doubts_about(
+    body: BodyFit, numbers: np.ndarray, reason: str, remedy: str = LANDMARKS_DECIDE
+) -> list[LimbDoubt]:
     vertices = np.zeros(len(body.fit.points), dtype=bool)
     vertices[numbers] = True
-    return [LimbDoubt(vertices, reason)] if len(numbers) else []
+    return [LimbDoubt(vertices, reason, remedy)] if len(numbers) else []
 
 
 def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list[LimbDoubt]:

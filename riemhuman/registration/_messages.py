@@ -34,6 +34,10 @@ _PLURALS = {
     "forearm": "forearms",
     "hand": "hands",
 }
+# What to do about a doubt; said once, at the end of a message.
+LANDMARKS_DECIDE = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
+OPEN_HANDS = "fingers are told in scans of open hands, away from each other and from the body"
+_REMEDIES = (LANDMARKS_DECIDE, OPEN_HANDS)
 _TRUNK = ("pelvis", "lower_spine", "middle_spine", "upper_spine", "chest")
 _SIDES = ("left", "right")
 
@@ -107,4 +111,13 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
         said = f"{percent} was not seen"
     if guessed_up:
         said += "; the up direction was guessed; set it with up= or --up"
+    return said
+
+
+def join_reasons(reasons: Sequence[str]) -> str:
+    """Return one message, which says only at its end, and once, what to do."""
+    said = "; ".join(reasons)
+    for remedy in _REMEDIES:
+        at_end = f"; {remedy}"
+        said = said.replace(at_end, "") + at_end * (at_end in said)
     return said

@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 
 from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._crossed_limbs import uncross_limbs
 from riemhuman.registration._dense_fit import fit_densely, is_clearly_refused
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._posed_body import pose_body
@@ -76,6 +77,7 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     """Return the stages after a search."""
     best, times = search.candidates[0], [perf_counter()]
     dense = fit_densely(search.body, best, search.scan)
+    dense = uncross_limbs(dense, known=best.known)
     times.append(perf_counter())
     arms = fit_arms_and_hands(dense, known=best.known)
     times.append(perf_counter())

@@ -11,6 +11,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._messages import LANDMARKS_DECIDE
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings, TrustSettings
@@ -23,8 +24,6 @@ _LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
 # Fewer points of a scan say nothing about a part of a limb.
 _LEAST_POINTS = 20
 _FOLDING = {"elbow": "wrist", "knee": "ankle"}
-
-_REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
 
 
 def find_seen(
@@ -193,7 +192,9 @@ def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str]
     if reasons:
         return reasons, of_limb  # the other checks make sense only for a body
     if quality.margin < settings.least_margin:
-        reasons.append(f"a body that faces or stands another way fits nearly as well; {_REMEDY}")
+        reasons.append(
+            f"a body that faces or stands another way fits nearly as well; {LANDMARKS_DECIDE}"
+        )
     if (
         quality.near < settings.least_near_of_limb
         and quality.limb_matched < settings.limb_elsewhere
@@ -201,7 +202,7 @@ def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str]
         of_limb.append(
             f"{100 * (1.0 - quality.near):.1f} % of the scan lies more than "
             f"{100 * settings.near_metres:.0f} cm from the body, and its {quality.limb} matches "
-            f"hardly anything in the scan: it may be elsewhere; {_REMEDY}"
+            f"hardly anything in the scan: it may be elsewhere; {LANDMARKS_DECIDE}"
         )
     if quality.overlap > settings.largest_overlap:
         reasons.append(
@@ -215,7 +216,7 @@ def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str]
         reasons.append(
             f"the body fits badly: {100 * (1 - settings.far_share):.0f} % of the scan lies more "
             f"than {100 * quality.far:.1f} cm from the model's surface; it may face the wrong way, "
-            f"have limbs in wrong places or wear thick clothes; {_REMEDY}"
+            f"have limbs in wrong places or wear thick clothes; {LANDMARKS_DECIDE}"
         )
     if quality.betas > settings.largest_beta:
         reasons.append(
@@ -223,10 +224,3 @@ def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str]
             "clothes or other things in the scan"
         )
     return reasons, of_limb
-
-
-def join_reasons(reasons: list[str]) -> str:
-    """Return one message, which says only at its end that landmarks decide."""
-    said = "; ".join(reasons)
-    remedy = f"; {_REMEDY}"
-    return said.replace(remedy, "") + remedy * (remedy in said)

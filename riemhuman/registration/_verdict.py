@@ -12,7 +12,7 @@ from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._dense_fit import find_hair
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb_doubts
-from riemhuman.registration._messages import in_words, part_in_words, say_unseen
+from riemhuman.registration._messages import in_words, join_reasons, part_in_words, say_unseen
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._soft_assignment import find_likelihood_of_area
@@ -24,7 +24,6 @@ from riemhuman.registration._trust import (
     find_lost_limbs,
     find_overlaps,
     find_seen,
-    join_reasons,
 )
 from riemhuman.registration.scans import Scan
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
@@ -86,7 +85,7 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     reasons = [
         *doubts,
         *limb_doubts,
-        *(f"{doubt.reason} (not trusted)" for doubt in rivals),
+        *(f"{doubt.reason} (not trusted); {doubt.remedy}" for doubt in rivals),
         *_unseen_parts(body, found, up_is_known=scan.up is not None),
     ]
     return Verdict(

@@ -27,7 +27,8 @@ class RegistrationTrace:
         candidates at their start; `rounds`, the candidates that each round kept; `candidates`,
         those of the last round, the likeliest first. A candidate has a `pose` and a `likelihood`.
     dense : DenseFit
-        The `pose` after closest points.
+        The `pose` after closest points, with arms and legs that cross exchanged where that fits
+        better.
     arms : ArmsFit
         The `pose` after other ways to hold forearms and hands were tried, and `doubtful_arms`.
     elastic : ElasticFit

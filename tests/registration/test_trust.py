@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
+from riemhuman.registration._messages import OPEN_HANDS, join_reasons
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration._trust import (
@@ -14,7 +15,6 @@ from riemhuman.registration._trust import (
     find_excess,
     find_overlaps,
     find_seen,
-    join_reasons,
 )
 from riemhuman.registration._trust import find_doubts as find_doubts_of
 from riemhuman.registration.settings import RivalSettings, TrustSettings
@@ -74,6 +74,11 @@ def test_a_message_says_once_that_landmarks_decide():
     assert message.count("landmarks decide") == 1
     assert message.endswith(
         "not seen; landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
+    )
+    hands = [f"{side} hand: its fingers (not trusted); {OPEN_HANDS}" for side in ("left", "right")]
+    assert join_reasons(hands) == (
+        "left hand: its fingers (not trusted); right hand: its fingers (not trusted); "
+        "fingers are told in scans of open hands, away from each other and from the body"
     )
     assert join_reasons(find_doubts(**GOOD)[0]) == ""
 

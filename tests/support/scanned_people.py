@@ -11,6 +11,7 @@ from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_nam
 from riemhuman.datasets.open_bodies import surface_noise
 from riemhuman.registration import RegistrationSettings
 from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._crossed_limbs import uncross_limbs
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._pipeline import ScanTask, fit_and_judge, register_whole
@@ -285,7 +286,8 @@ def result_of_one_search(registration, points):
 
 def fit_body(body, start, scan):
     """Return the fit of a body to a prepared scan from one candidate."""
-    arms = fit_arms_and_hands(fit_densely(body, start, scan), known=False)
+    dense = uncross_limbs(fit_densely(body, start, scan), known=False)
+    arms = fit_arms_and_hands(dense, known=False)
     elastic = leave_model(arms.task, arms.pose)
     return BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
 
