@@ -212,11 +212,15 @@ def _view_differences(
     names = (files[0].stem, files[1].stem)
     with options.task("Page"):
         if options.view.suffix.lower() == ".html":
-            viewer = rh.plots.view_difference(result, names=names, measurements=measurements)
+            viewer = rh.plots.view_difference(
+                result, names=names, measurements=measurements, system=options.units
+            )
             viewer.save(options.view)
             return
         with rh.plots.figure_style():
-            figure = rh.plots.plot_difference(result, names=names, measurements=measurements)
+            figure = rh.plots.plot_difference(
+                result, names=names, measurements=measurements, system=options.units
+            )
             rh.plots.figures.save_figure(figure, options.view)
 
 

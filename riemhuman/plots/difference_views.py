@@ -22,6 +22,7 @@ from riemhuman.measurements import (
     compare_visits,
     open_measurements,
 )
+from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots.body_plots import contributions, per_area, plot_path
 from riemhuman.plots.figures import colour_limit, new_figure
 from riemhuman.plots.measurement_views import measurement_panel
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
 
     from riemhuman.plots._panels import Panel
 
-_MILLIMETRES, _DENSITY = "Millimetres", "Metric"
+_DENSITY = "Metric"
+_LENGTHS = {"cm": "Millimetres", "in": "Inches"}  # the name of the other choice, by units
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,15 @@ class _Difference:
     is_standard: bool  # whether they are in the standard pose
     panel: Panel | None = None
 
-    def outside(self) -> tuple[ndarray, ndarray]:
-        """Return how far each body is outside of the other, along its normals, millimetres.
+    def outside(self, scale: float) -> tuple[ndarray, ndarray]:
+        """Return how far each body is outside of the other, along its normals, in a unit.
 
         The second is outside along the normals of the first, as `VisitComparison` has it.
         """
         first, second = self.surfaces
         back = np.sum((first - second) * vertex_normals(second, self.faces), axis=1)
         known = np.isfinite(self.displacements)
-        return 1000.0 * np.where(known, back, np.nan), 1000.0 * self.displacements
+        return scale * np.where(known, back, np.nan), scale * self.displacements
 
 
 def view_difference(
@@ -69,6 +71,7 @@ def view_difference(
     measurements: Measurements | None = None,
     metric: ElasticMetric | None = None,
     title: str | None = None,
+    system: str = "cm",
 ) -> Viewer:
     """Return a page with two bodies side by side, each coloured by where it differs.
 
@@ -91,6 +94,8 @@ def view_difference(
     metric : ElasticMetric, optional
         By default the metric of body shape, (1, 0.0001, 0).
     title : str, optional
+    system : {"cm", "in"}
+        Millimetres between surfaces and centimetres of measurements, or inches.
 
     Examples
     --------
@@ -99,10 +104,15 @@ def view_difference(
     >>> viewer = rh.plots.view_difference(bodies[0], bodies[10], faces, names=("Anna", "Ben"))
     >>> viewer.save("difference.html")
     """
-    difference = _difference(point_a, point_b, faces, measurements, names)
-    outside, added = difference.outside(), _density(difference, metric)
+    gap = gap_unit(system)
+    difference = _difference(point_a, point_b, faces, measurements, names, system)
+    outside, added = difference.outside(gap.scale), _density(difference, metric)
     shown = {
-        _MILLIMETRES: (outside, "mm", [f"+ outside of {name}, − inside" for name in names[::-1]]),
+        _LENGTHS[system]: (
+            outside,
+            gap.name,
+            [f"+ outside of {name}, − inside" for name in names[::-1]],
+        ),
         _DENSITY: ((added, added), "per m²", 2 * ["share of the squared distance"]),
     }
     choices = {
@@ -126,7 +136,7 @@ def view_difference(
         choices,
         legend="Colours",
         title=title or f"Differences of {names[0]} and {names[1]}",
-        description=_description(difference, names),
+        description=_description(difference, names, gap),
         panel=difference.panel,
     )
 
@@ -140,8 +150,9 @@ def plot_difference(
     measurements: Measurements | None = None,
     view: View | None = None,
     height: int = 640,
+    system: str = "cm",
 ) -> Figure:
-    """Draw two bodies side by side, each coloured by where it differs, in millimetres.
+    """Draw two bodies side by side, each coloured by where it differs, in millimetres or inches.
 
     Both are of one scale, on one floor, and share the scale of the colours.
 
@@ -152,14 +163,17 @@ def plot_difference(
     view : View, optional
     height : int
         Pixels.
+    system : {"cm", "in"}
+        Millimetres or inches.
 
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
     """
-    difference = _difference(point_a, point_b, faces, measurements, names, with_list=False)
-    values = np.stack(difference.outside())
+    gap = gap_unit(system)
+    difference = _difference(point_a, point_b, faces, measurements, names)
+    values = np.stack(difference.outside(gap.scale))
     figure = new_figure(7.2, 4.8)
     plot_path(
         np.stack(difference.surfaces),
@@ -167,7 +181,7 @@ def plot_difference(
         values,
         largest=colour_limit(values),
         labels=names,
-        label="+ outside of the other body, − inside, mm",
+        label=f"+ outside of the other body, − inside, {gap.name}",
         view=view,
         ax=figure.subplots(),
         height=height,
@@ -175,16 +189,16 @@ def plot_difference(
     return figure
 
 
-def _description(difference: _Difference, names: tuple[str, str]) -> str:
-    known = 1000.0 * difference.displacements[np.isfinite(difference.displacements)]
+def _description(difference: _Difference, names: tuple[str, str], gap: ReadableUnit) -> str:
+    known = gap.scale * difference.displacements[np.isfinite(difference.displacements)]
     if not len(known):
         return "No place was seen of both."
     pose = "In the standard pose" if difference.is_standard else "As they stand"
+    half, inside, outside = np.median(np.abs(known)), max(-known.min(), 0.0), max(known.max(), 0.0)
     said = (
-        f"{pose}, half of the surface of {names[1]} is within {np.median(np.abs(known)):.3g} mm of "
-        f"that of {names[0]}; it is up to {max(-known.min(), 0.0):.3g} mm inside and "
-        f"{max(known.max(), 0.0):.3g} mm outside. On each body, + is outside of the other and − "
-        "inside."
+        f"{pose}, half of the surface of {names[1]} is within {half:.3g} {gap.name} of that of "
+        f"{names[0]}; it is up to {inside:.3g} {gap.name} inside and {outside:.3g} {gap.name} "
+        "outside. On each body, + is outside of the other and − inside."
     )
     unknown = 1.0 - len(known) / len(difference.displacements)
     return f"{said} {100 * unknown:.0f} % was not seen of both and is grey." if unknown else said
@@ -208,15 +222,15 @@ def _difference(
     faces: ArrayLike | None,
     measurements: Measurements | None,
     names: tuple[str, str],
-    *,
-    with_list: bool = True,
+    system: str | None = None,
 ) -> _Difference:
+    """Return two bodies in one pose; with units, also the list of their measurements."""
     if isinstance(point_a, VisitComparison):
         if measurements is None:
             raise ArgumentError(
                 "measurements must be given with a comparison: those it was made by"
             )
-        return _of_comparison(point_a, measurements, names, with_list)
+        return _of_comparison(point_a, measurements, names, system)
     if point_b is None:
         raise ArgumentError("point_b must be given, unless point_a is a VisitComparison")
     first, triangles = as_surfaces(point_a, faces)
@@ -230,7 +244,7 @@ def _difference(
         measurements = None if definitions is None else Measurements(definitions)
     if measurements is not None and measurements.definitions.model is not None:
         compared = compare_visits(measurements, surface, second_surface)
-        return _of_comparison(compared, measurements, names, with_list)
+        return _of_comparison(compared, measurements, names, system)
     moved = procrustes(second_surface, to=surface, scale=None)
     triangles = np.asarray(triangles)
     outward = np.sum((moved - surface) * vertex_normals(surface, triangles), axis=1)
@@ -238,9 +252,13 @@ def _difference(
 
 
 def _of_comparison(
-    compared: VisitComparison, measurements: Measurements, names: tuple[str, str], with_list: bool
+    compared: VisitComparison,
+    measurements: Measurements,
+    names: tuple[str, str],
+    system: str | None,
 ) -> _Difference:
-    surfaces = compared.points_before, compared.points_after
-    panel = measurement_panel(measurements, surfaces, compared, names) if with_list else None
+    surfaces, panel = (compared.points_before, compared.points_after), None
+    if system is not None:
+        panel = measurement_panel(measurements, surfaces, compared, names, system)
     faces = measurements.definitions.faces
     return _Difference(surfaces, faces, compared.displacements, is_standard=True, panel=panel)

@@ -103,6 +103,7 @@ def measurement_panel(
     surfaces: Sequence[ndarray],
     measured: BodySizes | VisitComparison,
     names: tuple[str, ...] = (),
+    system: str = "cm",
 ) -> MeasurementPanel:
     """Return the list of measurements of one body, or of two with their change.
 
@@ -115,11 +116,13 @@ def measurement_panel(
         Values of the body, or of both.
     names : tuple of str
         Names of two bodies.
+    system : {"cm", "in"}
+        Units, see `readable_unit`.
     """
     lines = [measurements.lines(surface, axes="space") for surface in surfaces]
     every = measurements.definitions.measurements
     rows = [
-        _row(k, measured, any(len(body_lines[measurement.name]) for body_lines in lines))
+        _row(k, measured, any(len(body_lines[measurement.name]) for body_lines in lines), system)
         for k, measurement in enumerate(every)
     ]
     groups = {
@@ -136,8 +139,8 @@ def _with_units(rows: list[_Row]) -> list[_Row]:
     ]
 
 
-def _row(k: int, measured: BodySizes | VisitComparison, has_line: bool) -> _Row:
-    name, unit = measured.names[k], readable_unit(measured.units[k])
+def _row(k: int, measured: BodySizes | VisitComparison, has_line: bool, system: str) -> _Row:
+    name, unit = measured.names[k], readable_unit(measured.units[k], system)
     why = "; ".join(dict.fromkeys(w for (_, n), w in measured.why_missing.items() if n == name))
     if isinstance(measured, BodySizes):
         value = measured.values.reshape(-1, len(measured.names))[0, k]
@@ -173,6 +176,7 @@ def view_measurements(
     name: str = "",
     title: str = "Measurements",
     trusted_vertices: Any = None,
+    system: str = "cm",
 ) -> Viewer:
     """Return a page with a body, its measurements in a list, and their lines.
 
@@ -190,6 +194,8 @@ def view_measurements(
         Name of the body and title of the page.
     trusted_vertices : array_like of bool, shape (V,), optional
         As for `Measurements.measure`.
+    system : {"cm", "in"}
+        Units, see `rh.measurements.readable_unit`.
 
     Examples
     --------
@@ -207,7 +213,7 @@ def view_measurements(
         measurements.definitions.faces,
         {"Body": [ViewedBody(name, surface[np.newaxis])]},
         title=title,
-        panel=measurement_panel(measurements, [surface], measured),
+        panel=measurement_panel(measurements, [surface], measured, system=system),
     )
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,12 @@ def test_the_page_of_two_bodies(run, scans, tmp_path):
     text = page.read_text(encoding="utf-8")
     assert "Differences of body_0 and body_2" in text
     assert text.count("data-row=") == 2
+    assert "Millimetres" in text
+    assert run("compare", *files, *only, "--view", page, "--units", "in", "--force").code == 0
+    text = page.read_text(encoding="utf-8")
+    assert "Inches" in text
+    assert "Millimetres" not in text
+    assert not re.search(r"\d (mm|cm)\b", text)
     assert run("compare", *files, *only, "--view", tmp_path / "both.png").code == 0
     assert (tmp_path / "both.png").read_bytes()[1:4] == b"PNG"
 
