@@ -46,6 +46,18 @@ def shot(browser):
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
 
+def test_unknown_values_stay_grey_when_the_ends_move(browser, opened):
+    unknown = np.where(np.arange(len(HEIGHTS)) < 300, np.nan, HEIGHTS)
+    opened(unknown)
+    before = np.reshape(browser.run(COLORS), (-1, 3))
+    browser.run("document.querySelectorAll('.scale b')[1].focus()")
+    browser.press(*["\ue012"] * 20)
+    after = np.reshape(browser.run(COLORS), (-1, 3))
+    np.testing.assert_array_equal(after[:300], before[:300])
+    assert np.ptp(after[:300], axis=0).max() == 0
+    assert np.abs(after[300:] - before[300:]).max() > 0.2
+
+
 def test_keys_move_the_ends_of_the_bar_and_the_colours_with_them(browser, opened):
     opened(HEIGHTS)
     low, high = numbers(browser)

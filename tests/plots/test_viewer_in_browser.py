@@ -156,6 +156,18 @@ def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     assert state(browser, "zoom") == before
 
 
+def test_bodies_in_one_row_take_the_room_that_they_need(browser, opened):
+    """Turning, they never touch, and the row is in the middle of the stage."""
+    opened("bodies")
+    first, second = browser.run(
+        "return document.querySelector('.viewer').viewer.bodies()"
+        ".map((body) => ({ x: body.holder.position.x, radius: body.radius }))"
+    )
+    assert first["radius"] > 1.05 * second["radius"]
+    assert second["x"] - first["x"] == pytest.approx(first["radius"] + second["radius"])
+    assert first["x"] - first["radius"] == pytest.approx(-second["x"] - second["radius"])
+
+
 def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
     canvas = opened("signed", 600, 700)
     scale = [part.text for part in browser.driver.find_elements("css selector", ".scale span")]

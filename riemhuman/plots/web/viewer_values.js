@@ -51,7 +51,9 @@ class ValueScale {
     this.stops = colors.map((color) => [1, 3, 5].map((k) => parseInt(color.slice(k, k + 2), 16)));
     this.values = readings(body);
     let largest = body.largest;
-    body.values.forEach((value) => { largest = Math.max(largest, Math.abs(value)); });
+    body.values.forEach((value) => {
+      if (!Number.isNaN(value)) largest = Math.max(largest, Math.abs(value));
+    });
     this.limits = [this.signed ? -largest : 0, largest];
     this.first = [this.signed ? -body.largest : 0, body.largest];
     this.ends = this.first;
