@@ -292,7 +292,7 @@ class BodyModel(Unchanging):
         if betas is None:
             return self._rest
         betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
-        return self._rest + self._offsets(betas, "shapedirs")
+        return self._rest + self._offsets(betas, self._shape_rows)
 
     def _shaped_joints(self, betas: ArrayLike | None) -> Array:
         """Return the joints in the rest pose, linear in the betas like the vertices."""
@@ -306,7 +306,7 @@ class BodyModel(Unchanging):
     def _hand_offsets(self, hands: ArrayLike) -> Array:
         self._check_hands()
         hands = self._rounded(real_array(hands, "hands", (self.hand_directions.shape[-1],)))
-        return self._offsets(hands, "hand_directions")
+        return self._offsets(hands, self._hand_rows)
 
     def _check_hands(self) -> None:
         if not self.hand_poses:
@@ -348,15 +348,28 @@ class BodyModel(Unchanging):
         limbs = onp.flatnonzero(self.parents >= 0)
         feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self.dtype)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
-        return self._offsets(feature, "posedirs")
+        return self._offsets(feature, self._pose_rows)
 
-    def _offsets(self, coefficients: Array, name: str) -> Array:
-        if name not in self._matrices:
-            directions = getattr(self, name)
-            rows = directions.reshape(-1, directions.shape[-1]).T
-            self._matrices[name] = onp.ascontiguousarray(rows, dtype=self.dtype)
+    def _offsets(self, coefficients: Array, rows: onp.ndarray) -> Array:
+        """Return sums of the directions that are rows of a matrix."""
         shape = (*np.shape(coefficients)[:-1], self.n_vertices, 3)
-        return np.reshape(np.dot(coefficients, self._matrices[name]), shape)
+        return np.reshape(np.dot(coefficients, rows), shape)
+
+    def _rows(self, directions: onp.ndarray) -> onp.ndarray:
+        rows = directions.reshape(-1, directions.shape[-1]).T
+        return onp.ascontiguousarray(rows, dtype=self.dtype)
+
+    @cached_property
+    def _shape_rows(self) -> onp.ndarray:
+        return self._rows(self.shapedirs)
+
+    @cached_property
+    def _hand_rows(self) -> onp.ndarray:
+        return self._rows(self.hand_directions)
+
+    @cached_property
+    def _pose_rows(self) -> onp.ndarray:
+        return self._rows(onp.asarray(self.posedirs))  # of models that have them
 
     def _translated(self, points: Array, trans: ArrayLike | None) -> Array:
         if trans is None:
@@ -370,10 +383,6 @@ class BodyModel(Unchanging):
         shapes = onp.tensordot(self.shapedirs, self.joint_regressor, axes=(0, 1))
         rows = shapes.transpose(1, 2, 0).reshape(self.n_betas, -1)
         return rest.astype(self.dtype), rows.astype(self.dtype)
-
-    @cached_property
-    def _matrices(self) -> dict[str, onp.ndarray]:
-        return {}
 
 
 reads(

@@ -176,15 +176,18 @@ def fit_model(
             f"up to {max_iter} steps before they came to rest within {tolerance:g} m",
             ConvergenceWarning,
         )
-    shapes = {"betas": (model.n_betas,), "pose": (model.n_joints, 3), "trans": (3,)}
-    shapes |= {"distances": (combine.shape[0],), "converged": (), "n_iterations": ()}
+    hands = None
     if with_hands:
-        shapes["hands"] = (len(model.hand_pose("relaxed")),)
+        n_hands = len(model.hand_pose("relaxed"))
+        hands = np.array([fit.hands for fit in fits]).reshape((*lead, n_hands))
     return ModelFit(
-        **{
-            name: np.array([getattr(fit, name) for fit in fits]).reshape((*lead, *shape))
-            for name, shape in shapes.items()
-        }
+        betas=np.array([fit.betas for fit in fits]).reshape((*lead, model.n_betas)),
+        pose=np.array([fit.pose for fit in fits]).reshape((*lead, model.n_joints, 3)),
+        trans=np.array([fit.trans for fit in fits]).reshape((*lead, 3)),
+        distances=np.array([fit.distances for fit in fits]).reshape((*lead, combine.shape[0])),
+        converged=np.array([fit.converged for fit in fits]).reshape(lead),
+        n_iterations=np.array([fit.n_iterations for fit in fits]).reshape(lead),
+        hands=hands,
     )
 
 

@@ -35,6 +35,7 @@ class Manifold(ABC):
 
     Subclasses define which arrays are points (`belongs`), projections to the tangent spaces
     (`to_tangent`) and examples (`random_point`). `metric` is what it was equipped with last.
+    `riemhuman.testing.check_manifold` tries all three out.
 
     Parameters
     ----------
@@ -51,15 +52,21 @@ class Manifold(ABC):
     ...         super().__init__(1, (1,))
     ...
     ...     def belongs(self, point, atol=1e-9):
-    ...         return np.asarray(point)[..., 0] > 0
+    ...         point = np.asarray(point)
+    ...         if point.shape[-1:] != self.shape:
+    ...             return np.zeros(point.shape[:-1], dtype=bool)
+    ...         return point[..., 0] > 0
     ...
     ...     def to_tangent(self, vector, base_point=None):
     ...         return vector
     ...
-    ...     def random_point(self, n_samples=1, bound=1.0, *, rng=None):
-    ...         return np.exp(np.random.default_rng(rng).uniform(-bound, bound, (n_samples, 1)))
+    ...     def random_point(self, n_samples=1, bound=1.0, rng=None):
+    ...         shape = (1,) if n_samples == 1 else (n_samples, 1)
+    ...         return np.exp(np.random.default_rng(rng).uniform(-bound, bound, shape))
     >>> Positive().belongs(np.array([[2.0], [-1.0]])).tolist()
     [True, False]
+    >>> rh.testing.check_manifold(Positive()).passed
+    True
     """
 
     metric: RiemannianMetric

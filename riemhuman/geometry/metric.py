@@ -807,6 +807,9 @@ class ScalarProductMetric(RiemannianMetric):
         self.is_reparametrization_invariant = metric.is_reparametrization_invariant
         self.has_target_metric = metric.has_target_metric
 
+    def __repr__(self) -> str:
+        return f"{self.scale!r} * {self.underlying_metric!r}"
+
     @property
     def target_metric(self) -> RiemannianMetric:
         return self.scale * self.underlying_metric.target_metric

@@ -69,7 +69,11 @@ class GeodesicSolver(Protocol):
     """A strategy for paths of least energy between two points."""
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> SolvedPath:
-        """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`."""
+        """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`.
+
+        It may have `energies`, `n_iterations`, `n_evaluations`, `converged` and `message`, as
+        `riemhuman.solvers.PathResult` has.
+        """
 
 
 class ExpSolver(Protocol):
@@ -148,7 +152,12 @@ class MeanSolver(Protocol):
         initial_point: Points | None = None,
         exponent: int = 2,
     ) -> SolvedMean:
-        """Return an object with `point`, the mean, and `variance`; medians have exponent 1."""
+        """Return an object with `point`, the mean, and `variance`, Σ w_i d²/Σ w_i at the mean.
+
+        It may have what else `riemhuman.solvers.MeanResult` has. All weights are 1 if none are
+        given. The mean minimises Σ w_i d^exponent: 2, or 1 for
+        medians.
+        """
 
 
 class PathEnergy(Protocol):
