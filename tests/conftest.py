@@ -50,7 +50,7 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("riemhuman.plots.body_plots.render", lambda *given, **settings: pixels)
     monkeypatch.setattr(
         "riemhuman.report._page.figure_files",
-        lambda figure: ('<svg viewBox="0 0 4 3"></svg>', b""),
+        lambda figure, dots_an_inch: ('<svg viewBox="0 0 4 3"></svg>', b""),
     )
 
 

@@ -24,7 +24,8 @@ _INK = "#1d2025"  # of report.mplstyle; the colour of the theme replaces it
 _THEME = (
     "<style>:root{color:#1d2025}@media(prefers-color-scheme:dark){:root{color:#e7e8ea}}</style>"
 )
-_DPI = 300  # of bodies within figures: sharp on screens with two pixels to a point, and on paper
+FIGURE_DPI = 300
+"""Dots an inch of bodies in figures: sharp on screens with two pixels to a point, and on paper."""
 # Backends that write files.
 _CANVASES = {"png": "agg", "svg": "svg", "pdf": "pdf"}
 
@@ -101,7 +102,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(temporary, dpi=200, facecolor="white", format=ending, backend=canvas)
 
 
-def figure_files(figure: Figure) -> tuple[str, bytes]:
+def figure_files(figure: Figure, dots_an_inch: int = FIGURE_DPI) -> tuple[str, bytes]:
     """Return a figure as an SVG file without background, in the ink of the theme, and as a PNG."""
     engine = figure.get_layout_engine()
     if engine is not None:
@@ -111,14 +112,16 @@ def figure_files(figure: Figure) -> tuple[str, bytes]:
         figure.set_layout_engine(None)
     content = io.BytesIO()
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
-    figure.savefig(content, format="svg", dpi=_DPI, metadata=nothing)
+    figure.savefig(content, format="svg", dpi=dots_an_inch, metadata=nothing)
     svg = content.getvalue().decode("utf-8")
     end = svg.index(">", svg.index("<svg")) + 1
     # Ink has the colour of the theme; text without a colour would stay black.
     head = svg[svg.index("<svg") : end].replace("<svg", '<svg fill="currentColor"', 1)
     svg = head + _THEME + svg[end:].replace(_INK, "currentColor")
     content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=_DPI, facecolor="white", metadata={"Software": None})
+    figure.savefig(
+        content, format="png", dpi=dots_an_inch, facecolor="white", metadata={"Software": None}
+    )
     return svg, content.getvalue()
 
 

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 _METHODS = {"t-SNE": "t-sne", "MDS": "mds"}
 _TITLES = {method: title for title, method in _METHODS.items()}
 _NEAR = "near points are similar bodies; distances on the map have no unit"
-_MOST_POSES = 3  # of a person who is measured
 _FEWEST_PEOPLE = 4  # for a regression
 _FEWEST_ON_MAP = 6  # with fewer, there are no neighbourhoods to see
 _PAPER_CLASSES = 10  # of people and of poses of FAUST, of which the paper prints tables
@@ -296,7 +295,7 @@ def measurement_section(report: Report) -> Section | None:
     html = fill(
         "measurements",
         gap=gap_format(system),
-        most_poses=_MOST_POSES,
+        most_poses=report.plan.most_poses,
         people=output.table("measurements", means, si_units),
         columns=[("person", "Person" if report.has_poses else "Body"), *shown],
         lines=output.figure(
@@ -314,13 +313,13 @@ def measurement_section(report: Report) -> Section | None:
 
 def _measure(report: Report, definitions: MeasurementSet) -> Step:
     """Measure each person in the standard pose, and regress shape on the waist girth."""
-    bodies, seed = report.bodies, report.plan.seed
+    bodies, seed, most_poses = report.bodies, report.plan.seed, report.plan.most_poses
     people = np.unique(bodies.subject)
 
     def compute() -> Computed:
         measurements = Measurements(definitions)
         straight = [
-            in_standard_pose(definitions, bodies.points[bodies.subject == person][:_MOST_POSES])
+            in_standard_pose(definitions, bodies.points[bodies.subject == person][:most_poses])
             for person in people
         ]
         values = [measurements.measure(f, axes="space", missing="nan").values for f in straight]
@@ -359,7 +358,7 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
             record["n_permutations"] = shape.n_permutations
         return arrays, record
 
-    return report.store.step("measurements", compute, "Measurements", poses=_MOST_POSES, seed=seed)
+    return report.store.step("measurements", compute, "Measurements", poses=most_poses, seed=seed)
 
 
 def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:

@@ -175,6 +175,7 @@ class Output:
 
     folder: Path
     figures: ResultStore
+    dots_an_inch: int
 
     def figure(
         self,
@@ -194,12 +195,13 @@ class Output:
             else:
                 figure = new_figure(*size)
                 draw(*arguments, **settings, ax=figure.subplots())
-            svg, png = figure_files(figure)
+            svg, png = figure_files(figure, self.dots_an_inch)
             files = {"svg": svg.encode(), "png": png, "page": _smaller(svg).encode()}
             return {kind: np.frombuffer(data, np.uint8) for kind, data in files.items()}, {}
 
         given = _described(arguments)
         inputs = {"draw": draw.__name__, "arguments": given, "size": size, **settings}
+        inputs["dots_an_inch"] = self.dots_an_inch
         step = self.figures.step(name, compute, f"Figure {name}", **inputs)
         for kind in ("svg", "png"):
             place = self.folder / "figures" / f"{name}.{kind}"

@@ -15,6 +15,7 @@ from riemhuman.arrays import JSONValue
 from riemhuman.datasets import load_open_model, load_open_motions
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.plots.figures import FIGURE_DPI
 from riemhuman.report._page import Output
 from riemhuman.report._storage import Computed, ResultStore, Step
 from riemhuman.retrieval.benchmarks import (
@@ -42,7 +43,10 @@ TWO_BODIES = "the two bodies that differ most"  # of those that share neither
 
 @dataclass(frozen=True)
 class Plan:
-    """Sizes of the experiments, values of λ and c of the sweep with a = 1, tolerance and seed."""
+    """Sizes of the experiments, values of λ and c of the sweep with a = 1, tolerance and seed.
+
+    Of a person, some poses are measured; figures have some dots an inch.
+    """
 
     n_nodes: int = 11
     n_components: int = 100
@@ -50,6 +54,8 @@ class Plan:
     lams: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
     weights: tuple[float, ...] = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
     n_averaged: int = 5
+    most_poses: int = 3
+    dots_an_inch: int = FIGURE_DPI
     tolerance: float = 1e-5
     seed: int = 0
 
@@ -60,6 +66,8 @@ QUICK = Plan(
     sequences=("punching", "knees"),
     lams=(1e-4, 1e-2, 1.0),
     weights=(0.0, 1e-4, 1e-2, 1.0),
+    most_poses=2,
+    dots_an_inch=100,
     tolerance=1e-4,
 )
 

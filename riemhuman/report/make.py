@@ -125,8 +125,9 @@ def make_report(
     digest, results = fingerprint(bodies), folder / "results"
     common = {**_identity(), "bodies": digest}
     store = ResultStore(results, common, progress)
-    files = Output(folder, ResultStore(results / "figures", common, progress))
     plan = QUICK if quick else Plan()
+    figures = ResultStore(results / "figures", common, progress)
+    files = Output(folder, figures, plan.dots_an_inch)
     report = Report(bodies, plan, store, files, compared, basis, units)
     with figure_style():
         has_retrieval = any(task.is_retrieval for task in report.tasks)

@@ -17,6 +17,7 @@ from riemhuman.cli._file_commands import mesh_facts
 from riemhuman.datasets import load_open_model
 from riemhuman.io import load_mesh, save_arrays, save_mesh
 from riemhuman.measurements import Measurements
+from riemhuman.registration import simulated_scan
 from riemhuman.surfaces import DeformationBasis, signed_volume
 
 
@@ -274,3 +275,46 @@ def test_sizes_of_meshes_have_units(run, scans, bodies, tmp_path):
     said = run("info", tmp_path / "speck.ply").out
     assert re.search(r"^area .* units²$", said, re.MULTILINE)
     assert "none: no human body has this size; the file names none" in said
+
+
+def test_view_lays_a_scan_over_its_body_in_either_order(run, refused, bodies, tmp_path):
+    faces = bodies.template.faces
+    scan = simulated_scan(bodies.points[0], faces, rng=0, n_points=3000)
+    save_mesh(tmp_path / "body.ply", bodies.points[0], faces)
+    np.save(tmp_path / "scan.npy", 1000.0 * scan.points)
+    for files in (("scan.npy", "body.ply"), ("body.ply", "scan.npy")):
+        page = tmp_path / "over.html"
+        finished = run("view", *[tmp_path / name for name in files], "-o", page, "--force")
+        assert finished.code == 0
+        assert "scan.npy over body.ply" in page.read_text(encoding="utf-8")
+    np.save(tmp_path / "other.npy", np.random.default_rng(0).uniform(0, 1.7, (2000, 3)))
+    message = refused("view", tmp_path / "other.npy", tmp_path / "body.ply", "-o", page, "-f")
+    assert "does not lie over the body" in message
+
+
+def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
+    page = tmp_path / "both.html"
+    finished = run("view", scans / "body_0.ply", scans / "body_1.ply", "-o", page)
+    assert (finished.code, finished.out) == (0, f"{page}\n")
+    assert '"label":"body_0"' in page.read_text(encoding="utf-8")
+    run("view", scans, "--motion", "-o", tmp_path / "motion.html")
+    assert '"n_frames":6' in (tmp_path / "motion.html").read_text(encoding="utf-8")
+    arrays = {"path": bodies.points[:3], "faces": bodies.template.faces}
+    save_arrays(tmp_path / "path.npz", arrays)
+    run("view", tmp_path / "path.npz", "-o", tmp_path / "path.html")
+    assert '"n_frames":3' in (tmp_path / "path.html").read_text(encoding="utf-8")
+    # The folder of a geodesic holds its path, beside meshes or without them.
+    run("view", tmp_path, "-o", tmp_path / "folder.html")
+    page = (tmp_path / "folder.html").read_text(encoding="utf-8")
+    assert '"n_frames":3' in page
+    assert f"<title>{tmp_path.name}</title>" in page
+    run("view", tmp_path, "-o", tmp_path / "path.png")
+    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_pages_are_not_written_under_the_ending_of_something_else(refused, scans, tmp_path):
+    for name in ("a.avi", "a.glb"):
+        message = refused("view", scans / "body_0.ply", "-o", tmp_path / name)
+        assert ".html" in message
+        assert name in message
+    assert not list(tmp_path.iterdir())

@@ -7,7 +7,6 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.cli._format_commands import file_kinds
-from riemhuman.io import kinds_of_files
 
 KINDS = file_kinds()
 PAGE = Path(__file__).parents[2] / "tutorials" / "bring_your_data.md"
@@ -40,19 +39,3 @@ def test_files_are_written_back(kind, bodies, tmp_path):
         else:
             rh.save_mesh(file, bodies[0], bodies.template.faces)
         assert file.stat().st_size
-
-
-def test_a_reader_of_ones_own_is_in_the_table(run, monkeypatch):
-    monkeypatch.setattr(kinds_of_files, "KINDS", dict(kinds_of_files.KINDS))
-    kind = rh.io.FileKind(
-        *("files of my scanner", "my_package.load", (".bin",)),
-        registered="`ScanRegistration`",
-        measured="once registered",
-    )
-
-    @rh.io.reads(kind)
-    def load(path):
-        return path
-
-    assert load("a.bin") == "a.bin"
-    assert "| files of my scanner | .bin | `my_package.load` |" in run("formats").out

@@ -1,9 +1,7 @@
 """Files and folders are written atomically; outputs are checked before the work begins."""
 
 import errno
-import json
 import os
-import re
 import stat
 import subprocess
 import sys
@@ -24,12 +22,6 @@ from riemhuman.io.files import (
     short_message,
     write_text,
 )
-from riemhuman.io.outputs import (
-    atomic_folder,
-    check_output_file,
-    check_output_folder,
-)
-from riemhuman.io.text_tables import csv_cell, read_named_rows, read_rows
 
 HOLD = """
 import sys
@@ -39,10 +31,6 @@ with lock_file(Path(sys.argv[1]), "busy"):
     print("locked", flush=True)
     sys.stdin.read()
 """
-
-
-def is_ours(name):
-    return name.startswith("time_")
 
 
 def write_half(file, error):
@@ -152,199 +140,6 @@ def test_a_lock_is_for_one_process(tmp_path):
     assert not file.exists()
 
 
-def test_files_that_can_be_written(tmp_path, monkeypatch):
-    check_output_file(tmp_path / "new.npz", [".npz"], force=False)
-    (tmp_path / "old.NPZ").touch()
-    check_output_file(tmp_path / "old.NPZ", [".npz"], force=True)
-    monkeypatch.chdir(tmp_path)
-    check_output_file(Path("here.npz"), [".npz"], force=False)
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    with pytest.raises(FileError, match="no permission in .*; name another place"):
-        check_output_file(tmp_path / "new.npz", [".npz"], force=True)
-    with pytest.raises(FileError, match="no permission in"):
-        check_output_folder(tmp_path / "new", is_ours, force=True)
-
-
-@pytest.mark.parametrize(
-    ("name", "error", "message"),
-    [
-        ("new", FileFormatError, "ending must be .npz; found none"),
-        ("new.txt", FileFormatError, "ending must be .npz; found '.txt'"),
-        ("old.npz", FileError, "exists; --force replaces it"),
-        ("link.npz", FileError, "exists; --force replaces it"),
-        ("folder.npz", FileError, "is a folder"),
-        ("absent/new.npz", FileError, "make it first: mkdir -p '.*absent'"),
-        ("old.npz/new.npz", FileError, "old.npz is a file, not a folder"),
-    ],
-)
-def test_files_that_cannot_be_written(tmp_path, name, error, message):
-    (tmp_path / "old.npz").touch()
-    (tmp_path / "folder.npz").mkdir()
-    os.symlink(tmp_path / "nowhere", tmp_path / "link.npz")
-    with pytest.raises(error, match=message):
-        check_output_file(tmp_path / name, [".npz"], force=False)
-
-
-def test_folders(tmp_path):
-    old = tmp_path / "old"
-    check_output_folder(tmp_path / "new", is_ours, force=False)
-    old.mkdir()
-    check_output_folder(old, is_ours, force=False)
-    (old / "time_0.ply").touch()
-    check_output_folder(old, is_ours, force=True)
-    with pytest.raises(FileError, match="holds an earlier result; --force"):
-        check_output_folder(old, is_ours, force=False)
-    with pytest.raises(FileError, match="is a file; name a folder"):
-        check_output_folder(old / "time_0.ply", is_ours, force=True)
-    for add in (
-        lambda: (old / "thesis.tex").touch(),
-        lambda: (old / "time_1.ply").mkdir(),
-        lambda: (old / "time_1.ply").symlink_to(old / "time_0.ply"),
-    ):
-        add()
-        with pytest.raises(FileError, match=r"holds something else"):
-            check_output_folder(old, is_ours, force=True)
-        for entry in old.iterdir():
-            entry.rmdir() if entry.is_dir() else entry.unlink()
-    (tmp_path / "link").symlink_to(old)
-    with pytest.raises(FileError, match="link is a link"):
-        check_output_folder(tmp_path / "link", is_ours, force=True)
-
-
-def test_a_folder_is_replaced_as_a_whole(tmp_path):
-    path = tmp_path / "path"
-    for content in ("first", "second"):
-        with atomic_folder(path, is_ours) as temporary:
-            (temporary / "time_0").write_text(content)
-            assert content == "first" or (path / "time_0").read_text() == "first"
-        assert (path / "time_0").read_text() == content
-        path.chmod(0o700)
-
-    def fail(error):
-        with atomic_folder(path, is_ours) as temporary:
-            (temporary / "time_0").write_text("half")
-            raise error
-
-    for error, expected in (
-        (KeyboardInterrupt(), KeyboardInterrupt),
-        (BrokenPipeError(), BrokenPipeError),
-        (OSError(28, "No space left on device"), FileError),
-    ):
-        with pytest.raises(expected):
-            fail(error)
-        assert (path / "time_0").read_text() == "second"
-        assert list(tmp_path.iterdir()) == [path]
-    with atomic_folder(path, is_ours) as temporary:
-        (temporary / "time_1").touch()
-    assert os.listdir(path) == ["time_1"]
-    with pytest.raises(FileError, match=r"something else \(thesis"), atomic_folder(path, is_ours):
-        (path / "thesis.tex").touch()  # by somebody else, meanwhile
-    assert sorted(os.listdir(path)) == ["thesis.tex", "time_1"]
-    assert stat.S_IMODE(path.stat().st_mode) == 0o700
-
-
-WRITE = """
-import sys
-from pathlib import Path
-from riemhuman.io.outputs import atomic_folder
-with atomic_folder(Path(sys.argv[1]), lambda name: True) as temporary:
-    (temporary / "time_0").touch()
-    print("begun", flush=True)
-    sys.stdin.read()
-"""
-
-
-@pytest.mark.parametrize("other", ["path", "other"])
-def test_what_a_killed_writer_left_is_removed(tmp_path, other):
-    """By the next writer of this folder or of one beside it, and not while the writer lives."""
-    command = [sys.executable, "-c", WRITE, str(tmp_path / "path")]
-    writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert writer.stdout.readline() == "begun\n"
-    (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
-    with atomic_folder(tmp_path / "first", is_ours) as temporary:
-        (temporary / "time_0").touch()
-    assert (hidden / "time_0").exists()
-    writer.kill()
-    writer.communicate()
-    assert hidden.exists()
-    with (
-        pytest.warns(UserWarning, match=f"killed process had left: {re.escape(hidden.name)}"),
-        atomic_folder(tmp_path / other, is_ours) as temporary,
-    ):
-        (temporary / "time_0").touch()
-    assert {place.name for place in tmp_path.iterdir()} == {"first", other}
-
-
-def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path):
-    """Where the writer was killed between two renames."""
-    path, hidden = tmp_path / "path", tmp_path / ".path.0123abcd.part"
-    for place in (hidden, tmp_path / f"{hidden.name}.replaced"):
-        place.mkdir()
-        (place / "time_0").write_text(place.suffix)
-    (tmp_path / f"{hidden.name}.lock").touch()
-    thesis = tmp_path / ".thesis.part.lock"
-    thesis.touch()
-    with (
-        pytest.raises(KeyboardInterrupt),
-        pytest.warns(UserWarning, match="killed"),
-        atomic_folder(path, is_ours),
-    ):
-        raise KeyboardInterrupt
-    assert {place.name for place in tmp_path.iterdir()} == {"path", thesis.name}
-    assert (path / "time_0").read_text() == ".replaced"
-
-
-def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):
-    path = tmp_path / "path"
-    path.mkdir()
-    (path / "time_0").touch()
-    rename = os.rename
-
-    def refuse_new(source, target):
-        if target == path and (source / "time_1").exists():
-            raise OSError(28, "No space left on device")
-        rename(source, target)
-
-    monkeypatch.setattr(os, "rename", refuse_new)
-    with pytest.raises(FileError, match="No space left"), atomic_folder(path, is_ours) as temporary:
-        (temporary / "time_1").touch()
-    assert os.listdir(path) == ["time_0"]
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_cells_are_one_line_and_no_formulas():
-    for text, expected in [
-        ("Zoë 1.ply", "Zoë 1.ply"),
-        ("=cmd|'/c calc'!A1", "'=cmd|'/c calc'!A1"),
-        ("-1", "'-1"),
-        ("@SUM(A1)", "'@SUM(A1)"),
-        ("\t=1", "' =1"),
-        ("two\nlines\r\n", "two lines  "),
-        ("two\u2028lines", "two lines"),
-        ("\udcff.ply", "\\udcff.ply"),
-        ("", ""),
-    ]:
-        assert csv_cell(text) == expected
-
-
-def test_named_rows(tmp_path):
-    file = tmp_path / "rows.csv"
-    file.write_text("Name, x, y\nanna, 1, 2\n\nbert,3,-4e1\n")
-    rows = read_named_rows(file, "name")
-    assert {name: row.tolist() for name, row in rows.items()} == {"anna": [1, 2], "bert": [3, -40]}
-    for text, message in [
-        ("", "holds no rows"),
-        ("a,1\na,2\n", "line 2: the name 'a' is repeated"),
-        ("a,1\n,2\n", "line 2: the name is missing"),
-        ("a,1\nb,2,3\n", "line 2: 2 numbers found, 1 expected"),
-        ("a,1\nb,two\n", "line 2: 'two' is not a number"),
-        ('a,"1\n', "line 1"),
-    ]:
-        file.write_text(text)
-        with pytest.raises(FileFormatError, match=message):
-            read_named_rows(file, "name")
-
-
 @pytest.mark.parametrize(
     ("name", "message"), [("a" * 300, "300 bytes"), ("ä" * 150, "300 bytes"), ("a\0b", "null char")]
 )
@@ -364,35 +159,6 @@ def test_names_that_no_file_has_are_refused(tmp_path, name, message):
     ):
         with pytest.raises(FileError, match=message.replace("300", r"\d+")):
             function()
-
-
-def test_nested_brackets_in_measurements_are_refused(tmp_path):
-    file = tmp_path / "set.json"
-    file.write_text("[" * 50_000 + "]" * 50_000, encoding="utf-8")
-    model = rh.datasets.load_open_model("coarse")
-    with pytest.raises(FileFormatError, match=r"set\.json does not hold measurements"):
-        rh.measurements.MeasurementSet.load(file, model)
-
-
-def test_cells_longer_than_readers_take_are_refused(tmp_path):
-    file = tmp_path / "labels.csv"
-    file.write_text(f"file,subject,pose\na.ply,{'x' * 200_000},b\n")
-    for read in (read_rows, lambda file: read_named_rows(file, "name")):
-        with pytest.raises(FileFormatError, match=r"labels\.csv, line 2: field larger than"):
-            read(file)
-
-
-@pytest.mark.parametrize("digits", ["1e400", "9" * 400, "-1" + "0" * 30])
-def test_absurd_numbers_in_measurements_are_refused(tmp_path, digits):
-    model = rh.datasets.load_open_model("coarse")
-    definitions = rh.measurements.Measurements(model).definitions
-    definitions.with_measurements(["stature"]).save(tmp_path / "set.json")
-    record = json.loads((tmp_path / "set.json").read_text())
-    record["parts"] = {"arm": [["absurd", "absurd"]]}
-    text = json.dumps(record).replace('"absurd"', digits)
-    (tmp_path / "set.json").write_text(text)
-    with pytest.raises(FileFormatError, match=r"set\.json does not hold measurements"):
-        rh.measurements.MeasurementSet.load(tmp_path / "set.json", model)
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,7 @@ def make_small_report(nine_bodies):
         for one in added:
             extensions.register(*one)
         try:
-            with pytest.MonkeyPatch.context() as coarse:
-                coarse.setattr("riemhuman.plots.figures._DPI", 40)
-                coarse.setattr("riemhuman.report._body_sections._MOST_POSES", 2)
-                return make_report(output, bodies=nine_bodies, basis=basis, quick=True)
+            return make_report(output, bodies=nine_bodies, basis=basis, quick=True)
         finally:
             for kind, name, _ in added:
                 extensions.unregister(kind, name)

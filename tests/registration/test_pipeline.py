@@ -1,21 +1,156 @@
-"""Scans as scanners make them: inward parts, sparse floors, outliers; bodies written upright."""
+"""Whole registrations: scans as scanners make them, people with flesh, unusual poses."""
 
 import re
 
 import numpy as np
 import pytest
-from scanned_people import bun, sparse_floor, with_inward_arms
+from scanned_people import bun, result_of_one_search, settings_with, sparse_floor, with_inward_arms
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration import find_inward_triangles, simulated_scan
+from riemhuman.datasets import joint_rotations, pose_vectors
+from riemhuman.datasets.open_bodies import surface_noise
+from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_poses import BodyParts
-from riemhuman.registration._trust import find_lost_limbs
+from riemhuman.registration._trust import find_lost_limbs, find_overlaps
 from riemhuman.registration._verdict import _other_units
 from riemhuman.registration.scans import as_scan
 from riemhuman.registration.settings import TrustSettings
+
+SETTINGS = TrustSettings()
+
+HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
+FAR = 0.03
+
+
+@pytest.fixture(scope="module")
+def natural_bodies():
+    return rh.datasets.load_open_bodies("coarse", variant="natural", people=777)
+
+
+def scan_of(natural_bodies, number):
+    faces = natural_bodies.template.faces
+    return simulated_scan(natural_bodies[number], faces, number, n_points=12_000, missing=0.1)
+
+
+def error(result, scan):
+    return np.linalg.norm(result.points - scan.body, axis=1).mean()
+
+
+def test_hands_on_the_head_are_no_overlap(registration, natural_bodies):
+    """A finger is so thin that the skin beneath it counts as matched; other parts are not."""
+    template, on_hands = registration.model.template, BodyParts(registration.model).on_hands
+    whole = np.ones(template.n_vertices, dtype=bool)
+    poses = [
+        k
+        for k in range(100)
+        if natural_bodies.pose_names[natural_bodies.pose[k]] == "hands_on_head"
+    ]
+    shares = [
+        find_overlaps(template, natural_bodies[k], whole, SETTINGS).near.mean() for k in poses
+    ]
+    assert max(shares) > SETTINGS.largest_overlap
+    for k in poses:
+        assert not find_overlaps(template, natural_bodies[k], ~on_hands, SETTINGS).near.any()
+
+
+@pytest.mark.slow
+def test_hands_on_hips(registration, natural_bodies):
+    scan = scan_of(natural_bodies, HANDS_ON_HIPS)
+    result = registration.solve(scan.points)
+    assert result.trusted, result.message
+    assert error(result, scan) < 0.02
+
+
+def test_a_hand_on_the_ear(model, natural_bodies):
+    """No start pose has one hand on the ear and the other arm hanging: arms are tried alone."""
+    settings = settings_with(poses=("a", "down", "head", "elbows"))
+    registration = ScanRegistration(model, up="y", settings=settings)
+    scan = scan_of(natural_bodies, HAND_ON_EAR)
+    result = registration.solve(scan.points)
+    assert result.trusted, result.message
+    assert error(result, scan) < 0.01
+    assert np.linalg.norm(result.points - scan.body, axis=1).max() < 0.05
+
+
+@pytest.mark.slow
+def test_a_wrong_arm_is_not_trusted(registration_from, natural_bodies):
+    """From one start pose alone, an arm is not found, and missed."""
+    scan = scan_of(natural_bodies, HAND_ON_EAR)
+    result = result_of_one_search(registration_from("hips"), scan.points)
+    assert error(result, scan) > FAR
+    assert not result.trusted
+    assert re.search("its right (forearm|hand) matches hardly anything", result.message)
+
+
+@pytest.mark.slow
+def test_landmarks_bring_the_arm_where_it_is(model, natural_bodies):
+    registration = ScanRegistration(model, up="y", settings=settings_with(tries_arms=False))
+    scan = scan_of(natural_bodies, HAND_ON_EAR)
+    joints = registration.model.joint_regressor @ scan.body
+    names = list(registration.model.joint_names)
+    known = {name: joints[names.index(name)] for name in ("left_elbow", "left_wrist")}
+    result = registration.solve(scan.points, landmarks=known)
+    assert result.trusted, result.message
+    assert error(result, scan) < 0.02
+
+
+# People who jump, kick, kneel, sit on the floor, crawl or lie are found without a hint.
+
+POSES = {
+    "jump": {"hip": ["x", -15], "knee": ["x", 115], "shoulder": ["z", 25]},
+    "kick": {"left_hip": ["x", -105], "shoulder": ["z", -25], "elbow": ["y", -40]},
+    "side kick": {"right_hip": ["z", -80], "elbow": ["y", -90], "shoulder": ["z", -60]},
+    "kneel": {"hip": ["x", -8], "knee": ["x", 95], "shoulder": ["z", -70]},
+    "sit on heels": {"hip": ["x", -80], "knee": ["x", 145], "shoulder": ["xz", -30, -70]},
+    "half kneel": {"left_hip": ["x", -90], "knee": ["x", 90], "shoulder": ["z", -70]},
+    "sit on the floor": {"hip": ["xz", -95, 8], "knee": ["x", 12], "shoulder": ["z", -60]},
+    "cross-legged": {"hip": ["yxy", 60, -80, 30], "knee": ["x", 115], "shoulder": ["z", -60]},
+    "crawl": {
+        "pelvis": ["x", 85],
+        "hip": ["x", -85],
+        "knee": ["x", 90],
+        "shoulder": ["y", -85],
+        "neck": ["x", -30],
+    },
+    "lie on the back": {"pelvis": ["x", -90], "shoulder": ["z", -60], "hip": ["z", 10]},
+    "lie on the front": {"pelvis": ["x", 90], "shoulder": ["z", -50], "hip": ["z", 8]},
+    "lie on a side": {
+        "pelvis": ["z", 90],
+        "hip": ["x", -40],
+        "knee": ["x", 50],
+        "shoulder": ["y", -60],
+    },
+}
+
+
+def someone(name, model, rng):
+    """Return a body whose joints differ from those of a pose, with details of its own."""
+    vectors = pose_vectors(joint_rotations(POSES[name], model)[None], model)[0]
+    joints = [joint.split("_")[-1] for joint in model.joint_names]
+    limbs = np.isin(joints, ["shoulder", "elbow", "hip", "knee"])
+    degrees = np.where(limbs, 10.0, 4.0) * (model.parents >= 0)
+    vectors = vectors + np.radians(degrees)[:, np.newaxis] * rng.standard_normal(vectors.shape)
+    betas = np.zeros(model.n_betas)
+    betas[:10] = np.clip(rng.standard_normal(10), -2.0, 2.0)
+    return model(betas, vectors) + surface_noise(model.template.vertices, 0.0015, (0.1, 0.4), rng)
+
+
+@pytest.mark.everyday("lie on the back")
+@pytest.mark.parametrize("name", POSES)
+def test_unusual_poses_are_found(registration, model, name):
+    rng = np.random.default_rng([31, list(POSES).index(name)])
+    body = someone(name, model, rng)
+    scan = simulated_scan(body, model.faces, rng, n_points=6000, missing=0.05)
+    result = registration.solve(scan.points)
+    assert result.trusted, result.message
+    assert result.trusted_vertices.mean() > 0.85
+    assert np.linalg.norm(result.points - scan.body, axis=1).mean() < 0.015
+
+
+# Scans as scanners make them: inward parts, sparse floors, outliers; bodies written upright.
 
 
 @pytest.fixture(scope="module")

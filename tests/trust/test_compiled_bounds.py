@@ -1,15 +1,18 @@
-"""Compiled loops of terms stay inside their arrays."""
+"""Compiled loops of terms and kernels stay inside their arrays."""
 
 from functools import partial
 
 import numpy as np
 import pytest
+from block_patterns import couplings
 from cases import deformations, open_template, surfaces
 from interpreted import check_bounds, interpret
 from packed_fields import field_features
+from scipy.sparse import bsr_array
 from scipy.spatial.distance import cdist
 
-from riemhuman.kernels import surface
+from riemhuman.kernels import elimination, rotations, surface
+from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.threads import CHUNK, of_one_kind
 from riemhuman.terms import (
     ConeTerm,
@@ -110,3 +113,33 @@ def test_flat_pairs(monkeypatch, shape):
     distances = partial(flat.RootNormalTerm().squared_distances, areas=np.ones(n_values))
     np.testing.assert_allclose(distances(a, b), cdist(a, b) ** 2)
     np.testing.assert_allclose(np.triu(distances(a, a), 1), np.triu(cdist(a, a) ** 2))
+
+
+# Compiled loops of kernels stay inside their arrays.
+
+
+def test_nearest_rotations(monkeypatch):
+    matrices = np.eye(3) + 0.1 * np.random.default_rng(6).standard_normal((4, 3, 3))
+    calls = [lambda: [rotations.nearest_rotations(matrices)]]
+    check_bounds(monkeypatch, [rotations], calls)
+
+
+@pytest.mark.parametrize("n_sides", [elimination.WIDTH, 4])
+def test_elimination(monkeypatch, n_sides):
+    coupled = couplings("chain")
+    n, lanes = len(coupled), None if n_sides == 4 else (0,) * n_sides
+    dense = np.kron(coupled + 3.0 * np.eye(n), np.ones((3, 3))) + 9.0 * np.eye(3 * n)
+    blocks = bsr_array(dense, blocksize=(3, 3))
+    found = elimination_of(blocks)
+    sides = np.random.default_rng(9).standard_normal((n, 3 * n_sides))
+
+    def solved():
+        lower, pivots, x = np.zeros((len(found.rows), 9)), np.empty((n, 3)), sides.copy()
+        lower[found.targets] = blocks.data.reshape(-1, 9)[found.sources]
+        where = (found.ends, found.rows)
+        elimination.eliminate(*where, found.columns, found.row_ends, found.by_row, lower, pivots)
+        elimination.solve_lower(*where, lower, x, lanes)
+        elimination.solve_upper(*where, lower, x, lanes)
+        return [lower, pivots, x]
+
+    check_bounds(monkeypatch, [elimination], [solved])

@@ -1,0 +1,32 @@
+"""Checks of triangles, and pairs of numbers."""
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import (
+    ArgumentError,
+)
+from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs, split_polygons
+
+
+def test_checks_of_meshes():
+    vertices, faces = check_mesh([[0, 0, 0], [1, 1, 1]], [[0, 1, 1], [0.0, 0.0, 0.0]])
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
+    with pytest.raises(ArgumentError, match=r"faces\[1\] = \(0, 0, 9\) \(and 1 more\).* holds 2"):
+        check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]])
+
+
+def test_polygons_of_few_corners():
+    assert split_polygons(np.zeros(0, int), np.zeros(0, int)).shape == (0, 3)
+    with pytest.raises(ArgumentError, match="1 of 3 have fewer, .*index 1 with 2"):
+        split_polygons(np.arange(12), np.array([3, 2, 7]))
+
+
+def test_distinct_pairs_are_those_of_numpy():
+    pairs = np.random.default_rng(0).integers(0, 7, (40, 2))
+    edges, counts = np.unique(pairs, axis=0, return_counts=True)
+    found, places, found_counts = distinct_pairs(pairs)
+    assert np.array_equal(found, edges)
+    assert np.array_equal(found_counts, counts)
+    assert np.array_equal(found[places], pairs)
+    assert [len(part) for part in distinct_pairs(pairs[:0])] == [0, 0, 0]

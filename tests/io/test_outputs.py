@@ -1,0 +1,181 @@
+"""Places of outputs are checked before the work, and folders appear whole or not at all."""
+
+import os
+import re
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from riemhuman.errors import FileError, FileFormatError
+from riemhuman.io.outputs import (
+    atomic_folder,
+    check_output_file,
+    check_output_folder,
+)
+
+
+def is_ours(name):
+    return name.startswith("time_")
+
+
+def test_files_that_can_be_written(tmp_path, monkeypatch):
+    check_output_file(tmp_path / "new.npz", [".npz"], force=False)
+    (tmp_path / "old.NPZ").touch()
+    check_output_file(tmp_path / "old.NPZ", [".npz"], force=True)
+    monkeypatch.chdir(tmp_path)
+    check_output_file(Path("here.npz"), [".npz"], force=False)
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(FileError, match="no permission in .*; name another place"):
+        check_output_file(tmp_path / "new.npz", [".npz"], force=True)
+    with pytest.raises(FileError, match="no permission in"):
+        check_output_folder(tmp_path / "new", is_ours, force=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "message"),
+    [
+        ("new", FileFormatError, "ending must be .npz; found none"),
+        ("new.txt", FileFormatError, "ending must be .npz; found '.txt'"),
+        ("old.npz", FileError, "exists; --force replaces it"),
+        ("link.npz", FileError, "exists; --force replaces it"),
+        ("folder.npz", FileError, "is a folder"),
+        ("absent/new.npz", FileError, "make it first: mkdir -p '.*absent'"),
+        ("old.npz/new.npz", FileError, "old.npz is a file, not a folder"),
+    ],
+)
+def test_files_that_cannot_be_written(tmp_path, name, error, message):
+    (tmp_path / "old.npz").touch()
+    (tmp_path / "folder.npz").mkdir()
+    os.symlink(tmp_path / "nowhere", tmp_path / "link.npz")
+    with pytest.raises(error, match=message):
+        check_output_file(tmp_path / name, [".npz"], force=False)
+
+
+def test_folders(tmp_path):
+    old = tmp_path / "old"
+    check_output_folder(tmp_path / "new", is_ours, force=False)
+    old.mkdir()
+    check_output_folder(old, is_ours, force=False)
+    (old / "time_0.ply").touch()
+    check_output_folder(old, is_ours, force=True)
+    with pytest.raises(FileError, match="holds an earlier result; --force"):
+        check_output_folder(old, is_ours, force=False)
+    with pytest.raises(FileError, match="is a file; name a folder"):
+        check_output_folder(old / "time_0.ply", is_ours, force=True)
+    for add in (
+        lambda: (old / "thesis.tex").touch(),
+        lambda: (old / "time_1.ply").mkdir(),
+        lambda: (old / "time_1.ply").symlink_to(old / "time_0.ply"),
+    ):
+        add()
+        with pytest.raises(FileError, match=r"holds something else"):
+            check_output_folder(old, is_ours, force=True)
+        for entry in old.iterdir():
+            entry.rmdir() if entry.is_dir() else entry.unlink()
+    (tmp_path / "link").symlink_to(old)
+    with pytest.raises(FileError, match="link is a link"):
+        check_output_folder(tmp_path / "link", is_ours, force=True)
+
+
+def test_a_folder_is_replaced_as_a_whole(tmp_path):
+    path = tmp_path / "path"
+    for content in ("first", "second"):
+        with atomic_folder(path, is_ours) as temporary:
+            (temporary / "time_0").write_text(content)
+            assert content == "first" or (path / "time_0").read_text() == "first"
+        assert (path / "time_0").read_text() == content
+        path.chmod(0o700)
+
+    def fail(error):
+        with atomic_folder(path, is_ours) as temporary:
+            (temporary / "time_0").write_text("half")
+            raise error
+
+    for error, expected in (
+        (KeyboardInterrupt(), KeyboardInterrupt),
+        (BrokenPipeError(), BrokenPipeError),
+        (OSError(28, "No space left on device"), FileError),
+    ):
+        with pytest.raises(expected):
+            fail(error)
+        assert (path / "time_0").read_text() == "second"
+        assert list(tmp_path.iterdir()) == [path]
+    with atomic_folder(path, is_ours) as temporary:
+        (temporary / "time_1").touch()
+    assert os.listdir(path) == ["time_1"]
+    with pytest.raises(FileError, match=r"something else \(thesis"), atomic_folder(path, is_ours):
+        (path / "thesis.tex").touch()  # by somebody else, meanwhile
+    assert sorted(os.listdir(path)) == ["thesis.tex", "time_1"]
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+WRITE = """
+import sys
+from pathlib import Path
+from riemhuman.io.outputs import atomic_folder
+with atomic_folder(Path(sys.argv[1]), lambda name: True) as temporary:
+    (temporary / "time_0").touch()
+    print("begun", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("other", ["path", "other"])
+def test_what_a_killed_writer_left_is_removed(tmp_path, other):
+    """By the next writer of this folder or of one beside it, and not while the writer lives."""
+    command = [sys.executable, "-c", WRITE, str(tmp_path / "path")]
+    writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert writer.stdout.readline() == "begun\n"
+    (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
+    with atomic_folder(tmp_path / "first", is_ours) as temporary:
+        (temporary / "time_0").touch()
+    assert (hidden / "time_0").exists()
+    writer.kill()
+    writer.communicate()
+    assert hidden.exists()
+    with (
+        pytest.warns(UserWarning, match=f"killed process had left: {re.escape(hidden.name)}"),
+        atomic_folder(tmp_path / other, is_ours) as temporary,
+    ):
+        (temporary / "time_0").touch()
+    assert {place.name for place in tmp_path.iterdir()} == {"first", other}
+
+
+def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path):
+    """Where the writer was killed between two renames."""
+    path, hidden = tmp_path / "path", tmp_path / ".path.0123abcd.part"
+    for place in (hidden, tmp_path / f"{hidden.name}.replaced"):
+        place.mkdir()
+        (place / "time_0").write_text(place.suffix)
+    (tmp_path / f"{hidden.name}.lock").touch()
+    thesis = tmp_path / ".thesis.part.lock"
+    thesis.touch()
+    with (
+        pytest.raises(KeyboardInterrupt),
+        pytest.warns(UserWarning, match="killed"),
+        atomic_folder(path, is_ours),
+    ):
+        raise KeyboardInterrupt
+    assert {place.name for place in tmp_path.iterdir()} == {"path", thesis.name}
+    assert (path / "time_0").read_text() == ".replaced"
+
+
+def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "path"
+    path.mkdir()
+    (path / "time_0").touch()
+    rename = os.rename
+
+    def refuse_new(source, target):
+        if target == path and (source / "time_1").exists():
+            raise OSError(28, "No space left on device")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", refuse_new)
+    with pytest.raises(FileError, match="No space left"), atomic_folder(path, is_ours) as temporary:
+        (temporary / "time_1").touch()
+    assert os.listdir(path) == ["time_0"]
+    assert list(tmp_path.iterdir()) == [path]
