@@ -27,8 +27,6 @@ def test_errors_are_what_people_expect(name, built_in):
     error = getattr(errors, name)
     assert issubclass(error, errors.RiemhumanError)
     assert issubclass(error, built_in)
-    with pytest.raises(built_in, match="found 3"):
-        raise error("expected 2; found 3")
 
 
 def test_none_is_forgotten():

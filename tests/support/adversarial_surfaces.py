@@ -118,21 +118,21 @@ def make(family: str, mesh: str, severity: float, seed: int) -> Surfaces:
 
 def draw(rng: np.random.Generator) -> tuple[Surfaces, tuple[float, float, float]]:
     """Return surfaces whose triangles have areas, and weights (a, λ, c)."""
-    found = make(
+    drawn = make(
         str(rng.choice(FAMILIES)),
         str(rng.choice(list(MESHES))),
         rng.uniform(),
         int(rng.integers(2**16)),
     )
     abc = rng.choice([1e-3, 1.0, 1e3]), 10 ** rng.uniform(-8.0, 4.0), rng.choice([1e-2, 1.0, 1e2])
-    return found if found.legal else make("plain", "open", 0.0, 0), abc
+    return drawn if drawn.legal else make("plain", "open", 0.0, 0), abc
 
 
-def exact_elastic(found: Surfaces, i: int, j: int, a: float, lam: float, c: float) -> mp.mpf:
+def exact_elastic(surfaces: Surfaces, i: int, j: int, a: float, lam: float, c: float) -> mp.mpf:
     """Return the squared distance with 60 digits."""
     total = mp.mpf(0)
-    for face in found.template.faces:
-        both = (*found.points[[i, j]], found.template.vertices)
+    for face in surfaces.template.faces:
+        both = (*surfaces.points[[i, j]], surfaces.template.vertices)
         f, g, t = (edges(points[face]) for points in both)
         if a:
             total += mp.mpf(a) * exact_squared_dist(f.T * f, g.T * g, lam) / 2
@@ -142,12 +142,12 @@ def exact_elastic(found: Surfaces, i: int, j: int, a: float, lam: float, c: floa
 
 
 def exact_elastic_product(
-    found: Surfaces, h: np.ndarray, k: np.ndarray, a: float, lam: float, c: float
+    surfaces: Surfaces, h: np.ndarray, k: np.ndarray, a: float, lam: float, c: float
 ) -> mp.mpf:
     """Return the inner product of deformations at the first surface with 60 digits."""
     total = mp.mpf(0)
-    for face in found.template.faces:
-        everything = (found.points[0], h, k, found.template.vertices)
+    for face in surfaces.template.faces:
+        everything = (surfaces.points[0], h, k, surfaces.template.vertices)
         f, *changes, t = (edges(points[face]) for points in everything)
         inverse, area = (f.T * f) ** -1, mp.norm(normal(f))
         if a:
@@ -165,11 +165,11 @@ def exact_traces(p: mp.matrix, q: mp.matrix, lam: float) -> mp.mpf:
     return product[0, 0] + product[1, 1] + (mp.mpf(lam) - mp.mpf(0.5)) * traces
 
 
-def exact_srnf_product(found: Surfaces, h: np.ndarray, k: np.ndarray) -> mp.mpf:
+def exact_srnf_product(surfaces: Surfaces, h: np.ndarray, k: np.ndarray) -> mp.mpf:
     """Return the inner product for square root normal fields with 60 digits."""
     total = mp.mpf(0)
-    for face in found.template.faces:
-        f, *changes = (edges(points[face]) for points in (found.points[0], h, k))
+    for face in surfaces.template.faces:
+        f, *changes = (edges(points[face]) for points in (surfaces.points[0], h, k))
         n = normal(f)
         # The root of an area is that of the length of N = f_u × f_v, over √2.
         slopes = []
@@ -187,13 +187,13 @@ def change_of_normal(e: mp.matrix, change: mp.matrix) -> mp.matrix:
     return (slope - (n.T * slope)[0] * n) / mp.norm(normal(e))
 
 
-def exact_srnf(found: Surfaces, i: int, j: int) -> mp.mpf:
+def exact_srnf(surfaces: Surfaces, i: int, j: int) -> mp.mpf:
     """Return the squared distance of the square root normal fields with 60 digits."""
     total = mp.mpf(0)
-    for face in found.template.faces:
+    for face in surfaces.template.faces:
         q1, q2 = (
             mp.sqrt(exact_area(e)) * normal(e) / mp.norm(normal(e))
-            for e in (edges(points[face]) for points in found.points[[i, j]])
+            for e in (edges(points[face]) for points in surfaces.points[[i, j]])
         )
         total += mp.norm(q1 - q2) ** 2
     return total
@@ -217,20 +217,20 @@ def exact_area(e: mp.matrix) -> mp.mpf:
     return mp.norm(normal(e)) / 2
 
 
-def scale_of_elastic(found: Surfaces, a: float, lam: float, c: float) -> float:
+def scale_of_elastic(surfaces: Surfaces, a: float, lam: float, c: float) -> float:
     """Return how far a relative change 1 of all triangles moves a surface, to first order.
 
     A change η of the edges relative to the heights changes g by 2η g at most in every direction,
     which is √(2 + 4λ) 2η √area in the Ebin metric, but never more than 8 √(λ area), twice the way
     to the apex; and a normal by η.
     """
-    faces = found.template.faces
-    area = max(float(areas(points, faces).sum()) for points in found.points)
+    faces = surfaces.template.faces
+    area = max(float(areas(points, faces).sum()) for points in surfaces.points)
     ebin = 2 * min(np.sqrt(2 + 4 * lam), 4 * np.sqrt(lam) / EPS) * np.sqrt(area)
-    return float(np.sqrt(a) * ebin + np.sqrt(c * found.template.face_areas.sum()))
+    return float(np.sqrt(a) * ebin + np.sqrt(c * surfaces.template.face_areas.sum()))
 
 
-def scale_of_srnf(found: Surfaces) -> float:
+def scale_of_srnf(surfaces: Surfaces) -> float:
     """Return how far a relative change 1 of all triangles moves a surface, to first order."""
-    faces = found.template.faces
-    return float(np.sqrt(max(areas(points, faces).sum() for points in found.points)))
+    faces = surfaces.template.faces
+    return float(np.sqrt(max(areas(points, faces).sum() for points in surfaces.points)))

@@ -86,9 +86,10 @@ class Disentangled:
         """Return pairs in which b is the person whose torso is most like that of a."""
         torso, similar = self.parts["torso"], []
         for a, p, _, q in pairs:
-            own = self.points[a, q][torso]
+            torso_of_a = self.points[a, q][torso]
             gaps = [
-                np.inf if k == a else distance(self.points[k, q][torso], own) for k in range(10)
+                np.inf if k == a else distance(self.points[k, q][torso], torso_of_a)
+                for k in range(10)
             ]
             similar.append((a, p, int(np.argmin(gaps)), q))
         return similar
@@ -97,24 +98,24 @@ class Disentangled:
         """Measure person a, known in pose p, in the pose q of person b; millimetres."""
         shape, pose, truth = self.points[a, p], self.points[b, q], self.points[a, q]
         performed = self.perform(a, self.poses[b, q])
-        found, own = self.surface(shape, pose), self.surface(shape, truth)
-        lengths, kept = (edge_lengths(f, self.edges) for f in (found, shape))
+        surface, reference = self.surface(shape, pose), self.surface(shape, truth)
+        lengths, kept = (edge_lengths(f, self.edges) for f in (surface, shape))
         torso, sizes = self.parts["torso"], [len(bone) for bone in self.bones]
-        gaps = [distance(found[bone], own[bone]) for bone in self.bones]
+        gaps = [distance(surface[bone], reference[bone]) for bone in self.bones]
         return SimpleNamespace(
             # Whether a part is nearer to A's, in A's own performance of the pose, than to B's.
             nearer={
-                part: distance(found[at], truth[at]) < distance(found[at], pose[at])
+                part: distance(surface[at], truth[at]) < distance(surface[at], pose[at])
                 for part, at in self.parts.items()
             },
             # From A's own torso, as a share of the distance from B's.
-            torso=distance(found[torso], truth[torso]) / distance(found[torso], pose[torso]),
+            torso=distance(surface[torso], truth[torso]) / distance(surface[torso], pose[torso]),
             edges=float(np.mean(np.abs(lengths / kept - 1.0))),
             # From A disentangled toward A's own performance, bone by bone and as a whole.
             segments=np.average(gaps, weights=sizes),
-            whole=distance(found, own),
+            whole=distance(surface, reference),
             # From A's own performance, and from A's body in B's performance, which is asked for.
-            truth=distance(found, truth),
-            performed=distance(found, performed),
+            truth=distance(surface, truth),
+            performed=distance(surface, performed),
             nearer_input=min(distance(shape, performed), distance(pose, performed)),
         )

@@ -52,10 +52,12 @@ def flip_bits(rng, content):
 def change_numbers(rng, content):
     """Replace numbers written out, those of a header rather than others."""
     for _ in range(int(rng.integers(1, 4))):
-        found = list(re.finditer(rb"-?\d+(?:\.\d+)?(?:e-?\d+)?", content))
-        if not found:
+        numbers = list(re.finditer(rb"-?\d+(?:\.\d+)?(?:e-?\d+)?", content))
+        if not numbers:
             return change_integers(rng, content)
-        match = found[int(rng.integers(min(len(found), int(rng.choice([4, 12, len(found)])))))]
+        match = numbers[
+            int(rng.integers(min(len(numbers), int(rng.choice([4, 12, len(numbers)])))))
+        ]
         content = content[: match.start()] + one_of(rng, _NUMBERS).encode() + content[match.end() :]
     return content
 

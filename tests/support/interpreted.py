@@ -8,10 +8,10 @@ import numpy as np
 
 def interpret(monkeypatch, modules):
     """Let Python run the compiled functions of modules."""
-    own = {module.__name__ for module in modules}
+    module_names = {module.__name__ for module in modules}
     for module in modules:
         for name, function in list(vars(module).items()):
-            if hasattr(function, "py_func") and function.py_func.__module__ in own:
+            if hasattr(function, "py_func") and function.py_func.__module__ in module_names:
                 monkeypatch.setattr(module, name, function.py_func)
 
 
@@ -20,6 +20,6 @@ def check_bounds(monkeypatch, modules, calls):
     expected = [call() for call in calls]
     interpret(monkeypatch, modules)
     for call, arrays in zip(calls, expected, strict=True):
-        for found, array in zip(call(), arrays, strict=True):
+        for result, array in zip(call(), arrays, strict=True):
             scale = np.abs(array).max()
-            np.testing.assert_allclose(found, array, rtol=1e-6, atol=1e-11 * scale)
+            np.testing.assert_allclose(result, array, rtol=1e-6, atol=1e-11 * scale)

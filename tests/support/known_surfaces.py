@@ -65,7 +65,7 @@ def sphere_spectrum(count):
 def grid_faces(n_rows, n_columns, closed=(False, False)):
     """Return the triangles of a grid that may be closed along its columns and along its rows."""
     index = np.arange(n_rows * n_columns).reshape(n_rows, n_columns)
-    index = np.pad(index, [(0, int(each)) for each in closed], mode="wrap")
+    index = np.pad(index, [(0, int(is_closed)) for is_closed in closed], mode="wrap")
     corner, right, up, far = (
         block.ravel() for block in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:])
     )

@@ -25,11 +25,11 @@ def paper_path(metric, basis, start, end, n_nodes=11, max_iter=300, energy=None,
 
     begin = np.zeros(shape[0] * shape[1])
     options = {"ftol": 0.0, "gtol": 0.0, "maxiter": max_iter, "maxfun": 10 * max_iter}
-    found = optimize.minimize(objective, begin, jac=True, method="L-BFGS-B", options=options)
+    minimum = optimize.minimize(objective, begin, jac=True, method="L-BFGS-B", options=options)
     return SimpleNamespace(
-        path=path_of(found.x),
-        energy=float(found.fun),
-        n_iterations=found.nit,
-        n_evaluations=found.nfev,
-        gain=float(found.fun) / objective(begin)[0],
+        path=path_of(minimum.x),
+        energy=float(minimum.fun),
+        n_iterations=minimum.nit,
+        n_evaluations=minimum.nfev,
+        gain=float(minimum.fun) / objective(begin)[0],
     )

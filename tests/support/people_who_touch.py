@@ -128,12 +128,12 @@ def people_who_touch(model, seed, n_people, postures=tuple(POSTURES)):
     for person in range(n_people):
         rng = np.random.default_rng([seed, person])
         someone = any_person(coarse, rng)
-        own, fine = someone.body(coarse), someone.body(model)
+        coarse_model, fine = someone.body(coarse), someone.body(model)
         for name in postures:
-            yield name, fine(pose=touching_pose(coarse, own, name, rng))
+            yield name, fine(pose=touching_pose(coarse, coarse_model, name, rng))
 
 
-def touching_pose(model, own, posture, rng):
+def touching_pose(model, person, posture, rng):
     """Return the pose vectors of a person in which the places of a posture touch."""
     angles, contacts = POSTURES[posture]
     rotations = rh.datasets.joint_rotations(angles, model)
@@ -156,7 +156,7 @@ def touching_pose(model, own, posture, rng):
         return pose
 
     def residuals(offsets):
-        surface = own(pose=posed(offsets))
+        surface = person(pose=posed(offsets))
         normals = vertex_normals(surface, model.faces)
         parts = [offsets / _ROTATION_RADIANS]
         for first, second in patches:
@@ -232,10 +232,10 @@ def scan_of_touching(model, surface, rng, n_points=20_000, noise=0.001):
     points = scan.points
     hidden = np.zeros(len(points), dtype=bool)
     near = cKDTree(points).query(points, k=60, distance_upper_bound=_INSIDE_METRES)
-    found = np.isfinite(near[0])
-    others = np.where(found, near[1], 0)
+    has_neighbour = np.isfinite(near[0])
+    others = np.where(has_neighbour, near[1], 0)
     apart = np.linalg.norm(rest[others] - rest[:, None], axis=-1) > _APART_METRES
-    apart &= found
+    apart &= has_neighbour
     # Hidden where other skin is very near, or where the nearest other skin faces away.
     hidden |= (apart & (near[0] < _CONTACT_METRES)).any(axis=1)
     first = apart.argmax(axis=1)

@@ -54,8 +54,8 @@ def bodies_to_scan(model, seed):
     builds[:, 10:] = 0.0
     frames = rng.integers(*_FRAMES, len(MOTIONS))
     for subject in range(N_PEOPLE):
-        own = motions[subject * len(MOTIONS) : (subject + 1) * len(MOTIONS)]
-        for moment, (motion, frame) in enumerate(zip(own, frames, strict=True)):
+        performed = motions[subject * len(MOTIONS) : (subject + 1) * len(MOTIONS)]
+        for moment, (motion, frame) in enumerate(zip(performed, frames, strict=True)):
             posture = motion.pose_vectors[frame], motion.translations[frame]
             detail = surface_noise(model.template.vertices, _DETAIL_METRES, _WAVELENGTHS, rng)
             yield subject, moment, model(builds[subject], *posture) + detail
@@ -97,7 +97,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
         curl = np.radians(rng.uniform(0.0, 60.0, 2))
         for side, angle in zip(("left", "right"), curl, strict=True):
             shaped = curled(model, shaped, names.index(f"{side}_wrist"), angle)
-        own = rh.BodyModel(
+        person_model = rh.BodyModel(
             scale * shaped + waves,
             faces,
             np.zeros((model.n_vertices, 3, 1)),
@@ -107,7 +107,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
         )
         for moment in range(n_moments):
             motion = motions[rng.integers(len(motions))]
-            posed = own(pose=motion.pose_vectors[rng.integers(len(motion))])
+            posed = person_model(pose=motion.pose_vectors[rng.integers(len(motion))])
             surfaces[person, moment] = points_at(places, posed, faces)
     return surfaces, triangles, places
 
@@ -192,8 +192,10 @@ def wrong_starts(registration, result):
         "legs exchanged": ["hip", "knee", "ankle"],
     }.items():
         wrong = pose.copy()
-        own = [k for k, each in enumerate(names) if each in limbs or each.split("_")[-1] in limbs]
-        wrong[own] = mirrored[own]
+        exchanged = [
+            k for k, joint in enumerate(names) if joint in limbs or joint.split("_")[-1] in limbs
+        ]
+        wrong[exchanged] = mirrored[exchanged]
         if name.startswith("turned"):
             wrong[root] = turned
         surface = model(np.zeros(model.n_betas), wrong)
@@ -246,10 +248,10 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
             result = registration.solve(points)
         else:
             result = result_of(register_whole(task, known_body(start)), trace=False)
-        own, chosen = result.points, result.trusted_vertices
+        surface, chosen = result.points, result.trusted_vertices
         if places is not None:
-            own, chosen = points_at(places, own, faces), chosen[faces[places.triangles, 0]]
-        errors = np.linalg.norm(own - truth, axis=1)
+            surface, chosen = points_at(places, surface, faces), chosen[faces[places.triangles, 0]]
+        errors = np.linalg.norm(surface - truth, axis=1)
         of_limbs = np.bincount(owners[shown], errors[shown]) / np.maximum(counts, 1)
         worst = of_limbs[counts > _LIMB * len(owners)].max()
         return float(errors[chosen if chosen.any() else ~chosen].mean()), float(worst), result

@@ -22,9 +22,9 @@ def count_self_intersections(vertices, faces):
 
 def _edges_meet(a, b):
     """Tell of pairs of triangles, shape (m, 3, 3), whether an edge of one pierces the other."""
-    origin, side, other = b[:, 0], b[:, 1] - b[:, 0], b[:, 2] - b[:, 0]
-    normal = np.cross(side, other)
-    found = np.zeros(len(a), dtype=bool)
+    origin, side, second_side = b[:, 0], b[:, 1] - b[:, 0], b[:, 2] - b[:, 0]
+    normal = np.cross(side, second_side)
+    meets = np.zeros(len(a), dtype=bool)
     for start, end in ((0, 1), (1, 2), (2, 0)):
         p, q = a[:, start] - origin, a[:, end] - origin
         above, below = np.sum(p * normal, axis=1), np.sum(q * normal, axis=1)
@@ -33,10 +33,10 @@ def _edges_meet(a, b):
         hit = p + share[:, None] * (q - p)
         weights = np.stack(
             [
-                np.sum(np.cross(hit, other) * normal, axis=1),
+                np.sum(np.cross(hit, second_side) * normal, axis=1),
                 np.sum(np.cross(side, hit) * normal, axis=1),
             ]
         )
         inside = (weights >= 0).all(axis=0) & (weights.sum(axis=0) <= np.sum(normal**2, axis=1))
-        found |= crossing & inside
-    return found
+        meets |= crossing & inside
+    return meets
