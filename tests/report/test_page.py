@@ -79,7 +79,7 @@ def test_figures_of_the_page_have_smaller_pictures(tmp_path):
     def draw(ax):
         ax.imshow(np.kron(noise, np.ones((10, 10))))
 
-    image = Output(tmp_path, store).figure("noise", draw, size=(4.0, 3.0))
+    image = Output(tmp_path, store, 300).figure("noise", draw, size=(4.0, 3.0))
     written = (tmp_path / "figures" / "noise.svg").read_text(encoding="utf-8")
     assert "data:image/png" in written
     if PIL.features.check("webp"):
