@@ -93,5 +93,5 @@ def test_an_arm_that_fits_worse_alone_stays_as_it_is(fitter, monkeypatch):
         return start._replace(trans=start.trans + [next(offsets), 0.0, 0.0])
 
     monkeypatch.setattr(_arms_and_hands, "fit_joints", astray)
-    monkeypatch.setattr(_arms_and_hands, "_mapped", map)
+    monkeypatch.setattr(_arms_and_hands, "mapped", lambda fit, starts, _: map(fit, starts))
     assert pose_hands(task, pose)[1] is pose
