@@ -7,6 +7,7 @@ import importlib
 import inspect
 import pkgutil
 
+import numpy as np
 from numpydoc.docscrape import NumpyDocString
 from public_names import public_objects
 
@@ -83,8 +84,32 @@ def problems_of_parameters(label, function, doc, sections):
         for section in sections
     ]
     if expected in listed:
-        return []
+        return problems_of_array_likes(label, function, parsed["Parameters"])
     return [f"{label}: {sections[0]} are {listed[0]}, the signature says {expected}"]
+
+
+# Annotations of parameters that take more than arrays.
+WIDE = ("Like", "object", "Any", "Iterable", "Labels", "Surfaces")
+
+
+def problems_of_array_likes(label, function, entries):
+    """Return the parameters that take what is like an array, and whose annotation says array."""
+    if dataclasses.is_dataclass(function):  # whose fields are arrays, once they are checked
+        return []
+    parameters = inspect.signature(undecorated(function)).parameters
+    likes = [
+        name.strip()
+        for entry in entries
+        for name in entry.name.split(",")
+        if "array_like" in entry.type
+    ]
+    return [
+        f"{label}: {name} is array_like, the signature says {parameters[name].annotation}"
+        for name in likes
+        if name in parameters
+        and parameters[name].annotation is not inspect.Parameter.empty
+        and not any(word in str(parameters[name].annotation) for word in WIDE)
+    ]
 
 
 def signature_names(function):
@@ -138,6 +163,19 @@ def documented(parameter="a", method="Summary.", other="Summary."):
     Twin.method.__doc__ = method
     Twin.other.__doc__ = f"{other}\n\nParameters\n----------\n*b\n    Text.\n"
     return Twin
+
+
+def test_the_checker_tells_narrow_types():
+    def average(a: np.ndarray):
+        """Summary.
+
+        Parameters
+        ----------
+        a : array_like
+        """
+
+    (problem,) = problems_of("average", average)
+    assert "a is array_like, the signature says" in problem
 
 
 def test_the_checker_tells_what_is_wrong():

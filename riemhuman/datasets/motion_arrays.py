@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
 from riemhuman.datasets.motions import ArrayMotion
@@ -31,8 +31,8 @@ _SAME_PERSON = 1e-4
 
 
 def motion_from_arrays(
-    poses: Array,
-    translations: Array,
+    poses: ArrayLike,
+    translations: ArrayLike,
     frames_per_second: float,
     *,
     up: str | None = None,
@@ -114,7 +114,7 @@ def motion_from_arrays(
     return RetargetedMotion(recording, model, ("", name), rate, len(vectors), up=up)
 
 
-def _pose_vectors(poses: Array) -> np.ndarray:
+def _pose_vectors(poses: ArrayLike) -> np.ndarray:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), after checking their shape."""
     array = real_array(values_of(poses, "poses"), "poses")
     are_matrices = array.ndim == 4 and array.shape[2:] == (3, 3)

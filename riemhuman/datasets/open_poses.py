@@ -25,7 +25,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import Array, JSONRecord
+from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
@@ -109,7 +109,7 @@ def mirror_angles(angles: Angles) -> Angles:
     return axes, *mirrored
 
 
-def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
+def pose_vectors(rotations: ArrayLike, model: BodyModel) -> np.ndarray:
     """Return the model's pose vectors, shape (..., J, 3), for rotations from the T-pose.
 
     With T_j the rotation of joint j that brings the rest pose to the T-pose, in global axes,

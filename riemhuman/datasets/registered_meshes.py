@@ -10,7 +10,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from riemhuman.arrays import ArrayLike, Integers, Triangles
+from riemhuman.arrays import ArrayLike, Integers
 from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
@@ -273,7 +273,7 @@ def load_bodies(
     seams: str = "join",
     allow_missing: bool = False,
     progress: bool = False,
-    faces: Triangles | None = None,
+    faces: ArrayLike | os.PathLike[str] | None = None,
 ) -> Bodies:
     r"""Load the registered meshes of a folder with labels from a table.
 

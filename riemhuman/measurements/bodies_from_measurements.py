@@ -595,7 +595,7 @@ class NearestBody:
 def nearest_body(
     measurements: Measurements,
     metric: RiemannianMetric,
-    point: Array,
+    point: ArrayLike,
     wanted: Mapping[str, float],
     *,
     tolerance: float = 1e-4,

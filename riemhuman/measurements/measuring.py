@@ -266,7 +266,7 @@ class Measurements:
             slopes = slopes.reshape(*shape, *points.shape[-2:])
         return BodySizes(self.names, values.reshape(shape), self.units, slopes, why_missing)
 
-    def lines(self, surface: Array, *, axes: str = "body") -> dict[str, list[ndarray]]:
+    def lines(self, surface: ArrayLike, *, axes: str = "body") -> dict[str, list[ndarray]]:
         """Return the measurement lines of one body as it stands.
 
         Parameters

@@ -183,7 +183,13 @@ class ViewedBody:
         return 0.0 if self.values is None else colour_limit(self.values)
 
     def colors(self, faces: ndarray) -> ndarray:
-        """Return the colour of the body, shape (3,), or those of its vertices by their values."""
+        """Return the colour of the body, shape (3,), or those of its vertices by their values.
+
+        Parameters
+        ----------
+        faces : array of int, shape (F, 3)
+            Its triangles; values may be those of triangles.
+        """
         if self.values is None:
             return np.asarray(self.color)
         values = vertex_values(np.asarray(self.values), faces, len(self.frames[0]))
