@@ -106,8 +106,6 @@ def _ill_fitting_limbs(
 ) -> list[LimbDoubt]:
     """Return doubt about limbs, with what they carry, that fit worse than the rest of the body."""
     parts = body.task.body.parts
-    most = dict.fromkeys(("shoulder", "hip", "knee"), settings.most_limb_excess)
-    most["elbow"] = settings.most_forearm_excess
     return [
         LimbDoubt(
             parts.vertices([k]),
@@ -115,7 +113,7 @@ def _ill_fitting_limbs(
             "from the rest of the body",
         )
         for k, name in enumerate(parts.names)
-        if shown.excess[k] > most.get(name.split("_")[-1], np.inf)
+        if not name.endswith("wrist") and shown.excess[k] > settings.most_limb_excess
     ]
 
 

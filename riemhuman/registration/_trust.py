@@ -127,8 +127,25 @@ def find_lost_limbs(
     return parts.vertices(lost)
 
 
+def find_facet_heights(parts: BodyParts, template: Template, points: np.ndarray) -> np.ndarray:
+    """Return how far the middle of edges is from the smooth surface of a body, by joint, metres."""
+    first, second = template.edges.T
+    normals = vertex_normals(points, template.faces)
+    along, turned = points[second] - points[first], normals[second] - normals[first]
+    # A circle through both ends with these normals is so high above its chord.
+    heights = np.abs(np.einsum("ex,ex->e", along, turned)) / 8.0
+    owners, n_joints = parts.owners[first], len(parts.names)
+    sums, counts = (np.bincount(owners, weights, n_joints) for weights in (heights, None))
+    means: np.ndarray = sums / np.maximum(counts, 1)
+    return means
+
+
 def find_excess(
-    parts: BodyParts, owners: np.ndarray, distances: np.ndarray, settings: RivalSettings
+    parts: BodyParts,
+    owners: np.ndarray,
+    distances: np.ndarray,
+    facets: np.ndarray,
+    settings: RivalSettings,
 ) -> np.ndarray:
     """Return by which factor a scan is farther from each limb than from the rest of the body.
 
@@ -141,6 +158,8 @@ def find_excess(
         The joint that moves the surface next to each point of the scan most.
     distances : ndarray, shape (N,)
         From the surface, metres.
+    facets : ndarray, shape (J,)
+        A limb is at least so far from a smooth surface, because it has few triangles, metres.
 
     Returns
     -------
@@ -156,7 +175,8 @@ def find_excess(
         limb = next((arm for arm in arms if k in arm), np.array([k]))
         own, rest = owners == k, ~np.isin(owners, limb) & ~on_hands
         if own.sum() >= _LEAST_POINTS and rest.any():
-            excess[k] = far[own].mean() / max(far[rest].mean(), settings.least_rest_metres)
+            usual = np.hypot(max(far[rest].mean(), settings.least_rest_metres), facets[k])
+            excess[k] = far[own].mean() / usual
     return excess
 
 

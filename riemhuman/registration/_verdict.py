@@ -21,6 +21,7 @@ from riemhuman.registration._trust import (
     FitQuality,
     find_doubts,
     find_excess,
+    find_facet_heights,
     find_lost_limbs,
     find_overlaps,
     find_seen,
@@ -67,6 +68,8 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     likelihood = find_likelihood_of_area(body, fit.pose, scan, search.candidates[0].up, visible)
     quality = _measure(search, fitted, found, likelihood)
     doubts, limb_doubts = find_doubts(quality, settings)
+    # Of what looks like no body, nothing is said about parts.
+    is_body = min(quality.near - settings.least_near, likelihood - settings.least_likelihood) >= 0
     doubts += _landmark_doubts(body, fit.pose, scan.landmarks)
     if doubts and not unit_is_known:
         doubts = [*_other_units(whole, background), *doubts]
@@ -75,7 +78,9 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         limb = int(np.argmin(parts.shares(found.matched)))
         trusted_vertices &= ~parts.limb_vertices(limb)
     # Of a body that is refused no vertex is trusted, so that its limbs need no rivals.
-    shown = ShownLimbs(found.matched, _find_excess(search, places, distances, background))
+    shown = ShownLimbs(
+        found.matched, _find_excess(search, fit.points, places, distances, background)
+    )
     limb_rivals = [] if doubts else find_limb_doubts(fitted, shown, body.settings.rivals)
     rivals: list[LimbDoubt] = []
     for doubt in limb_rivals:
@@ -86,7 +91,7 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         *doubts,
         *limb_doubts,
         *(f"{doubt.reason} (not trusted); {doubt.remedy}" for doubt in rivals),
-        *_unseen_parts(body, found, up_is_known=scan.up is not None),
+        *(_unseen_parts(body, found, up_is_known=scan.up is not None) if is_body else []),
     ]
     return Verdict(
         trusted=not doubts and not limb_doubts,
@@ -101,13 +106,18 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
 
 
 def _find_excess(
-    search: Search, places: SurfacePoints, distances: np.ndarray, background: np.ndarray
+    search: Search,
+    points: np.ndarray,
+    places: SurfacePoints,
+    distances: np.ndarray,
+    background: np.ndarray,
 ) -> np.ndarray:
     """Return by which factor a scan is farther from each limb than from the rest of the body."""
     body = search.body
+    facets = find_facet_heights(body.parts, body.model.template, points)
     near = ~background & (distances < body.settings.trust.near_metres)
     owners = body.parts.owners[body.model.faces[places.triangles[near], 0]]
-    return find_excess(body.parts, owners, distances[near], body.settings.rivals)
+    return find_excess(body.parts, owners, distances[near], facets, body.settings.rivals)
 
 
 def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:

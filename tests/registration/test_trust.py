@@ -13,6 +13,7 @@ from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration._trust import (
     FitQuality,
     find_excess,
+    find_facet_heights,
     find_overlaps,
     find_seen,
 )
@@ -98,23 +99,51 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
 def test_limbs_are_compared_with_how_well_the_rest_fits(model, misfit):
     """However well a person and a scan fit as a whole, a limb twice as far is as doubtful."""
     parts = BodyParts(model)
+    flat = np.zeros(len(parts.names))
     distances = np.full(model.n_vertices, misfit)
-    same = find_excess(parts, parts.owners, distances, RivalSettings())
+    same = find_excess(parts, parts.owners, distances, flat, RivalSettings())
     np.testing.assert_allclose(same, 1.0)
     for name in ("left_knee", "right_elbow"):
         (joint,) = parts.numbers(name)
         farther = np.where(parts.owners == joint, 2.0 * misfit, misfit)
-        excess = find_excess(parts, parts.owners, farther, RivalSettings())
+        excess = find_excess(parts, parts.owners, farther, flat, RivalSettings())
         assert 1.8 < excess[joint] < 2.0 + 1e-9
         assert np.delete(excess, joint).max() < 1.0 + 1e-9
     # Of exact scans, hands are farther than the rest by nothing.
     exact = np.where(parts.on_hands, 1e-4, 1e-6)
-    assert find_excess(parts, parts.owners, exact, RivalSettings()).max() <= 1.0
+    assert find_excess(parts, parts.owners, exact, flat, RivalSettings()).max() <= 1.0
     # A hand elsewhere says nothing against its arm.
     on_hands = np.where(parts.on_hands, 5.0 * misfit, misfit)
-    excess = find_excess(parts, parts.owners, on_hands, RivalSettings())
+    excess = find_excess(parts, parts.owners, on_hands, flat, RivalSettings())
     others = [not name.endswith("wrist") for name in parts.names]
     np.testing.assert_allclose(excess[others], 1.0)
+
+
+def test_edges_of_a_sphere_are_as_high_as_arcs_over_chords(model):
+    """Seen from the middle of a body, as far as they are from a sphere."""
+    parts = BodyParts(model)
+    around = model.template.vertices - model.template.vertices.mean(axis=0)
+    sphere = around / np.linalg.norm(around, axis=1, keepdims=True)
+    ends = sphere[model.template.edges]
+    heights = 1.0 - np.linalg.norm(ends.mean(axis=1), axis=1)
+    found = find_facet_heights(parts, model.template, sphere)
+    chest = parts.names.index("chest")
+    own = parts.owners[model.template.edges[:, 0]] == chest
+    np.testing.assert_allclose(found[chest], heights[own].mean(), rtol=0.3)
+
+
+def test_coarse_limbs_are_as_far_as_their_triangles_are_from_skin(model):
+    parts = BodyParts(model)
+    (joint,) = parts.numbers("left_elbow")
+    distances = np.where(parts.owners == joint, 0.003, 0.0015)
+    flat = np.zeros(len(parts.names))
+    coarse = np.where(np.arange(len(flat)) == joint, 0.0025, flat)
+    flat, coarse = (
+        find_excess(parts, parts.owners, distances, facets, RivalSettings())[joint]
+        for facets in (flat, coarse)
+    )
+    assert 1.9 < flat < 2.1
+    assert 1.0 < coarse < 1.1
 
 
 @pytest.mark.slow

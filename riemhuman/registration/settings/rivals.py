@@ -33,9 +33,8 @@ class RivalSettings:
     most_finger_excess : float
         And if the scan is farther from the hand, after the elastic step, than from the rest of the
         body by this factor.
-    most_forearm_excess, most_limb_excess : float
-        The same factor for forearms, and for upper arms, thighs and shins: these and what they
-        carry are not trusted.
+    most_limb_excess : float
+        The same factor for other parts of limbs: these and what they carry are not trusted.
     least_rest_metres : float
         A smaller mean distance from the rest of the body counts as this one, metres.
     least_usual_metres : float
@@ -85,7 +84,6 @@ class RivalSettings:
     least_told_apart: float = 0.80
     least_hand_shown: float = 0.20
     most_finger_excess: float = 3.0
-    most_forearm_excess: float = 1.4
     most_limb_excess: float = 1.9
     least_rest_metres: float = 0.0007
     least_usual_metres: float = 0.0015
@@ -120,7 +118,6 @@ class RivalSettings:
             least_rest_metres=self.least_rest_metres,
             crossing_metres=self.crossing_metres,
             most_finger_excess=self.most_finger_excess,
-            most_forearm_excess=self.most_forearm_excess,
             most_limb_excess=self.most_limb_excess,
             exchanged_metres=self.exchanged_metres,
         )
