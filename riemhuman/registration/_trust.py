@@ -221,8 +221,8 @@ def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str]
     ):
         of_limb.append(
             f"{100 * (1.0 - quality.near):.1f} % of the scan lies more than "
-            f"{100 * settings.near_metres:.0f} cm from the body, and its {quality.limb} matches "
-            f"hardly anything in the scan: it may be elsewhere; {LANDMARKS_DECIDE}"
+            f"{100 * settings.near_metres:.0f} cm from the body, and hardly anything in it "
+            f"matches the {quality.limb} of the body, which may be elsewhere; {LANDMARKS_DECIDE}"
         )
     if quality.overlap > settings.largest_overlap:
         reasons.append(

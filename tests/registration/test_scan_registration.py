@@ -95,6 +95,7 @@ def test_two_people_are_refused(registration, scan):
     assert not found.trusted
     assert "more than one person" in found.message
     assert found.trace.arms.hand_fits == {}  # no details of a body that is refused
+    assert "not seen" not in found.message  # nor about its parts
 
 
 def test_a_landmark_needs_a_joint(registration, scan):
