@@ -1,5 +1,5 @@
 // Bodies to turn, paths to play. Every element of class "viewer" holds its data as JSON.
-// Part of one script with viewer_body.js and viewer_gestures.js.
+// Part of one script with the other viewer files; README.md says how they are joined.
 "use strict";
 
 const PITCH_LIMIT = 1.5;
