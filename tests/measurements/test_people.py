@@ -43,6 +43,22 @@ def test_usual_distances_are_medians():
     assert usual.two_people > 1.0
 
 
+def test_usual_distances_leave_out_bodies_of_one_person_in_one_pose():
+    bodies = load_open_bodies("coarse")
+    distances = np.random.default_rng(0).uniform(size=(len(bodies), len(bodies)))
+
+    class Metric:
+        def dist_pairwise(self, points):
+            return distances
+
+    usual = usual_distances(lambda template: Metric())
+    pairs = [(i, j) for i in range(len(bodies)) for j in range(len(bodies)) if i != j]
+    one_person = [distances[i, j] for i, j in pairs if bodies.subject[i] == bodies.subject[j]]
+    one_pose = [distances[i, j] for i, j in pairs if bodies.pose[i] == bodies.pose[j]]
+    assert usual.one_person == np.median(one_person)
+    assert usual.two_people == np.median(one_pose)
+
+
 def test_bodies_must_share_triangles(bodies):
     with pytest.raises(ArgumentError, match="after must have shape"):
         person_distance(bodies[0], bodies[1][:-1], bodies.template.faces)

@@ -63,6 +63,21 @@ def test_bent_joints(own):
     assert raised["left arm from the trunk"] > straight["left arm from the trunk"] + 30.0
 
 
+def test_feet_and_shoulders_that_turn(own):
+    straight = posture_angles(own, posed())
+    for side, opposite, sign in (("left", "right", 1.0), ("right", "left", -1.0)):
+        found = posture_angles(own, posed(**{f"{side}_ankle": ("y", 20.0 * sign)}))
+        name, other = f"{side} foot turned out", f"{opposite} foot turned out"
+        assert found[name] - straight[name] == pytest.approx(20.0, abs=5.0)
+        assert found[other] == pytest.approx(straight[other])
+    points = posed()
+    above = points[:, 1] > 0.5 * (points[:, 1].min() + points[:, 1].max()) + 0.2
+    # About y, the left shoulder goes back.
+    points[above] = turned(points[above], "y", 25.0)
+    found = posture_angles(own, points)["shoulders turned to the left"]
+    assert found - straight["shoulders turned to the left"] == pytest.approx(25.0, abs=2.0)
+
+
 def test_landmarks_that_are_not_trusted_give_no_angle(own):
     points = posed()
     trusted = points[:, 1] > points[:, 1].min() + 0.3  # without feet

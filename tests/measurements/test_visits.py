@@ -62,6 +62,23 @@ def test_a_change_is_found_where_it_is(bodies):
     assert (belly[most] > 0.3).all()
 
 
+def test_areas_of_a_larger_body_have_grown(bodies):
+    own = Measurements(bodies.model, ["waist girth"])
+    result = compare_visits(own, bodies.points[3], 1.05 * bodies.points[3])
+    assert np.median(result.area_changes) == pytest.approx(2.0 * np.log(1.05), rel=0.1)
+
+
+def test_what_is_not_trusted_is_not_expected_to_change(bodies):
+    own = Measurements(bodies.model)
+    trusted = np.ones((2, bodies.points.shape[1]), dtype=bool)
+    trusted[1] = bodies.points[3, :, 1] > bodies.points[3, :, 1].min() + 0.3  # without feet
+    result = compare_visits(own, bodies.points[3], bodies.points[3], trusted_vertices=trusted)
+    n_measured = np.isfinite(result.changes).sum()
+    assert 0 < n_measured < len(own.names)
+    assert result.expected_by_chance == pytest.approx(0.0455 * n_measured, rel=1e-3)
+    np.testing.assert_array_equal(np.isnan(result.displacements), ~trusted[1])
+
+
 def test_noise_is_known_of_all_measurements():
     measurements, parts = load_json("noise_of_poses.json").values()
     assert set(measurements) == set(open_measurements("full").names)

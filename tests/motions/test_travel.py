@@ -5,6 +5,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.motions import DynamicTimeWarping, VelocityTimeWarping
+from riemhuman.motions._travel import ground_places, travel_speeds, travelled_lengths
 
 
 def carried(motion, metres_a_second, rate=30.0):
@@ -60,6 +61,26 @@ def test_way_in_velocities(pose, space, motions):
     assert warping.dist(carried(still, 1.0), carried(still, 2.0)) > 0.1
     assert warping.dist(carried(still, 2.0)[:4], carried(still, 1.0)[:7]) < 1e-6
     assert VelocityTimeWarping(pose).dist(still, carried(still, 1.0)) < 1e-6
+
+
+def test_places_and_ways(space, motions):
+    places = ground_places(space, motions[0])
+    areas = space.template.vertex_areas
+    for place, frame in zip(places, motions[0], strict=True):
+        expected = np.average(frame[:, [0, 2]], axis=0, weights=areas)
+        np.testing.assert_allclose(place, expected, atol=1e-12)
+    ways = travelled_lengths(space, np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 0.0]]))
+    leg = 0.5 * np.ptp(space.template.vertices[:, 1])
+    np.testing.assert_allclose(ways, [0.0, 5.0 / leg, 9.0 / leg])
+
+
+def test_speeds_are_those_within_a_quarter_of_a_second(space):
+    """A jump between two of eighty frames a second is seen from ten frames before and after."""
+    places = np.zeros((60, 2))
+    places[30:] = [1.0, 0.0]
+    speeds = travel_speeds(space, places, 80.0)
+    np.testing.assert_array_equal(np.flatnonzero(speeds), np.arange(20, 40))
+    np.testing.assert_allclose(speeds[25] * unit_of_speed(space), 80.0 / 20)
 
 
 def test_other_points_do_not_travel():

@@ -100,3 +100,13 @@ def test_refusals():
         HierarchicalClustering(20).fit(distances)
     with pytest.raises(ArgumentError, match="linkage must be one of"):
         HierarchicalClustering(2, linkage="centroid").fit(distances)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_clusters_are_numbered_in_the_order_of_their_first_points(seed):
+    points = np.random.default_rng(seed).uniform(size=40)
+    distances = np.abs(np.subtract.outer(points, points))
+    labels = HierarchicalClustering(6).fit(distances).labels_
+    numbers, first = np.unique(labels, return_index=True)
+    np.testing.assert_array_equal(numbers, np.arange(6))
+    assert (np.diff(first) > 0).all()
