@@ -159,7 +159,7 @@ def bodies():
 
 
 @pytest.fixture(scope="module")
-def registration(registration_from):
+def registration_from_t(registration_from):
     return registration_from("t")
 
 
@@ -268,11 +268,11 @@ def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(result, squat):
 
 @pytest.mark.everyday("True")
 @pytest.mark.parametrize("upper", [False, True])
-def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
+def test_the_unseen_half_of_a_body_is_not_trusted(registration_from_t, bodies, upper):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=4000, rotate=False)
     hip = (bodies.model.joint_regressor @ scan.body)[0, 1]
     points = scan.points[(scan.points[:, 1] > hip) == upper]
-    result = registration.solve(points)
+    result = registration_from_t.solve(points)
     above = (scan.body[:, 1] - hip) * (1.0 if upper else -1.0)
     assert result.trusted, result.message
     assert result.trusted_vertices[above < -0.15].mean() < 0.05
@@ -284,12 +284,12 @@ def test_the_unseen_half_of_a_body_is_not_trusted(registration, bodies, upper):
 
 
 @pytest.mark.slow
-def test_a_body_that_is_cut_at_the_waist_is_not_stretched(registration):
+def test_a_body_that_is_cut_at_the_waist_is_not_stretched(registration_from_t):
     """The whole body fits this scan with its legs in the trunk, whose vertices are 4 cm off."""
     bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=71)
     scan = simulated_scan(bodies[30], bodies.template.faces, rng=0, n_points=10000)
     hip = (bodies.model.joint_regressor @ scan.body)[0, 1]
-    result = registration.solve(scan.points[scan.points[:, 1] > hip + 0.15])
+    result = registration_from_t.solve(scan.points[scan.points[:, 1] > hip + 0.15])
     errors = np.linalg.norm(result.points - scan.body, axis=1)
     assert result.trusted, result.message
     assert errors[result.trusted_vertices].mean() < 0.012
@@ -310,9 +310,9 @@ def test_a_missing_arm_is_not_trusted(registration_from):
     assert "the left arm was not seen" in result.message
 
 
-def test_a_forearm_folded_into_its_upper_arm_is_lost(registration):
+def test_a_forearm_folded_into_its_upper_arm_is_lost(registration_from_t):
     """So forearms are fitted that a scan lacks; in the rest pose elbows bend by 41° already."""
-    model = registration.model
+    model = registration_from_t.model
     elbow, wrist = (model.joint_names.index(f"left_{joint}") for joint in ("elbow", "wrist"))
     joints, pose = model.joints(), np.zeros((model.n_joints, 3))
     axis = np.cross(joints[wrist] - joints[elbow], [0.0, 0.0, 1.0])
@@ -334,17 +334,17 @@ def test_a_scan_in_inches_is_refused_for_its_unit(bodies):
     assert not _other_units(as_scan(bodies[0]), np.zeros(len(scan), dtype=bool))
 
 
-def test_impossible_points_are_named(registration, bodies):
+def test_impossible_points_are_named(registration_from_t, bodies):
     points = np.concatenate([bodies[0], [[0.0, 1e308, 0.0]]])
     with pytest.raises(rh.errors.ArgumentError, match=r"point 1202 is 1e\+308 away from a scan"):
-        registration.solve(points)
+        registration_from_t.solve(points)
 
 
-def test_landmarks_are_a_mapping_to_places_in_the_scan(registration, bodies):
+def test_landmarks_are_a_mapping_to_places_in_the_scan(registration_from_t, bodies):
     with pytest.raises(rh.errors.ArgumentError, match=r"left_wrist'\] must be in the scan"):
-        registration.solve(bodies[0], landmarks={"left_wrist": [0.0, 1e200, 0.0]})
+        registration_from_t.solve(bodies[0], landmarks={"left_wrist": [0.0, 1e200, 0.0]})
     with pytest.raises(rh.errors.ArgumentTypeError, match="must be a mapping of joints"):
-        registration.solve(bodies[0], landmarks=[[0.0, 1.0, 0.0]])
+        registration_from_t.solve(bodies[0], landmarks=[[0.0, 1.0, 0.0]])
 
 
 def test_mesh_objects_are_scans(bodies):
