@@ -50,11 +50,11 @@ examples:
 """
 _EPILOG = """\
 `riemhuman COMMAND --help` explains a command and shows examples. After
-`pip install '.[completion]'` in its folder, the shell completes commands and options with
+`pip install '.[completion]'` in its folder, the shell completes commands and options if you run
 `eval "$(register-python-argcomplete riemhuman)"`.
 
-exit codes: 0 done; 1 done, but something in it is not trusted: a scan without a trusted body, or
-a search that has not converged; 2 not done: wrong usage, unusable data or a failure; 130
+exit codes: 0 done; 1 done, but some results are not trusted: a scan without a trusted body, or a
+search that has not converged; 2 failed: wrong usage, unusable data or an error; 130
 interrupted; 141 closed output pipe
 """
 

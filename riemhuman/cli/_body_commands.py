@@ -79,9 +79,11 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "mean",
     "the Karcher mean of registered meshes",
-    "Writes the body with the least mean squared distance from the meshes, searched over a\n"
-    "basis of deformations and the differences of the meshes. A metric of normals alone does\n"
-    "not measure lengths: with --pose the metric (1, 1, 0) is added to what is minimised.",
+    "Writes the body with the least mean squared distance from the meshes. The search is over "
+    "a\n"
+    "basis of deformations and the differences between the meshes. A metric of normals alone\n"
+    "does not measure lengths, so with --pose the metric (1, 1, 0) is added to what is\n"
+    "minimised.",
     "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
     "  riemhuman mean bodies/ -o mean.obj --pose --picture mean.html\n"
     "  riemhuman mean bodies/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",
@@ -118,12 +120,14 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "components",
     "principal components of registered meshes, and new bodies",
-    "Finds the directions in which meshes differ most, by principal component analysis of\n"
-    "their logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the\n"
-    "bodies two standard deviations from it along each component (component_1_minus.ply,\n"
-    "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page with a slider\n"
-    "for each component (components.html), and summary.json. Bodies in several poses need\n"
-    "--standard-pose, which fits a body model to them: components of different poses tear\n"
+    "Finds the directions in which meshes differ most, by principal component analysis of "
+    "their\n"
+    "logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the bodies two\n"
+    "standard deviations from it along each component (component_1_minus.ply,\n"
+    "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page with a slider "
+    "for\n"
+    "each component (components.html), and summary.json. If the bodies are in different poses,\n"
+    "use --standard-pose, which fits a body model to them: otherwise components tear the\n"
     "shoulders.",
     "  riemhuman components bodies/ -o components/\n"
     "  riemhuman components bodies/ -o builds/ --standard-pose\n"
@@ -143,8 +147,8 @@ def _components(options: argparse.Namespace) -> cli.Answer:
 
     if options.metric == "shape":
         raise ArgumentError(
-            "the λ of --shape is too small for logarithms between people; leave it out: the "
-            "default weights also describe shape"
+            "the λ of --shape is too small for logarithms between people; leave --shape out: "
+            "the default weights also describe shape"
         )
     count = options.n_components
     surfaces = inputs.read_surfaces(options, options.meshes)
@@ -200,11 +204,12 @@ def _components(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "transfer",
-    "a motion of one body replayed on another",
-    "Replays a motion, a sequence of registered meshes, on another body of the same\n"
-    "triangulation. By default the body must have the pose of the first mesh; with\n"
-    "--transfer pose it may have any pose. Writes a folder with the meshes frame_0000.ply,\n"
-    "... and motion.html, a page that plays them, or one file.",
+    "replay the motion of one body on another",
+    "Replays a motion (a sequence of registered meshes) on another body with the same\n"
+    "triangulation. By default, the body must be in the pose of the first mesh; with "
+    "--transfer\n"
+    "pose, it may be in any pose. Writes a folder with the meshes frame_0000.ply, ... and\n"
+    "motion.html, a page that plays them, or one file.",
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
     "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
@@ -214,8 +219,8 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     inputs.MOTION_OUTPUT,
     cli.choice(
         "--axes",
-        "axes about which triangles rotate: those of the world, or those of the body, for a body "
-        "in another pose than the first mesh",
+        "axes about which triangles rotate: those of the world, or those of the body, if it is "
+        "not in the pose of the first mesh",
         *("world", "body"),
     ),
     cli.choice("--transfer", "replay changes since the first mesh, or poses", "change", "pose"),
@@ -243,9 +248,10 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "disentangle",
     "a body with one mesh's shape and another's pose",
-    "Brings the first mesh into the pose of the second by a smooth field of rotations, which\n"
-    "keeps its detail. Then writes the body nearest to the first mesh in the shape metric,\n"
-    "(a, λ, c) = (1, 1, 0), and to the posed mesh in the pose metric, (0, 0, 1).",
+    "Brings the first mesh into the pose of the second with a smooth field of rotations, which\n"
+    "keeps its detail. Then finds and writes the body nearest to the first mesh under the "
+    "shape\n"
+    "metric, (a, λ, c) = (1, 1, 0), and to the posed mesh under the pose metric, (0, 0, 1).",
     "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
     "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
     "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
@@ -253,7 +259,9 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     cli.mesh_option("pose", "POSE", "mesh of the pose"),
     cli.output("MESH", *cli.MESH_ENDINGS),
     cli.option("--pose-weight", "weight of the squared pose distance", default=1000.0, metavar="W"),
-    cli.path_option("--basis", "NPZ", "deformations that the body may have (default: any)"),
+    cli.path_option(
+        "--basis", "NPZ", "basis of deformations of the body (default: all deformations)"
+    ),
     cli.template("SHAPE"),
     cli.PICTURE,
 )
@@ -279,9 +287,9 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "align",
     "registered meshes aligned with a template",
-    "Rotates and translates meshes onto the template by Procrustes alignment, without\n"
-    "scaling, and writes them under their names into a folder with a page that shows them.\n"
-    "--unit and --up convert meshes to metres with y up.",
+    "Rotates and translates meshes onto the template by Procrustes alignment, without scaling,\n"
+    "and writes them, under the same names, into a folder with a page that shows them. --unit\n"
+    "and --up convert meshes to metres with y up.",
     "  riemhuman align bodies/ -o aligned/\n"
     "  riemhuman align bodies/ -o aligned/ --template anna.ply\n"
     "  riemhuman align bodies/ -o aligned/ --unit millimetres --up z\n",
@@ -308,7 +316,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     with inputs.mesh_folder(options, dict(zip(names, points, strict=True)), faces) as folder:
         page = folder / "aligned.html"
         rh.plots.save_picture(page, points, faces, titles, title="Aligned meshes")
-    said = ["root mean square distances from the template:"]
+    said = ["root mean square distances to the template:"]
     said += _gap_lines(names, distances.tolist(), options)
     return cli.Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})
 
@@ -384,23 +392,23 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
             return model
     raise ArgumentError(
         f"the meshes have {n_vertices:,} vertices, but the open model has 1,202 or 13,348; "
-        f"give the model that they are registered to with --model FILE, or {inputs.advice(first)}"
+        f"name their model with --model FILE, or {inputs.advice(first)}"
     )
 
 
 @cli.command(
     "basis",
     "a basis of deformations from motions",
-    "Writes the principal components of the deformations in motions, for geodesics and\n"
-    "means. Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes that\n"
-    "show one motion in the order of their names, folders of such folders, recordings of a\n"
-    "skeleton (.bvh), or array paths (.npz). They need not fit into memory.",
+    "Writes the principal components of the deformations in motions, for geodesics and means.\n"
+    "Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes whose order of\n"
+    "names is the order in time, folders of such folders, recordings of a skeleton (.bvh), or\n"
+    "files with an array path (.npz). They need not fit into memory.",
     "  riemhuman basis registrations_m.hdf5 registrations_f.hdf5 -o basis.npz\n"
     "  riemhuman basis registrations_m.hdf5 --sequences punching knees -o basis.npz\n"
     "  riemhuman basis walk/ jump/ -o basis.npz --step 5 --n-components 40\n"
     "  riemhuman basis --open --resolution coarse -o basis.npz\n",
     cli.path_option("motions", "MOTIONS", ".hdf5, .bvh or .npz files, or folders", nargs="*"),
-    cli.flag("--open", "use the open motions that ship with the package"),
+    cli.flag("--open", "use the bundled open motions"),
     cli.choice("--resolution", "with --open: 13,348 or 1,202 vertices", "full", "coarse"),
     cli.option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
     cli.option("--sequences", "with --open or HDF5: only these motions", nargs="+", metavar="NAME"),
@@ -443,9 +451,9 @@ def _basis_motions(options: argparse.Namespace) -> Sequence[Motion | Array]:
 
 @cli.command(
     "convert-model",
-    "plain arrays from a body model's pickle",
-    "Writes a model of the SMPL family as an .npz file of plain arrays. A pickle is code: it\n"
-    "is read as data and never run, and a call that is not known is refused by name.",
+    "convert the pickle of a body model to plain arrays",
+    "Writes a model of the SMPL family as an .npz file of plain arrays. A pickle can contain\n"
+    "code: it is read as data and never run, and the error for an unknown call names it.",
     "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
     "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
     cli.path_option("source", "MODEL", ".pkl or .npz file"),

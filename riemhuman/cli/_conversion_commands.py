@@ -27,11 +27,12 @@ _FOLDER_FILES = r"(?is:.+\.ply)|summary\.json"
 @cli.command(
     "make-map",
     "a map between a topology and the open model",
-    "Registers the open model to a body of another topology, in any pose, and writes where the\n"
-    "vertices of each are on the other. `riemhuman convert --map` applies the map.",
+    "Registers the open model to a body of another topology, in any pose. The map that it\n"
+    "writes says where the vertices of each mesh lie on the other. `riemhuman convert --map`\n"
+    "applies the map.",
     "  riemhuman make-map smpl_body.ply -o smpl_map.npz\n"
     "  riemhuman make-map smpl_body.ply -o smpl_map.npz --coarse --up z\n",
-    cli.mesh_option("body", "BODY", "a body of the other topology, metres"),
+    cli.mesh_option("body", "BODY", "a body of the other topology, in metres"),
     cli.output("NPZ", ".npz"),
     cli.flag("--coarse", "a map to the coarse model"),
     cli.option("--up", "axis that points up (default: found by the feet)", choices=cli.AXES),
@@ -66,11 +67,11 @@ def _target(parser: argparse._ActionsContainer) -> None:
     "convert",
     "bodies or a motion in another format or topology",
     "Reads a mesh, a folder of meshes, bodies of SAM 3D Body (.npz, with --faces), or a\n"
-    "recording of a motion, and writes it in another format. With a map of\n"
-    "`riemhuman make-map`, bodies of either topology become bodies of the other. Several\n"
-    "bodies become a folder of .ply files; of several people in a recording, the one that is\n"
-    "written is named. With --faces and --map, the bodies in an .npz file are taken for frames\n"
-    "of one person's motion if the output is .npz or .bvh.",
+    "recording of a motion, and writes it in another format. With a map from `riemhuman\n"
+    "make-map`, it converts bodies of either topology to the other. Several bodies become a\n"
+    "folder of .ply files. If a recording shows several people, one of them is written, and a\n"
+    "message says which. With --faces and --map, the bodies in an .npz file are treated as\n"
+    "frames of one person's motion if the output is .npz or .bvh.",
     "  riemhuman convert scan.obj scan.ply\n"
     "  riemhuman convert smpl_body.ply open_body.ply --map smpl_map.npz\n"
     "  riemhuman convert photographs.npz bodies/ --faces mhr_face_mask.ply\n"
@@ -84,11 +85,13 @@ def _target(parser: argparse._ActionsContainer) -> None:
     cli.path_option("--map", "MAP", "a map of `riemhuman make-map`"),
     cli.path_option("--faces", "MESH", "mesh with the triangles of SAM 3D Body"),
     cli.option(
-        "--up", "axis that points up in the bodies, which are turned y up", choices=cli.AXES
+        "--up",
+        "axis that points up in the bodies, which are turned so that y points up",
+        choices=cli.AXES,
     ),
     cli.option(
         "--fps",
-        f"frames a second of bodies that become a motion (default: {_RATE_OF_VIDEOS:g})",
+        f"frame rate, for bodies that become a motion (default: {_RATE_OF_VIDEOS:g})",
         metavar="N",
         type=float,
     ),
@@ -147,7 +150,9 @@ def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[ndarray, n
     files = rh.datasets.find_meshes(source) if source.is_dir() else [source]
     bodies = {file.stem: rh.load_mesh(file) for file in files}
     if len(bodies) < len(files):
-        raise ArgumentError(f"{source} holds two meshes of one name, which would become one file")
+        raise ArgumentError(
+            f"{source} holds two meshes with the same name, which would become one file"
+        )
     return bodies
 
 

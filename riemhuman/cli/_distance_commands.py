@@ -38,7 +38,7 @@ _BODY_SET = cli.several(
         cli.path_option("--faust", "FOLDER", "registrations of MPI FAUST (tr_reg_000.ply ...)"),
         cli.path_option("--bodies", "FOLDER", "registered meshes of a folder; see --labels"),
         cli.option(
-            "--reader", "bodies by another package's reader", nargs=2, metavar=("NAME", "PATH")
+            "--reader", "bodies read by another package's reader", nargs=2, metavar=("NAME", "PATH")
         ),
         exclusive=True,
     ),
@@ -85,9 +85,9 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
 @cli.command(
     "tables",
     "retrieval tables: who is it, how do they stand?",
-    "Computes all distances between registered human bodies, and prints how well they find\n"
-    "the same person (shape) and the same pose. The default data are the 100 open bodies\n"
-    "that ship with the package, ten people in ten poses.",
+    "Computes all distances between registered human bodies, and prints how well they find the\n"
+    "same person (shape) and the same pose. The default data are the 100 bundled open bodies,\n"
+    "ten people in ten poses.",
     "  riemhuman tables\n"
     "  riemhuman tables --resolution coarse\n"
     "  riemhuman tables --open natural --people 1    # ten people not used in tuning\n"
@@ -96,7 +96,9 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     "  riemhuman tables --all --resolution coarse    # also descriptors and model vectors\n",
     _BODY_SET,
     cli.choice("--resolution", "open bodies of 13,348 or 1,202 vertices", "full", "coarse"),
-    cli.flag("--all", "all representations, with mean average precision and times; takes minutes"),
+    cli.flag(
+        "--all", "compare all representations, with mean average precision and times; takes minutes"
+    ),
 )
 def _tables(options: argparse.Namespace) -> cli.Answer:
     with options.task("Loading the bodies"):
@@ -134,8 +136,8 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "dist",
     "distance between two registered meshes",
-    "Prints the distance between two meshes that share one triangulation (PLY, OBJ, OFF), and on\n"
-    "standard error its unit and what distances are usual under the metric.",
+    "Prints the distance between two meshes that share one triangulation (PLY, OBJ, OFF), and,\n"
+    "on standard error, its unit and typical distances under the metric.",
     "  riemhuman dist anna_1.ply ben_1.ply             # who it is\n"
     "  riemhuman dist anna_1.ply anna_2.ply --pose     # how they stand\n"
     "  riemhuman dist a.obj b.obj -a 1 -l 0.01 -c 0.5 --align --json\n",
@@ -152,8 +154,8 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
         aligned = metric.dist(first, rh.procrustes(second, to=first, scale=None))
         if aligned**2 < distance**2 / 2:
             terminal.note(
-                "warning: B is rotated relative to A, which this metric counts; without the "
-                f"rotation, the distance is {aligned:.4g}, see --align"
+                "warning: B is rotated relative to A, and this metric depends on rotations; "
+                f"without the rotation, the distance is {aligned:.4g} (see --align)"
             )
     record = {"distance": distance, "metric": inputs.metric_record(metric)}
     record |= {"files": surfaces.files, "template": options.template or options.a_file}
@@ -208,7 +210,9 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
     cli.choice(
         "--precision", "single is faster, with relative errors below 1e-5", "double", "single"
     ),
-    cli.path_option("--resume", "FOLDER", "folder that keeps the work, to resume it later"),
+    cli.path_option(
+        "--resume", "FOLDER", "folder for finished work, so that the command can be resumed"
+    ),
     cli.flag("--paths", "also find paths and their lengths"),
     cli.option("--n-nodes", f"surfaces of a path (default: {_N_NODES})", type=int, metavar="N"),
     inputs.BASIS,
@@ -287,7 +291,7 @@ def _path_distances(
 @cli.command(
     "retrieve",
     "the meshes of a folder nearest to a query",
-    "Prints the meshes of a folder that are nearest to a query, nearest first: rank,\n"
+    "Prints the meshes of a folder that are nearest to a query, the nearest first, with rank,\n"
     "distance and file. If the query is in the folder, it is skipped.",
     "  riemhuman retrieve anna_1.ply bodies/           # the same person\n"
     "  riemhuman retrieve anna_1.ply bodies/ --pose -k 10\n"
@@ -348,9 +352,9 @@ def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[
 @cli.command(
     "scores",
     "how well a distance matrix finds people and poses",
-    "Prints how many of the nearest meshes share the person, and how many share the pose:\n"
-    "nearest neighbour (NN), first and second tier (FT, ST) and mean average precision\n"
-    "(mAP), per cent.",
+    "Prints how many of the nearest meshes show the same person, and how many show the same\n"
+    "pose: nearest neighbour (NN), first and second tier (FT, ST) and mean average precision\n"
+    "(mAP), in per cent.",
     "  riemhuman scores D.npz --labels labels.csv\n"
     "  riemhuman scores D.npz --labels labels.csv --json\n",
     _matrix_options(required=True),
@@ -370,10 +374,12 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "plot",
     "a map of a distance matrix",
-    "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane by\n"
-    "multidimensional scaling, or by t-SNE, which preserves neighbourhoods. Points have the\n"
-    "names of their files, or the colours of their labels; with --bodies, one body of each\n"
-    "label stands beside its points, and on a page (.html) the pointer on a point shows its body.",
+    "Draws the meshes of a distance matrix (see riemhuman matrix) as points in the plane, by\n"
+    "multidimensional scaling, or by t-SNE, which preserves neighbourhoods. Points show the\n"
+    "names of their files, or have the colours of their labels. With --bodies, one body of "
+    "each\n"
+    "label is drawn next to its points, and on a page (.html), pointing at a point shows its\n"
+    "body.",
     "  riemhuman plot D.npz -o map.png\n"
     "  riemhuman plot D.npz --labels labels.csv --bodies bodies/ -o map.html\n"
     "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
@@ -409,12 +415,13 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
         record["fit"] = loss = rh.plots.describe_stress(stress)
         if stress > rh.plots.maps.LARGEST_STRESS:
             raise ArgumentError(
-                f"these distances do not fit into a plane: with --method mds, {loss}; "
-                "--method t-sne shows which bodies are neighbours"
+                f"a plane cannot represent these distances: with --method mds, {loss}; --method "
+                "t-sne shows which bodies are neighbours"
             )
         scale = (
-            "Points are as far from each other as their bodies under the metric, in metres,\n"
-            f"as well as a plane allows: {loss}."
+            "Distances between points approximate those between bodies under the metric, in "
+            "metres:\n"
+            f"{loss}."
         )
     if options.bodies is not None:
         meshes = _meshes_of(names, options.bodies)
@@ -480,10 +487,10 @@ def _map_page(
     "a page on a data set: measurements, differences, paths, retrieval",
     "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
     "needs no network connection, figures, tables, matrices and their provenance. The default\n"
-    "data are the open bodies that ship with the package. With --bodies, sections appear that\n"
-    "these bodies have something to say on: measurements of one body, differences and paths\n"
-    "of two; retrieval of people or poses with two bodies each. A folder without labels.csv\n"
-    "is one of unknown people and poses. Results of an earlier run are reused.",
+    "data are the bundled open bodies. With --bodies, only sections that suit the data appear:\n"
+    "measurements need one body, differences and paths need two, and retrieval needs people\n"
+    "or poses with two bodies each. Without labels.csv, people and poses are unknown. Results\n"
+    "of an earlier run are reused.",
     "  riemhuman report\n"
     "  riemhuman report --quick -o quick-report\n"
     "  riemhuman report --open natural -o natural-report\n"

@@ -92,7 +92,7 @@ def write_example_files(folder: Path) -> dict[str, str]:
         "anna.ply, ben.ply": "two people in the same pose, registered",
         "sit.ply, stand.ply": "one person in two poses, registered",
         "scans/anna.ply, scans/ben.ply": "raw scans with a floor, noise and holes",
-        "labels.csv, scans/labels.csv": "whose these files are: person, sex, day of the visit",
+        "labels.csv, scans/labels.csv": "who is in these files: person, sex, date of the visit",
         "visit1.ply, visit2.ply": "one person before and after losing four kilograms",
         "walk.bvh, walk.npz": "a walk as a recording of a skeleton, and in the layout of AMASS",
         "run.bvh": "another person runs on the spot",

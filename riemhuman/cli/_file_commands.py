@@ -33,11 +33,11 @@ _MOST_LISTED = 100
 @cli.command(
     "examples",
     "a folder of people to try the commands on",
-    "Writes a small world of simulated people: registered bodies of eight people in ten\n"
-    "poses with their labels, raw scans with a floor and holes, two visits of one person,\n"
-    "and a walk. The commands in README and on the page of the command line run in it.",
-    "  riemhuman examples people/    # and there: riemhuman dist anna.ply ben.ply\n"
-    "  riemhuman examples people/ --json\n",
+    "Writes files of simulated people: registered bodies of eight people in ten poses with\n"
+    "labels, raw scans with a floor and holes, two visits of one person, and a walk. The\n"
+    "commands in the README and on the page about the command line run in this folder.",
+    "  riemhuman examples people/    # then, there: riemhuman dist anna.ply ben.ply\n  "
+    "riemhuman examples people/ --json\n",
     cli.path_option("folder", "FOLDER", "folder to write, which must not exist yet"),
 )
 def _examples(options: argparse.Namespace) -> cli.Answer:
@@ -59,13 +59,14 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "view",
     "an interactive page of bodies or of a path",
-    "Writes a page for any browser, without a network connection, a picture, or a film (GIF, or\n"
-    "MP4 with the extra video), in which bodies that do not move turn once: registered meshes\n"
-    "side by side, or one after the other with --motion; a raw scan over the body that is\n"
-    "registered to it, with distances; the path in an .npz file or in the folder of a\n"
-    "geodesic, which holds path.npz; or a motion capture recording\n"
-    "(.bvh, .amc, .trc, .c3d, .npz of AMASS, or .npz, .pkl and .pt of methods that watch\n"
-    "videos), performed by a body of its proportions.",
+    "Writes a page that works in any browser without a network connection, a picture, or a "
+    "film\n"
+    "(GIF, or MP4 with the extra video) in which still bodies turn once. It shows registered\n"
+    "meshes side by side, or one after the other with --motion; a raw scan over the body\n"
+    "registered to it, with distances; the path in an .npz file or in the folder written by\n"
+    "riemhuman geodesic; or a motion capture recording (.bvh, .amc, .trc, .c3d, .npz of AMASS,\n"
+    "or .npz, .pkl and .pt of methods that track people in videos), performed by a body with\n"
+    "its proportions.",
     "  riemhuman view anna.ply ben.ply                # opens in the browser\n"
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view scan.ply body.ply               # a scan over its registered body\n"
@@ -165,9 +166,9 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
     "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
     "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
-    "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH,\n"
-    "Acclaim, TRC, C3D, .smpl, or of methods that watch videos), with the fields that are used\n"
-    "and left out.",
+    "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH, Acclaim, TRC,\n"
+    "C3D, .smpl, or of methods that track people in videos), with the fields that are used and\n"
+    "those that are ignored.",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
@@ -330,7 +331,7 @@ def _use_as_template(vertices: ndarray, faces: ndarray, seams: rh.io.Seams) -> s
     except ArgumentError as error:
         return f"no: {error}"
     if seams:
-        return f"yes, once its seams are joined: {seams.n_copies} doubled vertices"
+        return f"yes, once its seams are joined: {seams.n_copies:,} duplicated vertices"
     return "yes"
 
 

@@ -42,8 +42,9 @@ def format_table() -> str:
 @cli.command(
     "formats",
     "what can be done with which files",
-    "Prints a table of the files that are read: by which function, what registers them, whether\n"
-    "they can be measured, whether they are motions, and how they are written back.",
+    "Prints a table of the files that can be read: which function reads them, what registers\n"
+    "them, whether they can be measured, whether they are motions, and in which formats they\n"
+    "can be written.",
     "  riemhuman formats\n  riemhuman formats --json\n",
 )
 def _formats(options: argparse.Namespace) -> cli.Answer:

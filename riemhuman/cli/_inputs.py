@@ -137,8 +137,8 @@ def measurements_of(
     definitions = rh.measurements.open_measurements(template, pose)
     if definitions is None:
         raise ArgumentError(
-            f"{file} has {template.n_vertices} vertices and {template.n_faces} triangles, not "
-            f"those of the open body model; {advice(file)}, or give --model and --definitions"
+            f"{file} has {template.n_vertices:,} vertices and {template.n_faces:,} triangles, "
+            f"unlike the open body model; {advice(file)}, or give --model and --definitions"
         )
     return rh.measurements.Measurements(definitions)
 
@@ -215,8 +215,8 @@ def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> Riemann
     metric = chosen_metric(options, surfaces.template, are_scans=surfaces.are_scans)
     if isinstance(metric, rh.AreaMetric) and options.metric != "area" and not options.quiet:
         note(
-            "these are registered scans: people are compared by smoothed areas (AreaMetric, "
-            "--area), which hardly depend on noise; --shape compares them by the paper's metric"
+            "these are registered scans, so people are compared by smoothed areas (AreaMetric, "
+            "--area), which hardly depend on noise; --shape uses the paper's metric"
         )
     return metric
 

@@ -35,9 +35,11 @@ _DEFINITIONS = cli.several(
     "girths, lengths, heights and volumes of registered meshes",
     "Measures bodies registered to the open body model, or to another model with --model and\n"
     "--definitions. The printed table is in centimetres, litres and kilograms, or with --units\n"
-    "in in inches and pounds; CSV and JSON are in metres and kilograms. A fit of the body\n"
-    "model brings bodies to the standard pose first; --as-is measures them as they stand.\n"
-    "What lies on vertices that register did not trust, as its PLY files say, is left out.",
+    "in in inches and pounds; CSV and JSON are in metres and kilograms. Bodies are first\n"
+    "brought into the standard pose by a fit of the body model; --as-is measures them in their\n"
+    "own pose. Measurements on vertices that riemhuman register did not trust, according to "
+    "its\n"
+    "PLY files, are left out.",
     "  riemhuman measure anna.ply\n"
     "  riemhuman measure bodies/ -o table.csv\n"
     "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
@@ -53,8 +55,8 @@ _DEFINITIONS = cli.several(
         required=False,
     ),
     _DEFINITIONS,
-    cli.flag("--as-is", "measure bodies as they stand"),
-    cli.flag("--seated", "measurements of people who sit, such as sitting height"),
+    cli.flag("--as-is", "measure bodies in their own pose"),
+    cli.flag("--seated", "take seated measurements, such as sitting height"),
 )
 def _measure(options: argparse.Namespace) -> cli.Answer:
     files = inputs.list_meshes(options.meshes)
@@ -116,12 +118,13 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
 
 @cli.command(
     "compare",
-    "changes of one person between two visits, differences of two people",
-    "Brings two registered meshes of one person to the standard pose and prints how their\n"
+    "changes of one person between two visits, or differences between two people",
+    "Brings two registered meshes of one person into the standard pose and prints how their\n"
     "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
-    "deviations of a difference over poses of one person. What a scan did not show is nan.\n"
-    "Bodies that are hardly one person are warned of. With --view, a page shows both side by\n"
-    "side, where the second is outside or inside of the first, and the line of each measurement.",
+    "deviations of a difference over poses of one person. What a scan did not show is nan. A\n"
+    "warning says if the bodies hardly belong to one person. With --view, a page shows both\n"
+    "side by side, where the second lies outside or inside the first, and the line of each\n"
+    "measurement.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare anna.ply ben.ply --view differences.html\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
@@ -227,12 +230,13 @@ def _view_differences(
 @cli.command(
     "sheet",
     "a sheet for each person: measurements, percentiles, changes",
-    "Writes for each registered body a page and a PDF of two sides: the scan and the body\n"
-    "from three sides, whether and where to trust it, measurements with uncertainties and\n"
-    "percentiles among adults of that sex and stature, the silhouette over the average's,\n"
-    "posture, and changes since the visit before. index.html lists all people, and a CSV\n"
-    "table and a workbook hold all numbers. A table of labels names each file's person, sex\n"
-    "(woman or man), visit and date. PDF files need Chromium or matplotlib, the workbook openpyxl.",
+    "Writes a page and a two-page PDF for each registered body: the scan and the body from\n"
+    "three sides, whether and where to trust it, measurements with uncertainties and\n"
+    "percentiles among adults of the same sex and stature, the silhouette over that of the\n"
+    "average body, posture, and changes since the previous visit. index.html lists all people,\n"
+    "and a CSV table and a workbook hold all numbers. A table of labels gives each file's\n"
+    "person, sex (woman or man), visit and date. PDF files need Chromium or matplotlib, the\n"
+    "workbook needs openpyxl.",
     "  riemhuman sheet bodies/ -o sheets/    # the output of riemhuman register scans/ -o bodies/\n"
     "  riemhuman sheet visit1.ply visit2.ply -o sheets/ --labels labels.csv\n"
     "  riemhuman sheet bodies/ -o sheets/ --units in\n",
@@ -240,7 +244,9 @@ def _view_differences(
     cli.path_option("-o --output", "SHEETS", "folder to write", required=True),
     cli.FORCE,
     cli.path_option(
-        "--labels", "CSV", "table of file, person, sex, visit, date (default: labels.csv there)"
+        "--labels",
+        "CSV",
+        "table of file, person, sex, visit, date (default: labels.csv next to the files)",
     ),
     inputs.MEASURED_MODEL,
     cli.UNIT,

@@ -42,17 +42,17 @@ _BY = cli.choice(
 )
 _METRIC = cli.choice(
     "--metric",
-    "compares frames by the normals of the skin, or by rotations, which tell movements of people "
-    "of other builds apart more reliably",
+    "compare frames by the normals of the skin, or by rotations, which distinguish movements of "
+    "people with different body shapes more reliably",
     *("pose", "rotation"),
 )
 _TRAVEL = cli.option(
     "--travel",
-    "weight of how fast the body travels beside its pose, such as 1 (default: 0)",
+    "weight of how fast the body travels, compared with its pose, such as 1",
     default=0.0,
     metavar="W",
 )
-_N_TIMES = cli.option("--n-times", "times of the result", default=40, metavar="N")
+_N_TIMES = cli.option("--n-times", "number of times in the result", default=40, metavar="N")
 
 
 def _read_pair(options: argparse.Namespace) -> inputs.Motions:
@@ -103,8 +103,8 @@ def _measure(
 
 @cli.command(
     "motions dist",
-    "distance of two motions, whatever their speeds",
-    "Prints the distance of two motions after the best re-timing.",
+    "distance between two motions at any speeds",
+    "Prints the distance between two motions after the best re-timing.",
     "  riemhuman motions dist anna_runs/ ben_runs/\n"
     "  riemhuman motions dist anna_runs/ ben_runs/ --by rate-invariant --json\n"
     "  riemhuman motions dist walk.bvh run.bvh --metric rotation --travel 1\n",
@@ -290,9 +290,9 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 @cli.command(
     "motions find",
     "occurrences of a short motion in a long one",
-    "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
-    "first: distance, first and last frame, and their seconds where the motion is a recording\n"
-    "(.bvh, .amc, .trc, .c3d, AMASS, videos): of these, at most 30 frames a second are read and\n"
+    "Prints the parts of a motion that are most similar to a query, at any speed, the nearest\n"
+    "first: distance, first and last frame and, for recordings (.bvh, .amc, .trc, .c3d, AMASS,\n"
+    "videos), their times in seconds. At most 30 frames per second of a recording are read and\n"
     "counted. The motion is read once, frame by frame.",
     "  riemhuman motions find lifted_knee/ hour/\n  riemhuman motions find jump.bvh day.bvh\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
@@ -302,7 +302,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     cli.option("-k", "largest number of parts to print", default=5, metavar="K"),
     cli.option(
         "--shortest",
-        "length of the shortest part, as a share of the query's (default: 0.5)",
+        "length of the shortest part, as a share of the query's",
         default=0.5,
         metavar="S",
     ),
@@ -334,7 +334,7 @@ def _find(options: argparse.Namespace) -> cli.Answer:
     "Re-times the 140 open motions at random, to between 24 and 60 frames, and prints how\n"
     "well each representation finds the same motion of other people.",
     "  riemhuman motions table\n  riemhuman motions table --seed 3 --json\n",
-    cli.option("--seed", "seed of the speeds", default=0, metavar="S"),
+    cli.option("--seed", "seed of the random speeds", default=0, metavar="S"),
 )
 def _table(options: argparse.Namespace) -> cli.Answer:
     compared = rh.motions.compare_representations(options.seed, task=options.task)

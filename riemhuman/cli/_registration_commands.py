@@ -37,13 +37,14 @@ _UP = cli.option(
     "register",
     "registered bodies from raw scans",
     "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
-    "with or without landmarks, and writes the body in the model's triangulation.\n"
-    "For a folder, it registers every scan, and index.html shows the results, the\n"
-    "worst first. It does not write a body that it does not trust, and the exit code is 1;\n"
-    "for a folder, such bodies go to untrusted/, and those of scans that do not show all of the\n"
-    "body to partial/. After an interruption, the same command continues. --sheet also writes the\n"
-    "sheet of each person, see riemhuman sheet: for a folder into BODY/sheets/, with the labels\n"
-    "of labels.csv beside the scans; for one scan as body.html and body.pdf.",
+    "with or without landmarks, and writes the body in the model's triangulation. For a "
+    "folder,\n"
+    "it registers every scan, and index.html shows the results, the worst first. If a body is\n"
+    "not trusted, it is not written, and the exit code is 1; for a folder, such bodies go to\n"
+    "untrusted/, and those of incomplete scans go to partial/. After an interruption, the same\n"
+    "command continues. --sheet also writes a sheet for each person (see riemhuman sheet): for\n"
+    "a folder into BODY/sheets/, with the labels in labels.csv next to the scans; for one scan\n"
+    "as body.html and body.pdf.",
     "  riemhuman register scan.ply -o body.ply\n"
     "  riemhuman register scans/ -o bodies/ --sheet\n"
     "  riemhuman register scans/ -o bodies/\n"
@@ -59,14 +60,14 @@ _UP = cli.option(
     cli.path_option(
         "--landmarks",
         "CSV",
-        "places of joints in the scan, in its unit, where the fit alone goes wrong: lines such as"
-        " left_wrist,0.62,1.31,0.05",
+        "positions of joints in the scan, in its unit, for scans where the fit alone goes "
+        "wrong: lines such as left_wrist,0.62,1.31,0.05",
     ),
     cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
     cli.flag("--untrusted", "also write a body that is not trusted"),
     cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
-    cli.flag("--sheet", "also write each person's sheet: measurements, percentiles, pictures"),
-    cli.option("--sex", "of the person, for the sheet of one scan", choices=("woman", "man")),
+    cli.flag("--sheet", "also write a sheet for each person: measurements, percentiles, pictures"),
+    cli.option("--sex", "sex of the person, for the sheet of one scan", choices=("woman", "man")),
     UNITS,
     cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
 )
@@ -121,7 +122,7 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
     if options.sheet:
         _write_sheet(registration.model, result, options)
     if not (result.trusted or options.untrusted):
-        text = "no body is written; --untrusted writes it nevertheless"
+        text = "the body is not written; --untrusted writes it anyway"
         text += _details(options, [result])
         return cli.Answer(text, record, trusted=False, written=False)
     points = result.points if options.keep_axes else result.upright_points
@@ -223,22 +224,23 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
 @cli.command(
     "match",
     "where the vertices of one scan are on another",
-    "Registers two scans by a body model, without landmarks, and writes for every vertex of A\n"
-    "its place on B: a CSV file with a line for each vertex, numbered from 0, of the nearest\n"
-    "vertex of B, the triangle of B and the weights of its corners, and the place in the unit of\n"
-    "B. Fields are empty where either scan does not show the place; those of the triangle, if B\n"
-    "is a point cloud. With --registered, scans that `riemhuman register` has registered are not\n"
-    "registered again.",
+    "Registers two scans with a body model, without landmarks, and writes where every vertex "
+    "of\n"
+    "A is on B. The CSV file has a line for each vertex, numbered from 0, with the nearest\n"
+    "vertex of B, the triangle of B and the weights of its corners, and the position in the\n"
+    "unit of B. Fields are empty where either scan does not show the place; the fields of the\n"
+    "triangle are empty if B is a point cloud. With --registered, scans that `riemhuman\n"
+    "register` has registered are not registered again.",
     "  riemhuman match a.ply b.ply -o map.csv\n"
     "  riemhuman match a.ply b.ply -o map.csv --picture map.png\n"
     "  riemhuman match scans/a.ply scans/b.ply -o map.csv --registered bodies/\n",
-    cli.path_option("scan_a", "A", "the scan whose vertices are placed"),
-    cli.path_option("scan_b", "B", "the scan on which they are placed"),
+    cli.path_option("scan_a", "A", "the scan whose vertices are matched"),
+    cli.path_option("scan_b", "B", "the scan to which they are matched"),
     cli.output("CSV", ".csv"),
     cli.output(
         "PICTURE",
         *cli.FIGURE_ENDINGS,
-        text="picture of both scans, in which places that correspond have one colour",
+        text="picture of both scans, with corresponding places in the same colour",
         flags="--picture",
         required=False,
     ),

@@ -166,7 +166,10 @@ def note(text: str) -> None:
 
 def say_compilation() -> None:
     """Say what the first run of a command on a machine waits for."""
-    note("compiling, once on this machine: up to half a minute; later runs start at once")
+    note(
+        "compiling, once on this machine; this takes up to half a minute, and later runs start "
+        "at once"
+    )
 
 
 # When the process was interrupted from the keyboard, if at all.

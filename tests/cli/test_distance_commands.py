@@ -65,7 +65,7 @@ def test_scanned_people_are_compared_by_areas(run, registered, bodies):
     pair = registered / "body_0.ply", registered / "body_20.ply"
     finished = run("dist", *pair)
     assert float(finished.out) == pytest.approx(expected, rel=1e-9)
-    assert "registered scans: people are compared by smoothed areas" in finished.err
+    assert "registered scans, so people are compared by smoothed areas" in finished.err
     assert "the unit is the metre" in finished.err
     assert "for comparison: same person, another pose ≈ 0.024; another person" in finished.err
     assert "the unit is that of the files" in run("dist", *pair, "--any-scale").err
