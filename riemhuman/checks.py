@@ -47,7 +47,7 @@ UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 3
 SCALES = ("template", None)
 """Choices of a reference that surfaces must have about the same size as."""
 
-TAKE_ANY_SCALE = "scale=None, on the command line --any-scale, takes them as they are"
+TAKE_ANY_SCALE = "scale=None (on the command line --any-scale) accepts them unchanged"
 """Advice for users who mean surfaces of any size."""
 
 # Largest extents of human bodies, from infants to men with their arms raised.
@@ -89,13 +89,15 @@ def values_of(array: object, name: str = "array") -> np.ndarray:
         array = value
     if type(array) is not np.ndarray and (masked := _count_masked(array)):
         raise ArgumentTypeError(
-            f"{name} has {masked} masked entries; fill them, or leave their surfaces out"
+            f"{name} has {masked} masked entries; fill them, or remove the surfaces that "
+            "contain them"
         )
     try:
         return np.asarray(array)
     except ValueError as error:
         raise ArgumentTypeError(
-            f"{name} must be an array; found a {type(array).__name__} of parts of different shapes"
+            f"{name} must be an array; found a {type(array).__name__} whose items have "
+            "different shapes"
         ) from error
     except (TypeError, RuntimeError, BufferError) as error:
         # Tensors that require gradients, of precisions that NumPy lacks, or on another device.
@@ -158,9 +160,9 @@ def real_array(
         wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
         if wrong.any():
             raise ArgumentError(
-                f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "
-                f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
-                "another unit"
+                f"{name} must have coordinates between {_SHORTEST_LENGTH:g} and "
+                f"{_LONGEST_LENGTH:g} in absolute value; the largest coordinate of one item is "
+                f"{largest[wrong][0]:g}: choose another unit"
             )
     if hasattr(array, "_trace"):
         return array  # type: ignore[return-value]  # traced, which behaves as its values do
@@ -269,7 +271,7 @@ def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
     if missing:
         raise ArgumentError(
             f"{name}[{missing[0]}] is missing, {_shown(values[missing[0]])}, the first of "
-            f"{len(missing)} missing labels; leave out what has no label"
+            f"{len(missing)} missing labels; leave out the items without labels"
         )
     try:
         hash(tuple(values))
@@ -447,8 +449,8 @@ def check_human_size(extent: float, volume: float, name: str) -> None:
     least, most = (1000 * litres for litres in HUMAN_VOLUMES)
     encloses = "" if math.isnan(volume) else f" and encloses {1000 * abs(volume):.4g} litres"
     raise ArgumentError(
-        f"{name} is {extent:.4g} m long{encloses}, the size of no human body"
-        + (f", but of a body in {' or '.join(units)}" if units else "")
+        f"{name} is {extent:.4g} m long{encloses}, which no human body is"
+        + (f", but a body in {' or '.join(units)} would be" if units else "")
         + f"; bodies must be in metres, {HUMAN_EXTENTS[0]:g} to {HUMAN_EXTENTS[1]:g} m long and of "
         f"{least:g} to {most:g} litres"
         + ("; files are converted by unit, on the command line --unit" if units else "")
@@ -528,9 +530,9 @@ def check_resolution(
     if digits >= _ENOUGH_DIGITS:
         return
     message = (
-        f"{name} are up to {largest:.3g} from the origin in steps of {step:.2g}: "
-        f"{max(digits, 0.0):.1f} digits of the usual distance {usual:.2g} between vertices are "
-        "left; subtract an offset in double precision, before coordinates are rounded"
+        f"{name} are up to {largest:.3g} from the origin, with a rounding step of {step:.2g}: "
+        f"this leaves {max(digits, 0.0):.1f} digits of the usual distance {usual:.2g} between "
+        "vertices; subtract an offset in double precision, before coordinates are rounded"
     )
     if digits < _FEWEST_DIGITS:
         raise error(message)

@@ -63,7 +63,7 @@ def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
         )
     known = extensions(kind)
     if name in known and known[name] is not factory:
-        raise ArgumentError(f"name must be new among the {kind}; {name!r} is taken")
+        raise ArgumentError(f"name must not be in use among the {kind}; {name!r} is taken")
     _REGISTERED[kind][name] = factory
 
 
@@ -113,5 +113,5 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
     known = extensions(kind)
     if name not in known:
         listed = ", ".join(map(repr, known)) or "none"
-        raise ArgumentError(f"{name!r} is none of the {kind} that packages register: {listed}")
+        raise ArgumentError(f"{name!r} is not among the {kind} that packages register: {listed}")
     return known[name]

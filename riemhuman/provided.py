@@ -64,7 +64,7 @@ class Provided(Generic[T]):
 
     def __call__(self) -> T:
         if self._load is None:
-            raise RuntimeError("riemhuman/__init__.py provides this, and was not run")
+            raise RuntimeError("riemhuman/__init__.py provides this, but it was not run")
         return self._load()
 
 

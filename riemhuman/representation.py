@@ -74,7 +74,9 @@ class Unchanging:
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_is_complete" in vars(self) and self._is_fixed(name):
-            raise ArgumentError(f"{name} of {type(self).__name__} cannot change; make another one")
+            raise ArgumentError(
+                f"{name} of {type(self).__name__} cannot be changed; create another one"
+            )
         super().__setattr__(name, value)
 
     def _is_fixed(self, name: str) -> bool:

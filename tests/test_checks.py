@@ -114,7 +114,7 @@ def test_masked_entries_and_ragged_lists_are_refused_by_name(check):
     plain = np.ma.masked_array([[1, 2], [3, 4]], mask=False)
     np.testing.assert_array_equal(check(plain, "points", *shape), [[1, 2], [3, 4]])
     for ragged in ([[1, 2], [3]], [np.ones((2, 3)), np.ones((3, 3))]):
-        with pytest.raises(ArgumentTypeError, match="points .* list of parts of different shapes"):
+        with pytest.raises(ArgumentTypeError, match="points .* items have different shapes"):
             check(ragged, "points", *shape)
 
 

@@ -172,8 +172,8 @@ def fit_model(
     failed = [number for number, fit in enumerate(fits) if not fit.converged]
     if failed:
         warn(
-            f"{len(failed)} of {len(fits)} fits, the first of surface {failed[0]}, stopped after "
-            f"up to {max_iter} steps before they came to rest within {tolerance:g} m",
+            f"{len(failed)} of {len(fits)} fits, the first of surface {failed[0]}, did not "
+            f"converge to within {tolerance:g} m in {max_iter} steps",
             ConvergenceWarning,
         )
     hands = None
@@ -202,7 +202,7 @@ def _surfaces_of(
         raise ArgumentError(
             f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
         )
-    remedy, rest = "a fit is in the unit of the model", combine @ model.template.vertices
+    remedy, rest = "a fit needs points in the unit of the model", combine @ model.template.vertices
     check_resolution(surfaces, "points")
     check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
     if whole:
@@ -286,7 +286,7 @@ def _refuse_outside(numbers: np.ndarray, count: int, name: str) -> None:
     if not numbers.size or numbers.min() < 0 or numbers.max() >= count:
         numbered = f"numbers from {numbers.min()} to {numbers.max()}" if numbers.size else "none"
         raise ArgumentError(
-            f"correspondence must number {name} of the model, from 0 to {count - 1}; "
+            f"correspondence must hold indices of {name} of the model, from 0 to {count - 1}; "
             f"found {numbered}"
         )
 

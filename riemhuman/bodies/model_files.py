@@ -70,8 +70,8 @@ class ModelContents:
     left_out: tuple[str, ...]
 
     def __str__(self) -> str:
-        sentence = f"{self.family}: used are {', '.join(self.used)}"
-        return sentence + (f"; left out are {', '.join(self.left_out)}" if self.left_out else "")
+        sentence = f"{self.family}: used: {', '.join(self.used)}"
+        return sentence + (f"; ignored: {', '.join(self.left_out)}" if self.left_out else "")
 
 
 def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> ModelContents:
@@ -138,9 +138,10 @@ def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Stored]:
         if not load(path, (), _FIELDS_OF_SKEL):
             raise
         raise FileFormatError(
-            f"{os.fspath(path)} is a model of SKEL, whose 46 angles turn bones about anatomical "
-            "axes: these are no rotations of joints as in SMPL's layout, so that it is not read. "
-            "Its skin has SMPL's mesh: `registration.TopologyMap` converts bodies that it made"
+            f"{os.fspath(path)} is a SKEL model, which cannot be read: its 46 angles turn bones "
+            "about anatomical axes and are not rotations of joints as in SMPL's layout. Its "
+            "skin has SMPL's mesh, so `registration.TopologyMap` can convert bodies generated "
+            "with it"
         ) from error
 
 
@@ -173,7 +174,7 @@ def _contents(fields: Mapping[str, Stored], n_betas: int | None) -> ModelContent
     if n_shapes < n_coefficients:
         left_out.append(f"{n_coefficients - n_shapes} expression coefficients")
     if any(name in fields for name in _HANDS):
-        left_out.append("mean poses and components of the hands (fingers are joints like others)")
+        left_out.append("mean poses and components of the hands (fingers are ordinary joints)")
     if has_face:
         left_out.append("landmarks of the face")
     return ModelContents(family, n_shapes, n_used, tuple(used), tuple(left_out))

@@ -343,7 +343,7 @@ def joint_parents(kintree_table: ArrayLike, n_joints: int) -> onp.ndarray:
     table = integer_array(kintree_table, "kintree_table", (2, n_joints))
     index = {int(number): j for j, number in enumerate(table[1])}
     if len(index) != n_joints:
-        raise ArgumentError("kintree_table numbers a joint twice in its second row")
+        raise ArgumentError("kintree_table lists a joint twice in its second row")
     parents = onp.empty(n_joints, dtype=onp.int64)
     for joint, number in enumerate(table[0].tolist()):
         if number in (-1, _UNSIGNED_ROOT):

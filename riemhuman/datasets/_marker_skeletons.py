@@ -69,16 +69,16 @@ def skeleton_of(
     missing = [role for role in NEEDED if role not in centres]
     if missing:
         raise FileFormatError(
-            f"{markers.file} tells no centre of {', '.join(missing)}; it has the markers "
-            f"{join_names(markers.names, _MOST_NAMES)}. Name one, or two whose middle it is: "
-            f"joints={{{missing[0]!r}: ...}}"
+            f"{markers.file} has no markers that give the centre of {', '.join(missing)}; its "
+            f"markers are {join_names(markers.names, _MOST_NAMES)}. Name one, or two whose "
+            f"midpoint it is: joints={{{missing[0]!r}: ...}}"
         )
     head_frames = centres.pop("head frame", None)
     centres, kept = _without_gaps(markers, centres)
     if on_skin:
         warn(
-            f"{markers.name}: {', '.join(on_skin)} are at single markers on the skin, some "
-            "centimetres from the centres of joints",
+            f"{markers.name}: {', '.join(on_skin)} are placed at single markers on the skin, a "
+            "few centimetres from the centres of the joints",
             UserWarning,
         )
     positions = centres | _trunk_places(centres)
@@ -126,7 +126,7 @@ def _markers_of_one_person(markers: Markers, told: Mapping[str, tuple[int, ...]]
     if len(whole) > 1 and not wanted:
         warn(
             f"{markers.name} holds {len(whole)} people ({join_names(whole)}); {whole[0]!r} was "
-            "taken. A marker of another one in joints= chooses that one",
+            "taken. To choose another person, name one of its markers in joints=",
             UserWarning,
         )
     return groups[(wanted or whole)[0]]
@@ -273,16 +273,15 @@ def _without_gaps(
             said.append(f"{role} was left out")
     if long:
         raise FileFormatError(
-            f"{markers.file}: {', '.join(long)} frames one after the other without markers; at "
-            f"most {_most_frames(rate)} are interpolated. Cut the recording there, or name other "
+            f"{markers.file}: {', '.join(long)} consecutive frames without markers; at most "
+            f"{_most_frames(rate)} are interpolated. Cut the recording there, or name other "
             "markers: joints="
         )
     if len(seen) > last + 1 - first:
         said.insert(0, f"only frames {first + 1} to {last + 1} of {len(seen)} have all joints")
     if said:
         warn(
-            f"{markers.name}: markers are missing, gaps were interpolated (frames): "
-            f"{', '.join(said)}",
+            f"{markers.name}: markers are missing and were interpolated, frames: {', '.join(said)}",
             UserWarning,
         )
     return filled, kept

@@ -38,8 +38,8 @@ def fields_of_smpl(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     version = _number(arrays, "smplVersion", _SMPLX)
     if version in _BY_ANGLES:
         raise FileFormatError(
-            f"holds poses of {_BY_ANGLES[version]}, 46 angles about anatomical axes, which are no "
-            "rotations of SMPL's joints; export SMPL or SMPL-X"
+            f"holds poses of {_BY_ANGLES[version]}, 46 angles about anatomical axes, which are "
+            "not rotations of SMPL's joints; export SMPL or SMPL-X"
         )
     if version not in _PARTS:
         raise FileFormatError(f"smplVersion must be from 0 to 7; found {version}")

@@ -285,7 +285,9 @@ def _read_header(file: Path) -> tuple[str, float, int]:
         rates = rates.item() if rates.size == 1 else rates
         rate = real_number(rates, rate_name, minimum=0.0, strict=True)
         if not 1.0 / _LARGEST < rate < _LARGEST:
-            raise ArgumentError(f"{rate_name} must be frames a second; found {rate:g}")
+            raise ArgumentError(
+                f"{rate_name} must be a number of frames per second; found {rate:g}"
+            )
     return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames
 
 
@@ -304,7 +306,7 @@ def _read(file: Path, last: int) -> _Recording:
         status = file.stat()
     recording = _read_unchanged(file, status.st_mtime_ns, status.st_size)
     if len(recording.translations) <= last:
-        raise FileError(f"{file} has changed: it has fewer frames than it had")
+        raise FileError(f"{file} has changed: it has fewer frames than before")
     return recording
 
 
@@ -318,7 +320,7 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
                 raise ArgumentError(f"{name} holds numbers beyond {_LARGEST:g}")
         betas = np.atleast_2d(fields["betas"])
         if betas.ndim > 2 or not len(betas) or (betas != betas[:1]).any():
-            raise ArgumentError(f"betas must be those of one person; found shape {betas.shape}")
+            raise ArgumentError(f"betas must describe one person; found shape {betas.shape}")
         translations = real_array(fields["trans"], "trans", ("n_frames", 3), batched=False)
         n_frames = len(translations)
         if "poses" in fields:

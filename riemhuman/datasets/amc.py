@@ -126,8 +126,8 @@ def _skeleton_beside(file: Path) -> Path:
         return candidates[0]
     listed = ", ".join(candidate.name for candidate in candidates[:8]) or "no .asf file"
     raise FileError(
-        f"{file} needs its skeleton, an .asf file whose name begins its own; its folder has "
-        f"{listed}. Name the right one: skeleton="
+        f"{file} needs a skeleton, an .asf file whose name is the beginning of this name; the "
+        f"folder has {listed}. Name the right file: skeleton="
     )
 
 
@@ -267,7 +267,7 @@ class _SkeletonReader:
         if bone is None or not bone.name:
             raise self._lines.error("end without begin and the name of a bone")
         if bone.name in self._bones:
-            raise self._lines.error(f"bone {bone.name[:60]} stands twice in the file")
+            raise self._lines.error(f"bone {bone.name[:60]} appears twice in the file")
         self._bones[bone.name] = bone
 
     def _ordered_bones(self) -> list[_Bone]:
@@ -315,7 +315,7 @@ def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, n
             values[keyword].extend(numbers)
             missing.discard(keyword)
         elif keyword in widths:
-            where = f"stands twice in frame {n_frames}" if n_frames else "stands before frame 1"
+            where = f"appears twice in frame {n_frames}" if n_frames else "appears before frame 1"
             raise lines.error(f"bone {keyword} {where}")
         else:
             raise lines.error(
@@ -326,8 +326,8 @@ def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, n
     _check_complete(lines, n_frames, missing)
     if _BYTES_OF_JOINT * n_frames * (2 * len(skeleton.bones)) > memory_limit(len(content)):
         raise FileFormatError(
-            f"{file}: {len(skeleton.bones)} bones in {n_frames} frames take far more memory than a "
-            "file of its size may"
+            f"{file}: {len(skeleton.bones)} bones in {n_frames} frames would take far more "
+            "memory than a file of this size should"
         )
     values_of_bones = {
         name: np.array(column).reshape(n_frames, widths[name]) for name, column in values.items()

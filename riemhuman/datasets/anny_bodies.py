@@ -181,8 +181,8 @@ def _load_anny() -> anny.Anny:
         skin, load_open_model("full").faces
     ):
         raise FileFormatError(
-            "the skin of this version of anny has other triangles than the open model; version "
-            "0.6.2 has the same"
+            "the skin in this version of anny and the open model have different triangles; in "
+            "version 0.6.2 they are the same"
         )
     return model
 

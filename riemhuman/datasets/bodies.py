@@ -91,8 +91,8 @@ class Bodies:
             names = tuple(str(label) for label in getattr(self, f"{name}_names"))
             if labels.size and not 0 <= labels.min() <= labels.max() < len(names):
                 raise ArgumentError(
-                    f"{name} holds labels from {labels.min()} to {labels.max()}; "
-                    f"{name}_names names only {len(names)} of them"
+                    f"{name} holds labels from {labels.min()} to {labels.max()}; {name}_names "
+                    f"has only {len(names)} names"
                 )
             values |= {name: labels, f"{name}_names": names}
         trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
@@ -102,8 +102,8 @@ class Bodies:
         ids = tuple(str(name) for name in (self.ids or range(len(points))))
         if len(ids) != len(points) or len(set(ids)) < len(ids):
             raise ArgumentError(
-                f"ids must be as many different names as there are surfaces, {len(points)}; found "
-                f"{len(ids)}, {len(set(ids))} of them different"
+                f"ids must hold a different name for each of the {len(points)} surfaces; found "
+                f"{len(ids)} names, {len(set(ids))} of them different"
             )
         vars(self).update(values, ids=ids)
 
@@ -199,7 +199,7 @@ class Bodies:
         matrix = distance_matrix(distances, "distances")
         if len(matrix) != len(self):
             raise ArgumentError(
-                f"distances must be those of the {len(self)} surfaces; found {len(matrix)} rows"
+                f"distances must be between the {len(self)} surfaces; found {len(matrix)} rows"
             )
         names = [f"{person}, {pose}" for person, pose in zip(people, poses, strict=True)]
         if len(set(names)) < len(names):

@@ -55,8 +55,8 @@ def _skeleton_motion(file: Path, metres: float, unit: str | None) -> SkeletonMot
     joints, values, frame_time = _Reader(file, content).read()
     if _BYTES_OF_JOINT * len(values) * len(joints) > memory_limit(len(content)):
         raise FileFormatError(
-            f"{file}: {len(joints)} joints in {len(values)} frames take far more memory than a "
-            "file of its size may"
+            f"{file}: {len(joints)} joints in {len(values)} frames would take far more memory "
+            "than a file of this size should"
         )
     offsets = np.array([joint.offset for joint in joints])
     rotations = np.empty((len(values), len(joints), 3, 3))

@@ -49,8 +49,8 @@ class DynamicFaustMotion(Motion):
         self._n_vertices = int(faces.max()) + 1
         if len(shape) != 3 or shape[:2] != (self._n_vertices, 3) or shape[2] == 0:
             raise FileFormatError(
-                f"{self._key} of {path} must have shape ({self._n_vertices}, 3, n_frames), as its "
-                f"triangles ask for; found {shape}"
+                f"{self._key} of {path} must have shape ({self._n_vertices}, 3, n_frames) to "
+                f"match its triangles; found {shape}"
             )
         self._numbers = nearest_frames(shape[2], _FRAMES_PER_SECOND, rate)
         super().__init__(subject, sequence, float(rate), len(self._numbers), faces)
@@ -156,7 +156,7 @@ def load_dfaust(
         missing = [f"{who}_{what}" for who, what in pairs if what not in recorded[who]]
         if missing:
             raise ArgumentError(
-                f"sequences must be there for all subjects asked for in {places}; missing: "
+                f"sequences must exist for all requested subjects in {places}; missing: "
                 f"{join_names(missing)}"
             )
     places_of_names = {name: place for place, name in enumerate(names)}
@@ -231,5 +231,5 @@ def _read_faces(contents: h5py.Group, names: Sequence[str], file: Path) -> np.nd
         )
     faces = integer_array(_stored(contents, _FACES, file), f"{_FACES} of {file}", ("n_faces", 3))
     if faces.min(initial=0) < 0 or not faces.size:
-        raise FileFormatError(f"{_FACES} of {file} must be numbers of vertices, from 0 on")
+        raise FileFormatError(f"{_FACES} of {file} must be vertex indices, counted from 0")
     return read_only(faces)

@@ -243,7 +243,7 @@ class _TextReader:
         if not rate:
             duration = times[-1] - times[0]
             if not duration > 0.0:
-                raise self._error("neither DataRate nor times tell the frame rate")
+                raise self._error("the frame rate follows neither from DataRate nor from the times")
             rate = (len(times) - 1) / duration
         positions = np.array(rows).reshape(len(times), len(names), 3)
         return self._file, names, positions, rate, values.get("units", "")
@@ -274,7 +274,7 @@ class _TextReader:
             elif keys and not values:
                 values = dict(zip(keys, words, strict=False))
         raise self._error(
-            "no row begins with Frame#, as that with names of markers does in TRC files"
+            "no row begins with Frame#, as the row with marker names does in TRC files"
         )
 
     def _row(self, cells: list[str], n_markers: int) -> list[float]:
@@ -285,7 +285,7 @@ class _TextReader:
         # Empty cells at the end of a row may have been left out, a whole marker at a time.
         if len(cells) > width or len(cells) < _COLUMNS_BEFORE or (width - len(cells)) % 3:
             raise self._error(
-                f"{width} columns expected, of {n_markers} markers; found {len(cells)}"
+                f"{width} columns expected for {n_markers} markers; found {len(cells)}"
             )
         try:
             numbers = [float(cell) if cell else np.nan for cell in cells]

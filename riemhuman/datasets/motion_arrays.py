@@ -140,8 +140,8 @@ def _pose_vectors(poses: ArrayLike) -> np.ndarray:
     if wrong.any():
         frame, joint = (int(index) for index in np.argwhere(wrong)[0])
         raise ArgumentError(
-            f"poses must hold rotation matrices; poses[{frame}, {joint}] is none, the first of "
-            f"{int(wrong.sum())}"
+            f"poses must hold rotation matrices; poses[{frame}, {joint}] is not one, the first "
+            f"of {int(wrong.sum())}"
         )
     return Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec().reshape(n_frames, n_joints, 3)
 
@@ -159,7 +159,7 @@ def one_person(
         return array, np.zeros(len(array))
     if array.ndim != 2 or len(array) != n_frames:
         raise ArgumentError(
-            f"betas must have shape (B,) or ({n_frames}, B), a row a frame; found {array.shape}"
+            f"betas must have shape (B,) or ({n_frames}, B), one row per frame; found {array.shape}"
         )
     shares = weight_shares(weights, n_frames)
     mean = shares @ array
@@ -171,8 +171,8 @@ def warn_of_varying_betas(spread: np.ndarray, name: str) -> None:
     if spread.max(initial=0.0) > _SAME_PERSON:
         number = int(spread.argmax())
         _say(
-            f"betas differ from frame to frame, by a standard deviation of up to "
-            f"{spread[number]:.2g} (number {number}); the person has their mean",
+            "betas differ between frames, with a standard deviation of up to "
+            f"{spread[number]:.2g} (coefficient {number}); the person has their mean",
             name,
         )
 

@@ -103,8 +103,8 @@ class Motion(ABC):
 
     def __repr__(self) -> str:
         return (
-            f"<{type(self).__name__} {self.sequence!r} of {self.subject!r}, {len(self)} frames at "
-            f"{self.frames_per_second:g} a second>"
+            f"<{type(self).__name__} {self.sequence!r} of {self.subject!r}, {len(self)} frames "
+            f"at {self.frames_per_second:g} per second>"
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -295,7 +295,7 @@ def choose_names(
     if unknown or not names or len(set(names)) < len(names):
         problem = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
         raise ArgumentError(
-            f"{name} must be different names, at least one, out of {', '.join(known)}{source}; "
+            f"{name} must be one or more different names among {', '.join(known)}{source}; "
             f"{problem}"
         )
     return names

@@ -76,8 +76,8 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarra
             rotation = Rotation.from_euler(axes, written, degrees=True)
         except (TypeError, ValueError) as error:
             raise ArgumentError(
-                f"angles[{name!r}] must be axes and as many degrees, such as ('xz', 30, -70): "
-                f"{error}"
+                f"angles[{name!r}] must be axes and one number of degrees for each, such as "
+                f"('xz', 30, -70): {error}"
             ) from error
         rotations[model.joint_names.index(name)] = rotation.as_matrix()
     return rotations

@@ -134,8 +134,8 @@ def load_photographed_bodies(
             surfaces = np.asarray(real_array(arrays[_VERTICES], _VERTICES, ("V", 3)), dtype=float)
             if surfaces.shape[-2] != n_vertices or surfaces.ndim > 3:
                 raise FileFormatError(
-                    f"{file}: {_VERTICES} has shape {surfaces.shape}; faces number "
-                    f"{n_vertices:,} vertices, so that (n, {n_vertices}, 3) is expected"
+                    f"{file}: {_VERTICES} has shape {surfaces.shape}; faces refer to "
+                    f"{n_vertices:,} vertices, so (n, {n_vertices}, 3) is expected"
                 )
             bodies = surfaces.reshape(-1, n_vertices, 3)
             check_mesh(bodies[0], triangles)
@@ -186,7 +186,7 @@ def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:
     cosine = float(np.median(_away_from_feet(surfaces, faces)[:, 1]))
     if abs(cosine) < _SURELY_UP:
         warn(
-            f"{name}: -y was taken to point up, as SAM 3D Body has it, but the people may lie: "
+            f"{name}: -y was taken to point up, as in SAM 3D Body, but the people may be lying: "
             "pass up='-y', or the axis that points up",
             UserWarning,
         )

@@ -249,8 +249,8 @@ def load_recording(
     if faces is not None:
         if suffix != ".npz" or joints is not None or unit is not None or person is not None:
             raise ArgumentError(
-                f"faces are of .npz files of SAM 3D Body, without joints, unit and person; "
-                f"found {file.name}"
+                "faces is for .npz files of SAM 3D Body, without joints, unit and person; found "
+                f"{file.name}"
             )
         rate = frames_per_second or _RATE_OF_VIDEOS
         seen = _photographed_motion(file, faces, model, rate, up)
@@ -264,9 +264,9 @@ def load_recording(
         recording = load(file, unit=unit, joints=joints)
         return retarget(recording, model, frames_per_second=frames_per_second, betas=betas, up=up)
     if unit is not None:
-        raise ArgumentError(f"unit is of {_SKELETONS}; found {file.name}")
+        raise ArgumentError(f"unit is for {_SKELETONS}; found {file.name}")
     if joints is not None:
-        raise ArgumentError(f"joints are of {_SKELETONS}; found {file.name}")
+        raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")
     motion: ModelMotion
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
         (amass,) = load_amass(file, model, frames_per_second=frames_per_second, up=up)
@@ -290,9 +290,9 @@ def _photographed_motion(
         difference = face_difference(photographed.faces, model.faces)
     if model is None or difference:
         raise FileFormatError(
-            f"{path} holds surfaces without poses, for which a body model with their triangles is "
-            f"needed: {difference}. registration.transfer_model(load_open_model(), "
-            "Template(body, faces)) makes one"
+            f"{path} holds surfaces without poses, for which a body model with their triangles "
+            f"is needed: {difference}. registration.transfer_model(load_open_model(), "
+            "Template(body, faces)) creates one"
         )
     points = photographed.places
     fit = model.fit(points, betas_prior=1e-7, sequence=True)
@@ -340,14 +340,14 @@ def _known_people(file: Path, content: object) -> list[_Person]:
     people = list(_people(content, ""))
     if not people and isinstance(content, dict) and "pred_vertices" in content:
         raise FileFormatError(
-            f"{file} holds bodies of SAM 3D Body, without poses of SMPL: "
-            "load_photographed_bodies(path, faces) reads them, and faces= makes a motion of them"
+            f"{file} holds bodies of SAM 3D Body, without poses of SMPL: read them with "
+            "load_photographed_bodies(path, faces), or pass faces= to get a motion"
         )
     if not people:
         raise FileFormatError(
-            f"{file} holds no motion that is known: poses in SMPL's joint order, such as poses, "
-            f"or global_orient and body_pose, and a translation, such as trans; it holds "
-            f"{_fields(content)}"
+            f"{file} holds no motion in a known layout, which has poses in SMPL's joint order, "
+            "such as poses, or global_orient and body_pose, and a translation, such as trans; "
+            f"it holds {_fields(content)}"
         )
     return people
 
@@ -516,8 +516,8 @@ def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
     if len(people) > 1:
         warn(
             f"{file.name} holds {len(people)} people ({', '.join(names[:8])}); person "
-            f"{chosen.name}, seen in {len(chosen.poses)} frames, was taken. The argument person "
-            "chooses another",
+            f"{chosen.name}, seen in {len(chosen.poses)} frames, was taken. To choose another "
+            "person, pass person=",
             UserWarning,
         )
     return chosen

@@ -312,7 +312,7 @@ def load_bodies(
     """
     if faces is not None:
         if unit is not None:
-            raise ArgumentError("unit is of mesh files: bodies of SAM 3D Body are in metres")
+            raise ArgumentError("unit is for mesh files: bodies of SAM 3D Body are in metres")
         return _load_photographed(folder, labels, template, faces, align, up, allow_missing)
     files = find_meshes(folder)
     table = os.path.join(folder, _LABELS) if labels is None else labels
@@ -371,12 +371,14 @@ def read_labels(
         candidates = by_name.get(name, [])
         if len(candidates) > 1:
             several = join_names([names[number] for number in candidates], 5)
-            raise FileFormatError(f"{file}, line {line}: {name[:60]} may be {several}; name one")
+            raise FileFormatError(
+                f"{file}, line {line}: {name[:60]} may refer to {several}; name one"
+            )
         if not candidates:
             unknown.append(name)
         elif candidates[0] in rows:
             raise FileFormatError(
-                f"{file}, line {line}: {name[:60]} has a label already, on line "
+                f"{file}, line {line}: {name[:60]} already has a label, on line "
                 f"{rows[candidates[0]][0]}"
             )
         else:

@@ -108,12 +108,13 @@ class RetargetedMotion(ModelMotion):
         )
         if self._size == 1.0:
             return (
-                f"The recording was scaled to the legs of {person} of the model: a unit of the "
-                f"recording is {scale:.4g} m. Pass scale='recorded' to keep recorded lengths"
+                f"The recording was scaled to the legs of {person} of the model: one unit of the "
+                f"recording is {scale:.4g} m. Pass scale='recorded' to keep the recorded lengths"
             )
         return (
-            f"Recorded lengths were kept, a unit of the recording is {scale:.4g} m: bodies of the "
-            f"model were scaled by {self._size:.3f}, so that {person} has the recorded legs"
+            f"The recorded lengths were kept: one unit of the recording is {scale:.4g} m. Bodies "
+            f"of the model were scaled by {self._size:.3f}, so that {person} has the recorded "
+            "legs"
         )
 
     def performed_by(self, betas: ArrayLike) -> RetargetedMotion:

@@ -119,7 +119,7 @@ def load_shrec14(
             if len(matches) > 1:
                 several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in matches)
                 raise FileFormatError(
-                    f"{class_file}: the id {name[:60]} fits several meshes, {several}; keep one"
+                    f"{class_file}: the id {name[:60]} matches several meshes, {several}; keep one"
                 )
             if matches:
                 subject.append(number)
@@ -162,7 +162,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
         if left or not len(set(ids)) == len(ids) == n_meshes:
             raise FileFormatError(
                 f"its header declares {n_meshes} different meshes; found {len(ids)}, "
-                f"{len(set(ids))} of them different, and {left} words behind"
+                f"{len(set(ids))} of them different, and {left} further words"
             )
     return {name: names for name, names in members.items() if names}
 
@@ -171,7 +171,7 @@ def _find_class_file(root: Path) -> Path:
     files = sorted(file for file in root.rglob("*") if is_visible(file, (".cla",)))
     if not files:
         raise FileError(
-            f"{root} holds no class file: no file there ends in .cla; name it, classes="
+            f"{root} holds no class file: no file there ends in .cla; pass its path as classes="
         )
     if len(files) > 1:
         several = ", ".join(str(file.relative_to(root)) for file in files)

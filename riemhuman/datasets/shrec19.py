@@ -95,7 +95,7 @@ class MatchedMeshes(Record):
         names = self.names[first], self.names[second]
         file = self.match_files.get(names)
         if file is None:
-            raise FileError(f"there are no matches of the meshes {names[0]} and {names[1]}")
+            raise FileError(f"there are no matches between the meshes {names[0]} and {names[1]}")
         with format_errors(file, "a table of matches"):
             numbers = _whole_numbers(read_text(file).split(), "matches")
             expected = len(self[first].vertices)
@@ -141,7 +141,7 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     meshes = [file for file in root.rglob("*.mat") if re.fullmatch(r"[0-9]+", file.stem)]
     files = sorted(meshes, key=lambda file: natural_key(file.name))
     if not files:
-        raise FileError(f"{root} holds no meshes of SHREC'19: no file is named as 1.mat is")
+        raise FileError(f"{root} holds no meshes of SHREC'19: no file has a name such as 1.mat")
     names = tuple(file.stem for file in files)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -159,7 +159,9 @@ def _read_pairs(root: Path, names: Sequence[str]) -> np.ndarray:
     lists = sorted(root.rglob("PAIRS_list*.txt"))
     if len(lists) != 1:
         what = "no list of pairs" if not lists else f"{len(lists)} lists of pairs"
-        raise FileError(f"{root} holds {what}; one file PAIRS_list_SHREC19_connectivity.txt should")
+        raise FileError(
+            f"{root} holds {what}; expected one file PAIRS_list_SHREC19_connectivity.txt"
+        )
     file, pairs = lists[0], []
     for number, line in enumerate(read_text(file).splitlines(), 1):
         words = re.findall(r"[^\s,;_]+", line)
@@ -216,7 +218,7 @@ def _from_zero(numbers: np.ndarray, count: int, name: str) -> np.ndarray:
     """Return vertex numbers that count from 1 as ones that count from 0."""
     if numbers.size and not (numbers.min() >= 1 and numbers.max() <= count):
         raise ArgumentError(
-            f"{name} must number vertices from 1 to {count}; found {numbers.min()} to "
+            f"{name} must hold vertex numbers from 1 to {count}; found {numbers.min()} to "
             f"{numbers.max()}"
         )
     return numbers - 1

@@ -137,5 +137,5 @@ def meshes_of(bodies: Surfaces) -> tuple[int, Callable[[int], Mesh]]:
         return len(points), lambda index: (points[index], faces)
     meshes = bodies if isinstance(bodies, MeshesOnDemand) else list(bodies)
     if len(meshes) == 0:
-        raise ArgumentError("bodies holds no surface; at least one is needed")
+        raise ArgumentError("bodies must hold at least one surface; found none")
     return len(meshes), lambda index: meshes[index]

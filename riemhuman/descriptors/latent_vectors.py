@@ -109,8 +109,8 @@ class LatentVectors(Record, Descriptor):
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Raise a NotDefinedError: these vectors belong to ids, not to meshes."""
         raise NotDefinedError(
-            "LatentVectors cannot describe a mesh, since other programs computed them; select(ids) "
-            "returns the vectors of known bodies"
+            "LatentVectors cannot describe a new mesh, because other programs computed them; "
+            "select(ids) returns the vectors of known bodies"
         )
 
     def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:

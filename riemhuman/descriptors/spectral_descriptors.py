@@ -249,7 +249,7 @@ class WaveKernelSignature(KernelSignature):
             real_number(self.sigma, "sigma", minimum=0.0, strict=True)
         if energies.size == 0 or (self.sigma is None and np.ptp(energies) == 0):
             raise ArgumentError(
-                "energies must hold at least two different numbers, or one and sigma be given; "
+                "energies must hold at least two different numbers, or one if sigma is given; "
                 f"found {self.energies}"
             )
         one_of(self.pooling, "pooling", ("histogram", "vertex mean"))

@@ -225,9 +225,10 @@ class AlignedSurfaces(SurfaceSpace):
                 return
         if seams:
             warn(
-                f"the template has {seams.n_copies} doubled vertices along seams, which will tear: "
-                "template, seams = template.join_seams() joins them, seams.join(points) takes "
-                "surfaces there and seams.split(points) back",
+                f"the template has {seams.n_copies} duplicated vertices along seams, where it "
+                "will tear. Join them with template, seams = template.join_seams(); "
+                "seams.join(points) joins them in surfaces, and seams.split(points) splits them "
+                "again",
                 SeamWarning,
             )
 

@@ -349,8 +349,8 @@ class RiemannianMetric(Unchanging):
         """
         if self.geodesic_solver is None:
             raise NotDefinedError(
-                f"{type(self).__name__} has no closed form for squared_dist; pass the strategy "
-                "whose paths it shall measure, such as "
+                f"{type(self).__name__} has no closed form for squared_dist; pass the solver "
+                "whose paths it should measure, such as "
                 "geodesic_solver=riemhuman.solvers.BasisPath(basis)"
             )
         return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy  # type: ignore[return-value]  # one number
@@ -721,8 +721,8 @@ class RiemannianMetric(Unchanging):
         start, end = (real_array(point, "point", shape, rows=True) for point in (start, end))
         if np.shape(start) != shape or np.shape(end) != shape:
             raise ArgumentError(
-                f"{name} by a solver takes one pair of points of shape {shape}; "
-                f"found {np.shape(start)} and {np.shape(end)}"
+                f"{name} with a solver takes one pair of points of shape {shape}; found "
+                f"{np.shape(start)} and {np.shape(end)}"
             )
         return solver.solve(self, start, end)
 

@@ -114,8 +114,8 @@ def squared_dist_rectangle(
             squared[window] = np.where(close[window], exact, squared[window])
             if not np.isfinite(exact).all():
                 raise ArgumentError(
-                    "a distance is too large for double precision: the points, or the weights of "
-                    "the metric, must be given in a larger unit"
+                    "a distance is too large for double precision: use a larger unit for the "
+                    "points, or for the weights of the metric"
                 )
     if within:
         squared = np.triu(squared, 1)

@@ -114,8 +114,8 @@ class SobolevMetric(MidpointMetric):
         if self.a0 == 0 and sum(weight > 0 for weight in first[:3]) < 2 and not closed:
             stated = ", ".join(f"{name} = {value:g}" for name, value in weights.items())
             raise ArgumentError(
-                "a0, or two of a1, b1 and c1, or on a mesh without border a2, must be above 0, or "
-                f"some deformations would cost nothing; found {stated}"
+                "a0 must be above 0, or two of a1, b1 and c1, or (on a mesh without boundary) "
+                f"a2; otherwise some deformations would cost nothing; found {stated}"
             )
         super().__init__(space, terms, **solvers)
 

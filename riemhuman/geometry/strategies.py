@@ -179,7 +179,7 @@ class Solvers(TypedDict, total=False):
     transport_solver: TransportSolver | None
 
 
-_STRATEGY = "a strategy with a method solve, as LinearPath() for paths, BasisMean() for means"
+_STRATEGY = "an object with a method solve, such as LinearPath() for paths or BasisMean() for means"
 
 
 def check_strategy(solver: object, name: str) -> None:

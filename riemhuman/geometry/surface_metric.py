@@ -333,8 +333,8 @@ class ElasticMetric(SurfaceMetric):
             raise ArgumentError("a and c must not both be 0: every distance would be 0")
         if self.a > 0 and self.lam == 0:
             raise ArgumentError(
-                "lam must be above 0 where a > 0 (found lam = 0): the Ebin metric would be "
-                "degenerate; the normals alone are (a, lam, c) = (0, 0, 1)"
+                "lam must be above 0 if a > 0 (found lam = 0), because the Ebin metric would be "
+                "degenerate; for normals alone, use (a, lam, c) = (0, 0, 1)"
             )
         terms: list[Term] = []
         if self.a > 0:

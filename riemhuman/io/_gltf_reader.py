@@ -57,20 +57,20 @@ def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
     """Return the JSON and the binary part of a file; some have none."""
     magic, version, length = struct.unpack_from("<4sII", content)
     if magic != b"glTF" or version != 2 or length > len(content):
-        raise FileFormatError("not a whole GLB file of version 2")
+        raise FileFormatError("not a complete GLB file of version 2")
     parts: dict[bytes, bytes] = {}
     start = 12
     while start + 8 <= length:
         size, kind = struct.unpack_from("<I4s", content, start)
         if start + 8 + size > length:
-            raise FileFormatError("truncated: a part is longer than what follows")
+            raise FileFormatError("truncated: a part is longer than the rest of the file")
         parts.setdefault(kind, content[start + 8 : start + 8 + size])
         start += 8 + size
     if b"JSON" not in parts:
         raise FileFormatError("the GLB file has no JSON part")
     document = json.loads(parts[b"JSON"])
     if not isinstance(document, dict):
-        raise FileFormatError("the JSON part of the GLB file is no object")
+        raise FileFormatError("the JSON part of the GLB file is not an object")
     return document, parts.get(b"BIN\0")
 
 
@@ -79,7 +79,9 @@ def _check_extensions(document: _Json) -> None:
         if name in (_DRACO, _MESHOPT):
             raise _compressed(name)
         if name != _QUANTIZATION and not str(name).startswith(_HARMLESS):
-            raise FileFormatError(f"it needs the extension {str(name)[:60]}, which is not read")
+            raise FileFormatError(
+                f"it needs the extension {str(name)[:60]}, which is not supported"
+            )
 
 
 def _compressed(name: str) -> FileFormatError:
@@ -141,7 +143,9 @@ class _Reader:
         """Return a numbered part of the document."""
         items = self._document.get(kind, ())
         if isinstance(number, bool) or not isinstance(number, int):
-            raise FileFormatError(f"{kind} are numbered; found {str(number)[:40]!r}")
+            raise FileFormatError(
+                f"{kind} must be referred to by number; found {str(number)[:40]!r}"
+            )
         if not 0 <= number < len(items):
             raise FileFormatError(f"it refers to {kind}[{number}] of {len(items)}")
         item: _Json = items[number]
@@ -172,7 +176,9 @@ class _Reader:
                 raise FileFormatError(f"its node {number} has more than one parent")
             seen.add(number)
             if _INSTANCES in node.get("extensions", ()):
-                raise FileFormatError(f"its node {number} uses {_INSTANCES}, which is not read")
+                raise FileFormatError(
+                    f"its node {number} uses {_INSTANCES}, which is not supported"
+                )
             if "mesh" in node:
                 yield number
             waiting += reversed(node.get("children", ()))
@@ -183,7 +189,7 @@ class _Reader:
         while way[-1] not in self._matrices and way[-1] in self._parents:
             way.append(self._parents[way[-1]])
             if len(way) > len(self._document["nodes"]):
-                raise FileFormatError(f"its node {number} is below itself")
+                raise FileFormatError(f"its node {number} is its own descendant")
         for below in reversed(way):
             if below not in self._matrices:
                 parent = self._matrices.get(self._parents.get(below, -1), np.eye(4))
@@ -293,7 +299,9 @@ class _Reader:
         mode = primitive.get("mode", _TRIANGLES)
         if mode == _TRIANGLES:
             if len(corners) % 3:
-                raise FileFormatError(f"{where}: {len(corners)} corners are no whole triangles")
+                raise FileFormatError(
+                    f"{where}: {len(corners)} corners do not make complete triangles"
+                )
             return corners.reshape(-1, 3)
         if mode not in (_STRIP, _FAN):
             raise FileFormatError(f"{where}: there is no mode {str(mode)[:20]}")
@@ -377,7 +385,7 @@ class _Reader:
         needed = (count - 1) * stride + size if count else 0
         if not 0 <= start <= start + needed <= min(end, len(buffer)):
             raise FileFormatError(
-                f"{where}: {count} rows need {needed} bytes, and {max(end - start, 0)} are there"
+                f"{where}: {count} rows need {needed} bytes; found {max(end - start, 0)}"
             )
         return np.ndarray((count, width), dtype, buffer, start, (stride, dtype.itemsize))
 

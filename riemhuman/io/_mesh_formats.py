@@ -268,8 +268,8 @@ def read_stl(content: bytes) -> Mesh:
         facets = len(re.findall(rb"^[ \t]*endfacet\b", content, re.MULTILINE))
         if b"endsolid" not in content or len(words) != 3 * facets:
             raise FileFormatError(
-                "not a whole STL file: neither as many bytes as its header declares nor facets of "
-                "three vertices each"
+                "not a complete STL file: it has neither the number of bytes that its header "
+                "declares nor facets of three vertices each"
             )
         corners = np.array(words, dtype=float).reshape(-1, 3)
     # Equal corners are one vertex; vertices come in the order in which they appear first.
@@ -292,8 +292,8 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
     vertices = np.array(positions).reshape(-1, 3)
     if not len(vertices) or not len(lengths):
         raise FileFormatError(
-            f"{len(vertices)} vertices and {len(lengths)} faces found; both needed: loose points "
-            "are read from .ply, .xyz and .npy files"
+            f"{len(vertices)} vertices and {len(lengths)} faces found; a mesh needs both (loose "
+            "points are read from .ply, .xyz and .npy files)"
         )
     return vertices, split_polygons(np.array(corners), np.array(lengths))
 

@@ -150,7 +150,9 @@ def _header(
     with archive.open(member) as stream:
         shape, dtype = _read_header(stream, member.file_size)
     if memory_size(shape, dtype) > limit:
-        raise FileFormatError("its arrays take far more memory than a file of its size may")
+        raise FileFormatError(
+            "its arrays would take far more memory than a file of this size should"
+        )
     return shape, dtype
 
 
@@ -204,7 +206,9 @@ def check_characters(array: np.ndarray) -> None:
     plain = np.ascontiguousarray(array).reshape(-1)
     codes = plain.view(np.dtype(np.uint32).newbyteorder(array.dtype.byteorder))
     if codes.max() > _LAST_CHARACTER:
-        raise FileFormatError(f"its text holds characters that do not exist, as {codes.max():#x}")
+        raise FileFormatError(
+            f"its text contains invalid characters, such as code {codes.max():#x}"
+        )
 
 
 def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
@@ -214,7 +218,7 @@ def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], np.dtyp
     read = np.lib.format.read_array_header_1_0 if is_old else np.lib.format.read_array_header_2_0
     shape, _, dtype = read(start)
     if dtype.hasobject:
-        raise FileFormatError("it holds objects of Python")
+        raise FileFormatError("it holds Python objects")
     needed, available = math.prod(shape) * dtype.itemsize, size - start.tell()
     # Entries of zero bytes need no data, so that a few bytes could declare any number of them.
     if min(shape, default=0) < 0 or needed != available or math.prod(shape) > size:

@@ -48,8 +48,8 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
     longest = max(map(len, map(os.fsencode, place.parts)), default=0)
     if longest > _LONGEST_NAME:
         raise FileError(
-            f"{name} must be the path of a {kind}; found a name of {longest} bytes, file "
-            f"systems take at most {_LONGEST_NAME}: {short_message(ValueError(place))}"
+            f"{name} must be the path of a {kind}; found a name of {longest} bytes, but file "
+            f"systems allow at most {_LONGEST_NAME}: {short_message(ValueError(place))}"
         )
     return place
 
@@ -61,7 +61,7 @@ def suffix_of(file: Path, suffixes: Collection[str]) -> str:
         return suffix
     if suffix in _POINT_CLOUDS:
         raise FileFormatError(
-            f"{file}: {suffix} files are not read; convert it to PLY first, as with "
+            f"{file}: {suffix} files cannot be read; convert it to PLY first, for example with "
             f"{_POINT_CLOUDS[suffix]}"
         )
     listed = " or ".join(suffixes) if len(suffixes) < 3 else f"one of {', '.join(suffixes)}"
@@ -195,7 +195,9 @@ def raise_lack_of_memory(file: Path | str, error: BaseException) -> None:
     except (OSError, ValueError):  # a part of a file
         size = ""
     needed = f": {short_message(cause)}" if str(cause) else ""
-    raise OutOfMemoryError(f"{file}{size} cannot be read, memory is short{needed}") from error
+    raise OutOfMemoryError(
+        f"{file}{size} cannot be read: there is too little memory{needed}"
+    ) from error
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -56,14 +56,14 @@ class JobFolder:
             self._manifest()
         elif others:
             raise ArgumentError(
-                f"folder must be empty, or hold a job begun before; {self.path} holds {others[0]}"
+                f"folder must be empty, or hold an earlier job; {self.path} holds {others[0]}"
                 + (f" and {len(others) - 1} more" if len(others) > 1 else "")
             )
 
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Keep other processes out; the system releases the lock when the process ends."""
-        message = f"{self.path} is in use: another process is at work on the job in it"
+        message = f"{self.path} is in use: another process is working on the job in it"
         with lock_file(self.path / _LOCK, message):
             yield
 

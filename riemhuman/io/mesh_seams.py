@@ -122,7 +122,7 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     points = np.asarray(real_array(points, "points", ("n_vertices", 3)))
     surfaces = points.reshape(-1, *points.shape[-2:])
     if not len(surfaces):
-        raise ArgumentError(f"points holds no surface; found shape {points.shape}")
+        raise ArgumentError(f"points must hold at least one surface; found shape {points.shape}")
     _, triangles = check_mesh(surfaces[0], faces)
     pairs = _opposite_borders(surfaces[0], _border_edges(triangles), tolerance)
     pairs = pairs[_is_coincident(surfaces[0], pairs, tolerance)]

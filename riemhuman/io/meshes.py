@@ -309,7 +309,7 @@ def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Pat
 def _read_ply_mesh(file: Path) -> Mesh:
     vertices, faces, *_ = read_ply(file, read_bytes(file))
     if faces is None:
-        raise FileFormatError("the PLY file holds no faces; a mesh has some")
+        raise FileFormatError("the PLY file holds no faces; a mesh needs at least one")
     return vertices, faces
 
 
@@ -354,7 +354,7 @@ def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:
     """Return points, and normals if there are some, of an array with 3 columns or more."""
     if values.ndim != 2 or values.shape[1] < 3 or values.dtype.kind not in "fiu":
         raise FileFormatError(
-            "an array of points has numbers in 3 columns, or 6 with normals; found shape "
+            "an array of points must have 3 columns of numbers, or 6 with normals; found shape "
             f"{values.shape} of {values.dtype}"
         )
     points, normals = values[:, :3], np.asarray(values[:, 3:], dtype=np.float64)

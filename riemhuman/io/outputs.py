@@ -132,7 +132,10 @@ def _clean_up(path: Path) -> None:
             continue  # its writer is at work
         if left:
             names = join_names([folder.name for folder in left])
-            warn(f"removed from {path.parent} what a killed process had left: {names}", UserWarning)
+            warn(
+                f"removed files that a killed process had left in {path.parent}: {names}",
+                UserWarning,
+            )
 
 
 def _check_content(path: Path, is_ours: Callable[[str], bool]) -> bool:

@@ -128,7 +128,7 @@ def _decompress(content: bytes, limit: int) -> bytes:
     reader = zlib.decompressobj(wbits=47)  # either kind
     plain = reader.decompress(content, limit)
     if reader.unconsumed_tail:
-        raise FileFormatError("takes far more memory than a file of its size may")
+        raise FileFormatError("would take far more memory than a file of this size should")
     if not reader.eof:
         raise FileFormatError("ends too early")
     return plain

@@ -18,7 +18,9 @@ SEPARATORS = (";", "\t", ",")
 """What may separate the cells of a table; of equally many, the first, as in 0,62;1,31."""
 
 _FORMULA = ("=", "+", "-", "@")
-_ADVICE = "decimals need a point, and semicolons or tabs between numbers leave no doubt"
+_ADVICE = (
+    "write decimals with a point, and separate numbers by semicolons or tabs to be unambiguous"
+)
 
 
 def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict[str, np.ndarray]:

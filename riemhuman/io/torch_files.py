@@ -26,7 +26,7 @@ def load_torch_tree(file: Path) -> Unpickled:
         with zipfile.ZipFile(file) as archive:
             members = {member.filename: member for member in archive.infolist()}
             if sum(member.file_size for member in members.values()) > memory_limit(size):
-                raise FileFormatError("takes far more memory than a file of its size may")
+                raise FileFormatError("would take far more memory than a file of this size should")
             # All names begin with a folder, which may have any name.
             folder = next(
                 (name.removesuffix(_PICKLE) for name in members if name.endswith("/" + _PICKLE)),

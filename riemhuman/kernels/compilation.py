@@ -178,7 +178,7 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 @functools.cache
 def _warn_once() -> None:
     warnings.warn(
-        "compiled functions cannot be kept on disk, so that every process compiles them anew, "
+        "compiled functions cannot be stored on disk, so every process compiles them again, "
         "which takes half a minute; set NUMBA_CACHE_DIR to a writable folder",
         UserWarning,
         stacklevel=2,

@@ -53,8 +53,8 @@ class Correspondence:
         share = home.face_areas[self.usable].sum() / home.face_areas.sum()
         if share < _TOO_LITTLE:
             raise ArgumentError(
-                "correspondence must keep most triangles of the network's template; those with an "
-                f"area on the other template make up {share:.0%} of the body"
+                "correspondence must keep most triangles of the network's template; those that "
+                f"have an area on the other template cover only {share:.0%} of the body"
             )
         # Collapsed triangles stay where they are: nothing follows them.
         self._start = np.tile(np.eye(3), (home.n_faces, 1, 1))
@@ -104,9 +104,10 @@ def _same_vertices(home: Template, template: Template) -> ndarray:
     allowed = _SAME * np.ptp(home.vertices, axis=0).max()
     if gaps.max() > allowed:
         raise ArgumentError(
-            "correspondence is missing: the template is neither the network's own nor a refinement "
-            f"of it, and a vertex of the network's is {gaps.max():.3g} from the nearest. Give "
-            "numbers of vertices, triangles with barycentric coordinates, or a matrix"
+            "correspondence is missing: the template is neither the network's template nor a "
+            f"refinement of it, and a vertex of the network's template is {gaps.max():.3g} from "
+            "the nearest. Give numbers of vertices, triangles with barycentric coordinates, or "
+            "a matrix"
         )
     return np.asarray(numbers)
 

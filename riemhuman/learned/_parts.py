@@ -64,7 +64,7 @@ class Parts:
         blend = weights.numbers("part_weights", (template.n_faces, n_parts))
         parts = cls(template, part_of, blend, parents)
         if np.count_nonzero(parents < 0) != 1 or len(parts.order) < n_parts:
-            raise FileFormatError("part_parents must be a tree: one root, and no circle")
+            raise FileFormatError("part_parents must be a tree, with one root and no cycle")
         return parts
 
     @property

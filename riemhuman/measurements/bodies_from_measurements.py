@@ -319,7 +319,7 @@ def _check_value(name: str, value: float, usual: float, unit: str) -> None:
                 units.append(suspected)
     question = f": is it in {' or '.join(units)}?" if units else ""
     raise ArgumentError(
-        f"{name} must be in {unit}, where women have {usual:.3g} in the mean; found {value:g}, "
+        f"{name} must be in {unit}, in which the mean of women is {usual:g}; found {value:g}, "
         f"which nobody has{question}"
     )
 
@@ -454,18 +454,21 @@ def _remarks(
         first, second, agreeing = prediction.pair
         remarks.append(
             f"{first} of {given[first]:.4g} contradicts {second} of {given[second]:.4g}: at most 1 "
-            f"of 100 adults combine such values; {first} of about {agreeing:.4g} would agree"
+            f"in 100 adults combines such values; {first} of about {agreeing:.4g} would agree"
         )
     elif prediction.contradictory:
         name = prediction.contradictory[0]
-        remarks.append(f"{name} of {given[name]:.4g}: at most 1 of 100 adults have such a value")
+        remarks.append(f"{name} of {given[name]:.4g}: at most 1 in 100 adults has such a value")
     if not prediction.contradictory and len(given) > 1:
-        rare = ", but at most 1 of 1000 adults is so far from the mean"
+        rare = ", but at most 1 in 1000 adults is so far from the mean"
         remarks.append(
             "the values agree with each other" + (rare if prediction.rarity < _RARE else "")
         )
     if _WAIST in given and _OMPHALION not in given:
-        remark = f"the waist is the natural one; give the navel's, as in ANSUR, as {_OMPHALION!r}"
+        remark = (
+            "the waist is the natural waist; if yours was measured at the navel, as in ANSUR, "
+            f"name it {_OMPHALION!r}"
+        )
         renamed = {_OMPHALION if name == _WAIST else name: v for name, v in given.items()}
         if prediction.contradictory and not predict(renamed, sex).contradictory:
             remark += ", with which the values would agree"
@@ -667,11 +670,13 @@ def nearest_body(
             break
     is_met = _met(values, targets, tolerance)
     converged = bool(is_met.all()) and n_steps < max_iter
-    message = f"stopped after {n_steps} steps" if n_steps == max_iter else "no step gains more"
-    message += "; the values are met" if is_met.all() else ""
+    message = (
+        f"stopped after {n_steps} steps" if n_steps == max_iter else "no step improves the result"
+    )
+    message += "; the values are reached" if is_met.all() else ""
     if not converged:
         missed = [name for name, met in zip(goals, is_met, strict=True) if not met]
-        message += f"; not met: {', '.join(missed)}" if missed else ""
+        message += f"; not reached: {', '.join(missed)}" if missed else ""
         warn(message, ConvergenceWarning)
     both_measured = measurements.measure(np.stack([start, f]), missing="nan")
     before, after = (

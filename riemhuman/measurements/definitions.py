@@ -51,8 +51,8 @@ def _add_kind(cls: type[Measurement]) -> None:
     classes = _CLASSES.setdefault(cls.kind, {})
     if __name__ in classes and cls.__module__ != __name__:
         raise ArgumentError(
-            f"the library has measurements of kind {cls.kind!r}; declare another `kind` in the "
-            f"class {cls.__qualname__} of {cls.__module__}"
+            f"the library already has measurements of kind {cls.kind!r}; declare another `kind` "
+            f"in the class {cls.__qualname__} of {cls.__module__}"
         )
     classes[cls.__module__] = cls
 

@@ -117,7 +117,7 @@ class MeasurementSet:
                 refuse_type(measurement, "measurements", "names or objects of Measurement")
         for name in self.names:
             if self.names.count(name) > 1:
-                raise ArgumentError(f"two measurements are called {name!r}")
+                raise ArgumentError(f"two measurements have the name {name!r}")
         for name in self.frame:
             nearest_name(name, "landmark", self.landmarks)
         if len(self.frame) not in (0, 4):

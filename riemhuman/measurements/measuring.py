@@ -112,7 +112,7 @@ class BodySizes:
         index = None if names is None else list(names)
         if index is not None and len(index) != len(rows):
             raise ArgumentError(
-                f"names must be those of the {len(rows)} bodies; found {len(index)}"
+                f"names must hold one name for each of the {len(rows)} bodies; found {len(index)}"
             )
         return frames.DataFrame(rows, index=index, columns=list(self.names))
 
@@ -153,15 +153,15 @@ class Measurements:
         elif not isinstance(model, (BodyModel, Template)):
             refuse_type(model, "model", "a BodyModel, a Template, Bodies or a MeasurementSet")
         elif isinstance(definitions, MeasurementSet):
-            raise ArgumentTypeError("definitions must not be a MeasurementSet: give it as model")
+            raise ArgumentTypeError("definitions must not be a MeasurementSet: pass that as model")
         elif isinstance(definitions, (str, Path)):
             measurement_set, definitions = MeasurementSet.load(definitions, model), None
         else:
             of_open_model = open_measurements(model)
             if of_open_model is None and definitions is None:
                 raise ArgumentError(
-                    f"there are no measurements for {model!r}; give definitions, or map those of "
-                    "the open body model to it, see MeasurementSet.mapped"
+                    f"there are no measurements for {model!r}; pass definitions, or map those of "
+                    "the open body model to it with MeasurementSet.mapped"
                 )
             measurement_set = of_open_model or MeasurementSet(model, ())
             if definitions is None:

@@ -62,9 +62,9 @@ class PersonDistance:
     def text(self) -> str:
         """What follows "they are", for bodies that are hardly one person."""
         return (
-            f"hardly one person: their shape distance (AreaMetric) is {self.distance:.2g} m; usual "
-            f"are {self.usual.one_person:.2g} m for one person in two poses and "
-            f"{self.usual.two_people:.2g} m for two people (open bodies)"
+            "hardly the same person: their shape distance (AreaMetric) is "
+            f"{self.distance:.2g} m; typical are {self.usual.one_person:.2g} m for one person in "
+            f"two poses and {self.usual.two_people:.2g} m for two people (open bodies)"
         )
 
 

@@ -65,7 +65,7 @@ def percentiles(
     given = as_mapping(_without_missing(values), names)
     height = given.get(_STATURE) if stature is None else real_number(stature, "stature")
     if height is None:
-        raise ArgumentError("stature must be given, or be among the values")
+        raise ArgumentError("stature must be given, as an argument or among the values")
     shares = _shares_of_sexes(height, sex)
     percentages = {name: float("nan") for name in values}
     for name, value in given.items() if shares else ():

@@ -113,7 +113,7 @@ def check_motions(motions: object, name: str = "motions") -> None:
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
         raise ArgumentError(
             f"{name} must contain several motions; found a single one, of shape {motions.shape}: "
-            "give it in a list, [motion]"
+            "pass it in a list, [motion]"
         )
     if length_of(motions, name) == 0:
         raise ArgumentError(f"{name} must contain at least one motion; found none")

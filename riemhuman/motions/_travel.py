@@ -24,8 +24,8 @@ def frame_rate(motion: object, given: float | None, name: str) -> float:
     if isinstance(motion, RecordedMotion):
         return motion.frames_per_second
     raise ArgumentError(
-        f"the speed of {name} needs its frame rate: give frames_per_second, or a motion of "
-        "riemhuman.datasets, which has one, instead of an array"
+        f"the speed of {name} depends on the frame rate: pass frames_per_second, or a motion "
+        "from riemhuman.datasets, which has one, instead of an array"
     )
 
 
@@ -33,7 +33,7 @@ def surface_space(space: Manifold) -> AlignedSurfaces:
     """Return a space of surfaces, or raise an error: other points do not travel."""
     if not isinstance(space, AlignedSurfaces):
         raise ArgumentTypeError(
-            f"travel_weight needs surfaces, whose places are known; found {space!r}"
+            f"travel_weight needs surfaces, which have positions; found {space!r}"
         )
     return space
 

@@ -130,7 +130,7 @@ class MotionSpace(Manifold):
 def _times_within(at: ArrayLike, last: int) -> ndarray:
     wanted = np.asarray(real_array(at, "at", ("n_times",), batched=False))
     if (np.diff(wanted) < 0).any():
-        raise ArgumentError("at must not decrease; found an earlier time after a later one")
+        raise ArgumentError("at must not decrease; found a later time before an earlier one")
     if len(wanted) and (wanted[0] < 0.0 or wanted[-1] > last):
         raise ArgumentError(
             f"at must lie within the motion, 0 to {last}; found {wanted[0]:g} to {wanted[-1]:g}"

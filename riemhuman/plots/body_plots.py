@@ -89,7 +89,9 @@ def plot_body(
     if values is not None:
         shades = surface_values(values, len(vertices), len(np.asarray(faces)))
         if shades.ndim != 1:
-            raise ArgumentError(f"values of one body must be one row; found shape {shades.shape}")
+            raise ArgumentError(
+                f"values of one body must be a single row; found shape {shades.shape}"
+            )
         low, limit = scale_ends(shades)
         color = value_colors(vertex_values(shades, faces, len(vertices)), limit, signed=low < 0)
     picture = render(

@@ -67,7 +67,7 @@ def view_components(
     gap = np.linalg.norm(changes.mixed(middle, np.ones(count)) - exact, axis=-1).max()
     description = (
         f"Bodies are exact at −{_DEVIATIONS:g}, 0 and {_DEVIATIONS:g} standard deviations of one "
-        f"component; where all are at 1, within {1000 * gap:.1f} mm."
+        f"component; if all components are at 1, they are accurate to {1000 * gap:.1f} mm."
     )
     body = ViewedBody("", middle[None], components=changes)
     return Viewer(triangles, {"Components": [body]}, title=title, description=description)

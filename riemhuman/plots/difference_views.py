@@ -192,7 +192,7 @@ def plot_difference(
 def _description(difference: _Difference, names: tuple[str, str], gap: ReadableUnit) -> str:
     known = gap.scale * difference.displacements[np.isfinite(difference.displacements)]
     if not len(known):
-        return "No place was seen of both."
+        return "No part of the surface was seen in both scans."
     pose = "In the standard pose" if difference.is_standard else "As they stand"
     half, inside, outside = np.median(np.abs(known)), max(-known.min(), 0.0), max(known.max(), 0.0)
     said = (
@@ -201,7 +201,9 @@ def _description(difference: _Difference, names: tuple[str, str], gap: ReadableU
         "outside. On each body, + is outside of the other and − inside."
     )
     unknown = 1.0 - len(known) / len(difference.displacements)
-    return f"{said} {100 * unknown:.0f} % was not seen of both and is grey." if unknown else said
+    return (
+        f"{said} {100 * unknown:.0f} % was not seen in both scans and is grey." if unknown else said
+    )
 
 
 def _density(difference: _Difference, metric: ElasticMetric | None) -> ndarray:
@@ -228,7 +230,7 @@ def _difference(
     if isinstance(point_a, VisitComparison):
         if measurements is None:
             raise ArgumentError(
-                "measurements must be given with a comparison: those it was made by"
+                "measurements must be passed with a comparison: the ones with which it was made"
             )
         return _of_comparison(point_a, measurements, names, system)
     if point_b is None:

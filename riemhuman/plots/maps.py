@@ -92,10 +92,10 @@ def embed(
     one_of(method, "method", METHODS)
     if isinstance(distances, RiemannianMetric):
         if bodies is None:
-            raise ArgumentError("a metric needs the bodies that it compares: embed(metric, bodies)")
+            raise ArgumentError("with a metric, pass the bodies to compare: embed(metric, bodies)")
         distances = distances.dist_pairwise(bodies.points if isinstance(bodies, Bodies) else bodies)
     elif bodies is not None:
-        raise ArgumentError("bodies are for a metric; distances need none")
+        raise ArgumentError("bodies is only for metrics; leave it out for distances")
     matrix = distance_matrix(distances, "distances")
     if len(matrix) < 3:
         raise ArgumentError(f"distances must be of at least 3 items; found {len(matrix)}")

@@ -103,7 +103,7 @@ def view_motions(
     rate = _rate(first, second)
     if faces is None:
         if not isinstance(first, Motion):
-            raise ArgumentError("arrays hold no triangles; give faces too")
+            raise ArgumentError("arrays have no triangles; pass faces too")
         faces = first.faces
     lasts = (len(motions[0]) - 1, len(motions[1]) - 1)
     _check_warp(warp, lasts)

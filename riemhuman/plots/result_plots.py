@@ -157,7 +157,7 @@ def _check_classes(items: ndarray) -> None:
     if count < FEWEST_CLASSES:
         raise ArgumentError(
             f"labels must name at least {FEWEST_CLASSES} classes for this plot; found {count}: "
-            "rh.retrieval.scores says the same in numbers"
+            "rh.retrieval.scores gives the same in numbers"
         )
 
 

@@ -351,7 +351,7 @@ class Viewer:
         if ending in FILM_ENDINGS:
             if self.panel is not None and self.panel.picture(_STILL_HEIGHT) is not None:
                 raise ArgumentError(
-                    f"{file}: a film shows bodies alone; save this view as .html or .png"
+                    f"{file}: films show only bodies; save this view as .html or .png"
                 )
             film = Film(bodies, self.faces, self._duration(bodies), self.frames_per_second)
             save_film(file, film, progress=progress)
@@ -529,7 +529,7 @@ def view_path(
     viewer = Viewer(triangles, choices, legend, title, description)
     if frames_per_second is not None:
         if seconds is not None:
-            raise ArgumentError("give either seconds or frames_per_second; found both")
+            raise ArgumentError("pass either seconds or frames_per_second; found both")
         rate = real_number(frames_per_second, "frames_per_second", minimum=0, strict=True)
         return replace(viewer, frames_per_second=rate)
     if seconds is not None:

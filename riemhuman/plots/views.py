@@ -61,7 +61,7 @@ def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
     """
     if faces is None and isinstance(shown, np.ndarray):
         raise ArgumentError(
-            "an array has no triangles; give faces too, such as rh.view(points, template.faces)"
+            "an array has no triangles; pass faces too, such as rh.view(points, template.faces)"
         )
     return view_bodies(shown, faces)
 
@@ -139,5 +139,5 @@ def _(shown: str | os.PathLike[str], faces: ArrayLike | None = None) -> Viewer:
 def _check_faces(faces: ArrayLike | None, name: str) -> None:
     if faces is None:
         raise ArgumentError(
-            f"a {name} holds no triangles; give faces too, such as rh.view(result, template.faces)"
+            f"a {name} holds no triangles; pass faces too, such as rh.view(result, template.faces)"
         )

@@ -237,8 +237,8 @@ def _without_surroundings(
     keep = ~background[numbers]
     if keep.sum() < FEWEST_POINTS:
         raise ArgumentError(
-            f"scan has {int(keep.sum())} points without the floor and strays; at least "
-            f"{FEWEST_POINTS} are needed"
+            f"scan has {int(keep.sum())} points after the floor and stray points are removed; at "
+            f"least {FEWEST_POINTS} are needed"
         )
     points, normals = everything[numbers[keep]], loose.normals[keep]
     parts = None

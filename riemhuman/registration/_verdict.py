@@ -208,6 +208,6 @@ def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
     others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
     return [
         f"the scan may be in {unit}: it is {extent:.2f} m long, and {scan.unit} were inferred "
-        "from this size; the argument unit, or --unit, decides"
+        "from this size; set the unit with unit= or --unit"
         for unit in others[:1]
     ]

@@ -113,7 +113,7 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
     faces = result_a.faces
     if not np.array_equal(faces, result_b.faces):
         raise ArgumentError(
-            f"result_a and result_b must be registered by the same model; found bodies with "
+            "result_a and result_b must be registered with the same model; found bodies with "
             f"{len(faces):,} and {len(result_b.faces):,} triangles, or others"
         )
     places, scan = result_a.correspondence, result_b.scan

@@ -107,8 +107,8 @@ class ScanRecord:
         gaps = cKDTree(scan.points).query(shown)[0]
         if gaps.max(initial=0.0) > _SAME_METRES:
             raise ArgumentError(
-                f"the scan is not that from which {self.name} was registered, or in another unit: "
-                f"{gaps.max():.3g} m lie between their points"
+                f"this is not the scan from which {self.name} was registered, or it is in "
+                f"another unit: {gaps.max():.3g} m lie between their points"
             )
         places, distances = nearest_points(scan.points, points, faces)
         return RegisteredScan(
@@ -230,9 +230,7 @@ def _scan_files(folder: str | os.PathLike[str]) -> list[Path]:
         raise FileError(f"{place} holds no scans; they end in {', '.join(POINT_SUFFIXES)}")
     for first, second in pairwise(files):
         if first.stem == second.stem:
-            raise FileError(
-                f"{first.name} and {second.name} would become one body {first.stem}.ply"
-            )
+            raise FileError(f"{first.name} and {second.name} would both become {first.stem}.ply")
     return files
 
 
@@ -252,7 +250,8 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
     files = sorted(place.glob("*.npz")) if place.is_dir() else []
     if not files:
         raise FileError(
-            f"{folder} holds no registered scans; riemhuman register SCANS -o {folder} makes them"
+            f"{folder} holds no registered scans; to register scans, run riemhuman register "
+            f"SCANS -o {folder}"
         )
     return sorted(
         map(_read, files),
@@ -339,8 +338,8 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
                 continue
             if hashlib.sha256(read_bytes(body)).hexdigest() != str(saved["digest"]):
                 raise FileError(
-                    f"{body} was changed after it was registered; move it elsewhere to have its "
-                    "scan registered again"
+                    f"{body} was changed after it was registered; to register its scan again, "
+                    "move the body elsewhere"
                 )
         complete[record.name, str(saved["key"])] = record
     gone = [
@@ -349,7 +348,7 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
         if complete_record.arrays and complete_record.name not in names
     ]
     if gone:
-        warn(f"{folder} holds bodies whose scans are gone: {', '.join(gone)}", UserWarning)
+        warn(f"{folder} holds bodies whose scans no longer exist: {', '.join(gone)}", UserWarning)
     return complete
 
 

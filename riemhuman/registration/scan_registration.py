@@ -82,7 +82,9 @@ class ScanRegistration:
         if not isinstance(self.settings, RegistrationSettings):
             refuse_type(self.settings, "settings", "RegistrationSettings")
 
-    @enough_memory("the registration of this scan", "thin it out, or register to a coarser model")
+    @enough_memory(
+        "the registration of this scan", "reduce its number of points, or use a coarser model"
+    )
     def solve(
         self,
         scan: Any,
@@ -182,7 +184,7 @@ class ScanRegistration:
             position = np.asarray(position, dtype=float) / UNITS[unit]
             if np.abs(position - centre).max() > _FARTHEST_LANDMARK:
                 raise ArgumentError(
-                    f"landmarks[{name!r}] must be in the scan, in its unit, {unit}; found "
+                    f"landmarks[{name!r}] must lie in the scan, in its unit, {unit}; found "
                     f"{np.asarray(given).tolist()}, more than {_FARTHEST_LANDMARK:g} m away"
                 )
             positions[names.index(name)] = position

@@ -223,8 +223,8 @@ def _in_metres(
         ]
         if not fitting:
             raise ArgumentError(
-                f"{name} is {extent:.3g} long, which is the size of a body neither in metres nor "
-                "in centimetres nor in millimetres; unit= says which unit it is in"
+                f"{name} is {extent:.3g} long, which is not the size of a body in metres, "
+                "centimetres or millimetres; set its unit with unit="
             )
         (unit,) = fitting
     size = UNITS[one_of(unit, "unit", tuple(UNITS))]

@@ -62,8 +62,8 @@ class TemplateRegistration:
             refuse_type(template, "template", "a Template")
         if template.seams:
             raise ArgumentError(
-                f"template has {template.seams.n_copies} doubled vertices along seams, which would "
-                "tear; template.join_seams() joins them"
+                f"template has {template.seams.n_copies} duplicated vertices along seams, where "
+                "it would tear; join them with template.join_seams()"
             )
 
     def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
@@ -104,7 +104,7 @@ class TemplateRegistration:
             matches = prepared.match(points, vertex_normals(points, faces), scale)
             weights = matches.weights * self.template.vertex_areas
             if not weights.any():
-                raise ArgumentError("no part of start faces the same way as the scan near it")
+                raise ArgumentError("no part of start faces the same way as the nearby scan")
             points = procrustes(points, to=points + matches.gaps, scale=None, weights=weights)
         reference = points
         for scale in _FREE_SCALES:
@@ -121,7 +121,7 @@ class TemplateRegistration:
         close = float(np.mean(distances * self._factor < _NEAR_METRES))
         reasons = []
         if matched.mean() < _LEAST_MATCHED:
-            reasons.append(f"only {100 * matched.mean():.0f} % of the template match the scan")
+            reasons.append(f"only {100 * matched.mean():.0f} % of the template matches the scan")
         if close < _LEAST_NEAR:
             reasons.append(f"only {100 * close:.0f} % of the scan lies near the template")
         return RegisteredScan(

@@ -448,8 +448,8 @@ class TopologyMap:
         cosine = float(np.median(unit_vectors(upward)[..., 1]))
         if cosine < _UPSIDE_DOWN:
             raise error(
-                f"{name} must be y up; found heads below feet, as bodies of cameras have with y "
-                'down: up="-y" turns them upright, and up="y" takes them as they are'
+                f"{name} must have y pointing up; found heads below feet, as in camera "
+                'coordinates: up="-y" turns the bodies upright, and up="y" accepts them unchanged'
             )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -618,7 +618,7 @@ def _bodies_and_faces(template: Any, faces: Any) -> tuple[np.ndarray, np.ndarray
     surfaces = np.asarray(real_array(template, "template", ("n_vertices", 3)), dtype=float)
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     if not len(surfaces):
-        raise ArgumentError("template holds no body; at least one is needed")
+        raise ArgumentError("template must hold at least one body; found none")
     _, triangles = check_mesh(surfaces[0], faces)
     return surfaces, triangles
 
@@ -644,9 +644,9 @@ def _check_bodies(
         wrong = np.argwhere(volumes < 0)[0].tolist() if surfaces.ndim > 2 else []
         place = f"{name}[{', '.join(map(str, wrong))}]" if wrong else name
         raise error(
-            f"{place} must have triangles that look outward; they look inward: the body is "
-            "mirrored, or its triangles are listed clockwise. Change the sign of one coordinate "
-            "of a mirrored body, or reverse the corners of all triangles"
+            f"{place} must have triangles that face outward; they face inward: the body is "
+            "mirrored, or the corners of its triangles are listed clockwise. Change the sign of "
+            "one coordinate of a mirrored body, or reverse the corners of all triangles"
         )
 
 
@@ -719,8 +719,8 @@ def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> 
             return candidate
     found = "the model given" if model is not None else "the open models"
     raise FileFormatError(
-        f"its map is of a model with {n_vertices:,} vertices and {len(faces):,} triangles; {found} "
-        "has others: give its model"
+        f"its map is for a model with {n_vertices:,} vertices and {len(faces):,} triangles, "
+        f"unlike {found}: pass the model of the map"
     )
 
 
@@ -745,7 +745,9 @@ def _read_places(
     )
     heights = real_array(arrays[f"{name}_heights"], f"{name}_heights", (n_points,), batched=False)
     if triangles.shape != (n_points,) or triangles.min() < 0 or triangles.max() >= n_faces:
-        raise ArgumentError(f"{name}_triangles must number {n_points} triangles below {n_faces}")
+        raise ArgumentError(
+            f"{name}_triangles must hold {n_points} indices of triangles below {n_faces}"
+        )
     return SurfacePoints(triangles, np.asarray(barycentric)), np.asarray(heights)
 
 
@@ -759,11 +761,11 @@ def _with_read_weights(
     weights = real_array(arrays[f"{name}_weights"], f"{name}_weights", ("n", "k"), batched=False)
     if columns.shape != weights.shape or len(columns) != len(places.heights):
         raise ArgumentError(
-            f"{name}_columns and {name}_weights must have one shape, with {len(places.heights)} "
-            f"rows; found {columns.shape} and {weights.shape}"
+            f"{name}_columns and {name}_weights must have the same shape, with "
+            f"{len(places.heights)} rows; found {columns.shape} and {weights.shape}"
         )
     if columns.size and (columns.min() < 0 or columns.max() >= places.n_source):
-        raise ArgumentError(f"{name}_columns must number vertices below {places.n_source}")
+        raise ArgumentError(f"{name}_columns must hold indices of vertices below {places.n_source}")
     return _with_weights(places, columns, np.asarray(weights, dtype=float))
 
 
@@ -783,7 +785,7 @@ def _read_parts(
 ) -> tuple[FilledPart, ...]:
     rows = arrays[f"{name}_part_numbers"].astype(np.int64)
     if rows.ndim != 2 or rows.shape[1] != 3 or np.any(rows < 0) or np.any(rows[:, 1] >= n_vertices):
-        raise ArgumentError(f"{name}_part_numbers must number vertices below {n_vertices}")
+        raise ArgumentError(f"{name}_part_numbers must hold indices of vertices below {n_vertices}")
     parts = []
     for number, part_name in enumerate(arrays[f"{name}_part_names"].tolist()):
         own = rows[rows[:, 0] == number]

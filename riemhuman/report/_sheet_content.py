@@ -202,10 +202,10 @@ def content_of(
         has_percentiles=any(np.isfinite(row.percentile) for row in values.rows),
         population=_population(subject, values, units),
         uncertainty=(
-            "± is two standard deviations of measurements over poses of one person, of simulated "
-            "adults who were registered from scans; real people, who breathe and sway, vary more. "
-            "Measurements are taken in the standard pose, to which the body was brought. The "
-            "weight is the volume times the mean density of people."
+            "± is two standard deviations of a measurement over poses of one person, measured on "
+            "simulated adults who were registered from scans; real people breathe and sway, so "
+            "they vary more. The body was brought into the standard pose for the measurements. "
+            "The weight is the volume times the mean density of people."
         ),
     )
 
@@ -244,7 +244,7 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     elif subject.known_vertices.all():
         said.append("All of the body can be trusted.")
     else:
-        said.append("The body can be trusted, but for small places that the scan does not show.")
+        said.append("The body can be trusted, except in small places that the scan does not show.")
     missing = sum(bool(row.why_missing) for row in values.rows)
     if missing:
         depend, stay = ("depends", "stays") if missing == 1 else ("depend", "stay")
@@ -269,21 +269,22 @@ def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
     if not np.isfinite(stature.value):
         why = f" ({stature.why_missing})" if stature.why_missing else ""
         return (
-            "There are no percentiles, and no average to compare with: they depend on the stature, "
-            f"which is not known{why}."
+            "There are no percentiles and no average for comparison, because they depend on the "
+            f"stature, which is not known{why}."
         )
     if values.average is None:
         unit = _unit("m", units)
         one = {"woman": "an adult woman", "man": "an adult man"}.get(subject.sex, "an adult")
         return (
-            "There are no percentiles, and no average to compare with: both are of adults, and a "
+            "There are no percentiles and no average for comparison: both are for adults, and a "
             f"stature of {_value(stature.value, unit)} {unit.name} is not that of {one}."
         )
     return (
-        f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; that of "
-        f"stature counts all {people.rstrip(',')}. Bars are darker where the middle half is. These "
-        "people are simulated: bodies with the spread of ANSUR II (US Army, 2012), body mass "
-        "widened to that of the US public (NHANES, 2021–2023), measured like this body."
+        f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; for the "
+        f"stature itself, they count all {people.rstrip(',')}. The darker part of a bar is the "
+        "middle half. These people are simulated: bodies with the spread of ANSUR II (US Army, "
+        "2012), body mass widened to that of the US public (NHANES, 2021–2023), measured like "
+        "this body."
     )
 
 
@@ -421,9 +422,9 @@ def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText 
         )
     count = int(result.is_significant.sum())
     note = (
-        f"{count} of {len(result.names)} measurements changed by more than their noise, ± two "
-        "standard deviations of a difference over poses of simulated people; about "
-        f"{result.expected_by_chance:.0f} would by chance alone."
+        f"{count} of {len(result.names)} measurements changed by more than their noise, which is "
+        "two standard deviations of a difference over poses of simulated people; expect about "
+        f"{result.expected_by_chance:.0f} by chance alone."
     )
     figure = _drawing(
         picture,
@@ -431,7 +432,7 @@ def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText 
         "The body at this visit, coloured by how far the surface moved",
         f"From blue (inward) to red (outward), {readable_gap(LARGEST_CHANGE, units)} at the ends.",
     )
-    warning = f"The two visits are {values.doubt}." if values.doubt else ""
+    warning = f"The two visits show {values.doubt}." if values.doubt else ""
     return ChangesText(values.since, tuple(texts), figure, note, warning)
 
 

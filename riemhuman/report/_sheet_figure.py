@@ -36,7 +36,7 @@ def save_figure_pdf(content: Content, version: str, file: Path) -> None:
             side.rule(_BOTTOM - 2.0)
             side.text(_LEFT, _BOTTOM + 1.5, " · ".join(filter(None, (content.title, content.when))))
             side.text(
-                _RIGHT, _BOTTOM + 1.5, f"riemhuman {version} · side {number} of 2", align="right"
+                _RIGHT, _BOTTOM + 1.5, f"riemhuman {version} · page {number} of 2", align="right"
             )
             pdf.savefig(side.figure)
 
@@ -207,7 +207,7 @@ def _second_side(content: Content) -> _Side:
     size = 62.0 if content.changes else 92.0
     lowest = y
     if content.silhouette is not None:
-        _heading(side, _LEFT, y, "Against the average")
+        _heading(side, _LEFT, y, "Compared with the average")
         height = side.drawing(content.silhouette, _LEFT, y + 3.0, _COLUMN, size)
         at = y + height + 7.0
         for number, (words, color) in enumerate(

@@ -105,7 +105,7 @@ def find_subjects(
         faces += triangles
         failures += failed
     if not subjects and not failures:
-        raise FileError("there are no bodies to make sheets of")
+        raise FileError("there are no bodies to make sheets for")
     table = _table_of(paths, labels)
     known = {} if table is None else read_people(table)
     named = [known.get(each.file.casefold(), known.get(each.name.casefold())) for each in subjects]

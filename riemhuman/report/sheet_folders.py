@@ -184,7 +184,10 @@ def _write(folder: Path, known: _Known, progress: Progress) -> None:
         check_printing()
         endings = (".html", ".pdf")
     except MissingDependencyError as error:
-        warn(f"no PDF is written, for want of Chromium or Chrome; or else {error}", UserWarning)
+        warn(
+            f"no PDF is written, because Chromium or Chrome is missing; alternatively: {error}",
+            UserWarning,
+        )
         endings = (".html", "")
     files = [
         tuple(end and f"{name}{end}" for end in endings)
@@ -254,8 +257,8 @@ def _measurements_of_file(
     definitions = open_measurements(Template(subject.points, faces))
     if definitions is None:
         raise FileError(
-            f"{subject.file} has {len(subject.points)} vertices and {len(faces)} triangles, not "
-            "those of the open body model; register it first: riemhuman register SCAN -o body.ply, "
-            "or give --model and --definitions"
+            f"{subject.file} has {len(subject.points)} vertices and {len(faces)} triangles, "
+            "unlike the open body model; register it first: riemhuman register SCAN -o "
+            "body.ply, or give --model and --definitions"
         )
     return Measurements(definitions)

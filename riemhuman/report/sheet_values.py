@@ -314,7 +314,7 @@ def _posture(
     found = {name: float(angle) for name, angle in angles.items()}
     leans = [found["trunk lean forward"], found["trunk lean to the left"]]
     if np.nanmax(np.abs(leans), initial=0.0) > _LARGEST_LEAN:
-        return {}, ["posture is left out: the body lies, or up is another axis (see --up)"]
+        return {}, ["posture is left out: the body is lying, or another axis points up (see --up)"]
     return found, []
 
 

@@ -206,5 +206,6 @@ def _measurements_of(model: Any, points: ndarray) -> Measurements:
         if len(points) == open_model.n_vertices:
             return Measurements(open_model)
     raise ArgumentError(
-        f"body must be of the open body model, or model must be given; found {len(points)} vertices"
+        "body must be a body of the open body model, or model must be given; found "
+        f"{len(points)} vertices"
     )

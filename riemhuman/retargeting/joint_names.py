@@ -88,7 +88,7 @@ def find_joints(
             joints = inferred | told
             pairs = ", ".join(f"{role}={names[joint]!r}" for role, joint in inferred.items())
             missing = [role for limb in LIMBS for role in limb if role not in named]
-            reason = f"names of joints do not tell {', '.join(missing)}" if missing else problem
+            reason = f"names of joints do not identify {', '.join(missing)}" if missing else problem
             warnings.warn(
                 f"{reason}; they were inferred from the shape of the skeleton: {pairs}. Pass "
                 "joints= if that is wrong",

@@ -229,7 +229,7 @@ def _warn_of_errors(
         doubts.append("feet point backward: left and right may have been swapped")
     if doubts:
         warnings.warn(
-            f"{name or 'recording'}: the body differs from the recording in the mean, "
-            f"{', '.join(doubts)}; see errors. Joints may have been taken for others: pass joints=",
+            f"{name or 'recording'}: the body differs from the recording, on average: "
+            f"{', '.join(doubts)}; see errors. Joints may have been confused: pass joints=",
             stacklevel=2,
         )

@@ -77,11 +77,11 @@ def check_bones(positions: ndarray, joints: Mapping[str, int], names: Sequence[s
         if not length > _COLLAPSED * lengths.max():
             upper, lower = names[joints[first]], names[joints[second]]
             raise ArgumentError(
-                f"joints: {first} ({upper!r}) and {second} ({lower!r}) lie in one place; "
-                "name others by joints="
+                f"joints: {first} ({upper!r}) and {second} ({lower!r}) are in the same "
+                "place; name others with joints="
             )
     if not lengths[-1] > _COLLAPSED * lengths.max():
-        raise ArgumentError("joints: the shoulders lie in one place with the hips")
+        raise ArgumentError("joints: the shoulders are in the same place as the hips")
 
 
 def has_bone(positions: ndarray, joints: Mapping[str, int], first: str, second: str) -> bool:

@@ -111,9 +111,9 @@ def warn_of_doubt(name: str, axes: tuple[str, str]) -> None:
     chosen, alternative = axes
     if alternative:
         warnings.warn(
-            f"{name or 'recording'}: {chosen} was taken to point up, but {alternative} may as "
-            f"well: people who lie on the floor look like those who stand along another axis. Pass "
-            f"up={chosen!r} or up={alternative!r}",
+            f"{name or 'recording'}: {chosen} was taken to point up, but it might as well be "
+            f"{alternative}: people lying on the floor look like people standing along another "
+            f"axis. Pass up={chosen!r} or up={alternative!r}",
             stacklevel=2,
         )
 

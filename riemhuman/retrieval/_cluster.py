@@ -111,7 +111,7 @@ def _losses(distributed: ModuleType, client: distributed.Client) -> Iterator[Non
 
 
 def _lost(what: str) -> ClusterError:
-    return ClusterError(f"{what}; finished work is kept, and the same call goes on with it")
+    return ClusterError(f"{what}; finished work is kept, and the same call continues it")
 
 
 def first_finished(

@@ -68,7 +68,7 @@ _LABELS = {"shape": "subject", "pose": "pose"}
 
 
 Representation: TypeAlias = "RiemannianMetric | Descriptor"
-"""What compares bodies: a metric of registered surfaces, or vectors that describe meshes."""
+"""A way to compare bodies: a metric of registered surfaces, or vectors that describe meshes."""
 
 
 @dataclass(frozen=True)
@@ -160,8 +160,8 @@ def benchmark(
             labels[kind] = numbers
     if not labels:
         raise ArgumentError(
-            f"bodies must have labels that surfaces share; no two of {len(bodies)} surfaces do "
-            f"({' or '.join(_LABELS.values())})"
+            f"bodies must have labels that some surfaces share; no two of {len(bodies)} surfaces "
+            f"do ({' or '.join(_LABELS.values())})"
         )
 
     def score(matrices: Mapping[str, np.ndarray]) -> dict[str, RetrievalScores]:
@@ -280,7 +280,7 @@ class _CodeDescriptor(Descriptor):
 
     def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
         if not _is_registered(bodies):
-            raise ArgumentTypeError("codes of networks need bodies that are registered")
+            raise ArgumentTypeError("codes of networks need registered bodies")
         return self._of(bodies.points)
 
     def _of(self, points: np.ndarray) -> np.ndarray:
@@ -395,13 +395,15 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     notes = [columns]
     if any(record.representation.endswith(_STRAIGHT) for record in records):
         notes.append(
-            "Metrics called straight have no closed-form distance: their rows compare by the\n"
-            "norm of the difference of two bodies, halfway between them."
+            "Metrics called straight have no closed-form distance: their rows compare bodies by "
+            "the\n"
+            "norm of their difference, halfway between them."
         )
     if any(record.representation.endswith(LEARNED) for record in records):
         notes.append(
-            "Codes are from networks after GDVAE and Zhou et al., trained on open bodies of other "
-            "people in\nother poses."
+            "Codes come from networks following GDVAE and Zhou et al., trained on open bodies "
+            "of other\n"
+            "people in other poses."
         )
     return "\n\n".join([*tables, *notes])
 

@@ -228,8 +228,8 @@ def path_job(
         errors = _compute(job, metric, finder, blocks, client, progress)
         if errors:
             raise type(errors[0])(
-                f"{errors[0]}; paths are kept in {job.path} but for {len(errors)} of "
-                f"{len(blocks)} blocks of up to {_PAIRS} pairs"
+                f"{errors[0]}; {job.path} keeps all paths except {len(errors)} of {len(blocks)} "
+                f"blocks of up to {_PAIRS} pairs"
             )
         return distances_of_rows(len(points), np.array(job.read(_ROWS)))
 
@@ -372,9 +372,9 @@ def _compare(
     gap = np.abs(known - again).max(initial=0.0)
     if not gap <= rounding * size:
         raise ArgumentError(
-            f"folder must be that of the same job; that in {job.path} was computed by other code: "
-            f"{what} differs by {gap:.3g} when it is computed again. The metric, or a library that "
-            "it uses, has changed; give another folder"
+            f"folder must be that of the same job; that in {job.path} was computed by other "
+            f"code: {what} differs by {gap:.3g} when it is recomputed. The metric, or a library "
+            "that it uses, has changed; pass another folder"
         )
 
 

@@ -178,7 +178,7 @@ class NearestNeighbors(Estimator):
             candidates = integer_array(candidates, "candidates", (n_queries, "m"))
             if candidates.size and not 0 <= candidates.min() <= candidates.max() < n_points:
                 raise ArgumentError(
-                    f"candidates must number points of the index, from 0 to {n_points - 1}; "
+                    f"candidates must hold indices of the points, from 0 to {n_points - 1}; "
                     f"found {candidates.min()} to {candidates.max()}"
                 )
         distances = np.empty((n_queries, k))

@@ -99,7 +99,8 @@ def scores(
     queries = np.flatnonzero(relevant.any(axis=1))
     if len(queries) == 0:
         raise ArgumentError(
-            f"labels must have a class of two items; found none among {len(matrix)} items"
+            "labels must have a class with at least two items; found none among "
+            f"{len(matrix)} items"
         )
     rows = []
     for query in queries:
@@ -164,7 +165,7 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     if not scales.all():
         raise ArgumentError(
             f"item {int(np.argmin(scales))} coincides with its {n_neighbors} nearest neighbours, "
-            "so that it has no scale; use more neighbours"
+            "so it has no scale; use more neighbours"
         )
     return matrix / scales[:, None] / scales
 

@@ -171,8 +171,8 @@ def _are_batches(metric: RiemannianMetric, points: PointsOrBatches) -> bool:
         return False
     if iter(points) is points:
         raise ArgumentError(
-            "points are read several times and must be an array, or batches that can be read "
-            f"again, such as a list of arrays; found {type(points).__name__}"
+            "points are read several times, so they must be an array, or batches that can be "
+            f"read again, such as a list of arrays; found {type(points).__name__}"
         )
     first = next(iter(points), None)
     return values_of(first, "points").ndim == len(metric.space.shape) + 1
@@ -207,10 +207,11 @@ def area_check(space: Manifold, points: Points) -> Callable[[Array], None]:
         n_shrunk = int(np.sum(triangle_areas(point, faces) < _SHRUNK * areas))
         if n_shrunk:
             raise DegenerateSurfaceError(
-                f"the mean has collapsed: {n_shrunk} of {len(faces)} triangles have shrunk to less "
-                "than a hundredth of their area, and the variance decreases as they shrink. The "
-                "points are too dissimilar for so small a lam, or for a metric that does not "
-                "measure areas: use lam = 1, or a medoid (riemhuman.statistics.KMedoids)"
+                f"the mean has collapsed: {n_shrunk} of {len(faces)} triangles have shrunk to "
+                "less than a hundredth of their area, and the variance decreases as they "
+                "shrink. The points are too different for such a small lam, or for a metric "
+                "that does not measure areas: use lam = 1, or a medoid "
+                "(riemhuman.statistics.KMedoids)"
             )
 
     return check

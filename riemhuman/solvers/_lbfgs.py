@@ -147,7 +147,7 @@ class Descent:
         self._values, self._n_evaluations = [self._value], 1
         if not np.isfinite(self._value):
             self._newton = np.nan
-            self._end(Status.OUTSIDE_MANIFOLD, "the start has no finite value")
+            self._end(Status.OUTSIDE_MANIFOLD, "the value at the start is not finite")
         elif not self.x.size:
             self._newton = 0.0
             self._end(Status.CONVERGED, "there is no direction to search in")
@@ -155,7 +155,7 @@ class Descent:
     def _advance(self) -> bool:
         """Test whether to stop, and otherwise make a step; return whether one was made."""
         if self._value <= self.floor:
-            self._end(Status.CONVERGED, "the value is no more than rounding errors")
+            self._end(Status.CONVERGED, "the value is at the level of rounding errors")
             return False
         if self._operator is None:
             self._operator = self.inverse_hessian_at(self.x)
@@ -209,9 +209,9 @@ class Descent:
             self._end(Status.CONVERGED, "the expected decrease is below the tolerance")
         elif len(since) > _PATIENCE and since[0] - value <= still:
             self._newton = np.nan
-            self._end(Status.CONVERGED, "the value stands still")
+            self._end(Status.CONVERGED, "the value no longer changes")
         elif len(self._values) > self.max_iter:
-            self._end(Status.MAX_ITER, "the most iterations were made")
+            self._end(Status.MAX_ITER, "the maximum number of iterations was reached")
 
     def _restart(self, step: float) -> None:
         """Go on with a new operator where hardly a step lowers the value, or stop."""
@@ -219,7 +219,7 @@ class Descent:
         if step == 0 and self._newton_was_small:
             self._end(Status.CONVERGED, "no step lowers the value further")
         elif self._n_since_formed < 2:
-            self._end(Status.STALLED, "hardly a step lowers the value")
+            self._end(Status.STALLED, "almost no step lowers the value")
         self._operator = None
 
 

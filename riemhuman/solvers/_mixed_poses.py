@@ -32,10 +32,11 @@ def warn_of_mixed_poses(metric: RiemannianMetric, points: Points, base: Array) -
     share = turned_share(metric.space.template, points, base)
     if share > _MOST_TURNED:
         warn(
-            f"X holds surfaces in different poses: in one of them {100 * share:.0f} % of the area "
-            f"is turned by more than {_TURNED:.0f} degrees from the average of all. Combinations "
-            "of their components tear where limbs turn, as in shoulders. Bring bodies to one pose "
-            "first, with riemhuman.measurements.in_standard_pose or --standard-pose of `riemhuman "
+            f"X holds surfaces in different poses: in one of them, {100 * share:.0f} % of the "
+            f"area is turned by more than {_TURNED:.0f} degrees from the average of all. "
+            "Combinations of their components tear where limbs turn, for example at the "
+            "shoulders. Bring the bodies into one pose first, with "
+            "riemhuman.measurements.in_standard_pose or --standard-pose of `riemhuman "
             "components`, or describe poses by a metric of normals alone (a = 0)",
             MixedPosesWarning,
         )

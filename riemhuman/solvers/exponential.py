@@ -237,8 +237,8 @@ class DiscreteExponential(ExpSolver):
         max_iter = whole_number(max_iter, "max_iter", minimum=1)
         if self.basis is not None or not metric.space.is_surface_space:
             raise NotDefinedError(
-                "derivatives of the discrete exponential are those of surfaces with all "
-                "coordinates free, DiscreteExponential() without a basis"
+                "derivatives of the discrete exponential exist only for surfaces with all "
+                "coordinates free, that is, DiscreteExponential() without a basis"
             )
         covectors = np.array(covectors)
         # Of every three neighbours x, y, z, y makes E = d²(x, y) + d²(y, z) stationary. Derivatives
@@ -304,7 +304,7 @@ class DiscreteExponential(ExpSolver):
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,
             status=status,
-            message=stop or unsolved or "all steps were made",
+            message=stop or unsolved or "all steps were completed",
         )
         return result, is_fine and not stop
 
@@ -384,8 +384,8 @@ def _least_squares(
     )
     if reason == _OUT_OF_ITERATIONS:
         warn(
-            f"the derivative of the exponential is not exact: {max_iter} iterations do not solve "
-            "its equation",
+            "the derivative of the exponential is not exact: its equation was not solved in "
+            f"{max_iter} iterations",
             ConvergenceWarning,
         )
     return factor.solve_transposed(variables[:, None]).reshape(shape)

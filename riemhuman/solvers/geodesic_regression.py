@@ -118,8 +118,8 @@ class GeodesicRegression(ImageEstimator):
         metric = self._image_metric
         if self.max_iter and not metric.has_closed_form_geodesic:
             raise ArgumentError(
-                f"max_iter must be 0 where {type(metric).__name__} has no closed form for exp: the "
-                "refinement needs its derivative"
+                f"max_iter must be 0 because {type(metric).__name__} has no closed form for exp: "
+                "the refinement needs its derivative"
             )
         self.mean_ = self._mean_point(self.mean, points)
         known = [self.mean_]

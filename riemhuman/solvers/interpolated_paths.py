@@ -193,7 +193,8 @@ class ModelPath(PathSolver):
         for name, a, b in zip(ModelParameters._fields, first, last, strict=True):
             if a.shape != b.shape:
                 raise ArgumentError(
-                    f"parameters must return {name} of one shape; found {a.shape} and {b.shape}"
+                    f"parameters must return {name} of the same shape; found {a.shape} and "
+                    f"{b.shape}"
                 )
         betas, pose, trans = (
             linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)

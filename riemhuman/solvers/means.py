@@ -237,7 +237,7 @@ class BasisMean(MeanSolver):
         """Return the basis and, across it, the differences of points, as rows."""
         if flat.shape[1] != origin.size:
             raise ArgumentError(
-                f"basis must hold vectors of {origin.size} numbers, those of a point; "
+                f"basis must hold vectors of {origin.size} numbers, as many as a point has; "
                 f"found {flat.shape[1]}"
             )
         if not self.with_differences:
@@ -360,7 +360,7 @@ class GradientDescentMean(MeanSolver):
         metric = dispersion.metric
         values, n_evaluations = [dispersion.value(point)], 1
         floor, step = dispersion.floor(point), 1.0
-        status, message = Status.MAX_ITER, "the most iterations were made"
+        status, message = Status.MAX_ITER, "the maximum number of iterations was reached"
         try:
             for _ in range(self.max_iter):
                 direction = _mean_of_logarithms(dispersion, point)

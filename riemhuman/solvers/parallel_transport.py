@@ -212,7 +212,7 @@ class PoleLadder(TransportSolver):
             vectors.append(equation.velocity(before, end, after) / share)
         error = max((triple.error for triple in solved), default=0.0)
         converged = error <= self.tolerance
-        unsolved = "" if converged else f"; an equation is solved to {error:.1e} only"
+        unsolved = "" if converged else f"; an equation was solved only to {error:.1e}"
         return TransportResult(
             vectors[-1],
             np.stack(vectors),

@@ -406,10 +406,10 @@ class PathStraightening(PathSearch):
     def _check_search(self, metric: RiemannianMetric, start: Points, end: Points) -> None:
         if metric.is_reparametrization_invariant and not np.array_equal(start, end):
             warn(
-                f"under {metric!r} it costs nothing that surfaces slide along themselves: over all "
-                "vertices the meshes of a path crumple, and its energy falls on and on. Search "
-                "over smooth deformations, as BasisPath(DeformationBasis.from_laplacian(template)) "
-                "does",
+                f"under {metric!r}, surfaces can slide along themselves at no cost. If all "
+                "vertices are free, the meshes of a path crumple, and its energy keeps falling. "
+                "Search over smooth deformations, as "
+                "BasisPath(DeformationBasis.from_laplacian(template)) does",
                 ReparametrizationInvarianceWarning,
             )
 

@@ -223,7 +223,7 @@ class TangentPCA(ImageEstimator, Transformer):
         values, vectors = values[::-1], vectors[:, ::-1]
         rank = int(np.sum(values > _ROUNDING * max(values[0], 0.0)))
         if values[0] <= (_ROUNDING * np.abs(self._base).max()) ** 2:
-            raise ArgumentError("X holds points that all coincide; there is no direction to find")
+            raise ArgumentError("all points of X coincide, so there is no direction to find")
         wanted = rank if self.n_components is None else self.n_components
         if wanted > rank:
             raise ArgumentError(
@@ -281,7 +281,7 @@ class TangentPCA(ImageEstimator, Transformer):
         scores = real_array(X, "X", ("n", "n_components"), batched=False)
         if scores.shape[1] > self.n_components_:
             raise ArgumentError(
-                f"X holds {scores.shape[1]} coordinates a point; there are "
+                f"X holds {scores.shape[1]} coordinates per point; there are "
                 f"{self.n_components_} components"
             )
         directions = self.components_[: scores.shape[1]]
@@ -318,8 +318,8 @@ class TangentPCA(ImageEstimator, Transformer):
         while len(accepted) < n_samples:
             if n_drawn >= _MOST_DRAWN * n_samples:
                 raise ArgumentError(
-                    f"accept must accept one point in {_MOST_DRAWN}; it did {len(accepted)} of "
-                    f"{n_drawn}"
+                    f"accept must accept at least one point in {_MOST_DRAWN}; it accepted "
+                    f"{len(accepted)} of {n_drawn}"
                 )
             noise = rng.standard_normal((n_samples - len(accepted), self.n_components_))
             points = self.inverse_transform(noise * deviations)

@@ -100,8 +100,8 @@ class MotionTransfer:
         one_of(self.axes, "axes", AXES)
         if one_of(self.transfer, "transfer", TRANSFERS) == "pose" and self.axes == "body":
             raise ArgumentError(
-                'axes must be "world" where transfer="pose"; found "body", which is about the axes '
-                "of changes"
+                'axes must be "world" if transfer="pose"; found "body", which is for transferring '
+                "changes"
             )
 
     def solve(
@@ -126,8 +126,8 @@ class MotionTransfer:
         """
         if reference is not None and self.transfer == "pose":
             raise ArgumentError(
-                'reference must be left out where transfer="pose": poses are transferred as they '
-                "are, whatever the pose of the target"
+                'reference must be left out if transfer="pose": poses are transferred '
+                "unchanged, whatever the pose of the target"
             )
         moved: list[Array] = []
         for k, frame in enumerate(motion):
@@ -323,8 +323,8 @@ class Disentangling:
         space = shape_metric.space
         if not space.is_surface_space or space.shape != pose_metric.space.shape:
             raise ArgumentError(
-                "shape_metric and pose_metric must be metrics on surfaces over one template; found "
-                f"points of shape {space.shape} and {pose_metric.space.shape}"
+                "shape_metric and pose_metric must be metrics on surfaces over the same "
+                f"template; found points of shape {space.shape} and {pose_metric.space.shape}"
             )
         shape = _one_surface(space, shape, "shape")
         pose = _one_surface(space, pose, "pose")

@@ -159,7 +159,7 @@ class HierarchicalClustering(_Clustering):
         one_of(self.linkage, "linkage", LINKAGES)
         needed = max(2, whole_number(self.n_clusters, "n_clusters", minimum=1))
         if len(distances) < needed:
-            raise ArgumentError(f"X holds {len(distances)} points; at least {needed} needed")
+            raise ArgumentError(f"X holds {len(distances)} points; at least {needed} are needed")
         tree = hierarchy.linkage(squareform(distances, checks=False), self.linkage)
         flat = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
         _, first, labels = np.unique(flat, return_index=True, return_inverse=True)

@@ -121,7 +121,7 @@ def two_sample_test(
         )
     first = np.array(groups, dtype=bool)
     if first.all() or not first.any():
-        raise ArgumentError("in_first must leave both groups at least one point")
+        raise ArgumentError("in_first must put at least one point into each group")
     members, chosen = _units(units, first)
 
     observed = _statistics(matrix, first[None])[0]

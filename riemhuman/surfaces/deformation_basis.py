@@ -67,7 +67,9 @@ class DeformationBasis:
     def __init__(self, vectors: ArrayLike, *, orthonormalize: bool = False) -> None:
         values = real_array(vectors, "vectors", ("n_components", "n_vertices", 3), batched=False)
         if values.size == 0:
-            raise ArgumentError(f"vectors holds no deformation; found shape {values.shape}")
+            raise ArgumentError(
+                f"vectors must hold at least one deformation; found shape {values.shape}"
+            )
         if orthonormalize:
             rows = orthonormal_rows(values.reshape(len(values), -1), "vectors")
             self._vectors = read_only(rows.reshape(values.shape))
@@ -78,8 +80,8 @@ class DeformationBasis:
             if not deviation <= _ORTHONORMAL:
                 raise ArgumentError(
                     f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products "
-                    f"are up to {deviation:.3g} away from it: pass orthonormalize=True to make "
-                    "them so"
+                    f"deviate by up to {deviation:.3g}: pass orthonormalize=True to "
+                    "orthonormalize them"
                 )
         self.explained_variance: Array | None = None
         self.explained_variance_ratio: Array | None = None
@@ -330,7 +332,7 @@ class DeformationBasis:
             self.explained_variance_ratio = read_only(ratio)
 
 
-_REMEDY = "a basis weighs deformations by their lengths"
+_REMEDY = "a basis needs lengths to weight deformations"
 
 
 def frames_apart(
@@ -340,8 +342,8 @@ def frames_apart(
     step = whole_number(step, "step", minimum=1)
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
         raise ArgumentError(
-            f"motions must hold several motions; found one, of shape {motions.shape}: give it "
-            "in a list, [motion]"
+            f"motions must hold several motions; found one, of shape {motions.shape}: pass it in "
+            "a list, [motion]"
         )
     first: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
@@ -361,7 +363,7 @@ def frames_apart(
                 yield start, frame
             start = frame
     if first is None:
-        raise ArgumentError("motions holds no motion; at least one is needed")
+        raise ArgumentError("motions must hold at least one motion; found none")
 
 
 def _every(motion: object, step: int, name: str) -> Iterator[Array]:
@@ -400,7 +402,7 @@ def _iterate(items: object, name: str) -> Iterator[object]:
         return iter(items)  # type: ignore[call-overload, no-any-return]  # or a TypeError
     except TypeError as error:
         raise ArgumentTypeError(
-            f"{name} must be an array or something to iterate over; found {items!r}"
+            f"{name} must be an array or an iterable; found {items!r}"
         ) from error
 
 

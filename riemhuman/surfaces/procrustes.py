@@ -129,7 +129,7 @@ def generalized_procrustes(
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
     leading = tuple(range(surfaces.ndim - 2))
     if surfaces.size == 0:
-        raise ArgumentError(f"points holds no surface; found shape {surfaces.shape}")
+        raise ArgumentError(f"points must hold at least one surface; found shape {surfaces.shape}")
     shares = _shares(weights, surfaces.shape[-2])
     if scale is False:
         first = surfaces[(0,) * len(leading)]
@@ -147,7 +147,7 @@ def generalized_procrustes(
     else:
         warn(
             f"generalized_procrustes stopped after {max_iter} iterations, before its mean "
-            f"came to rest within tolerance={tolerance:g}",
+            f"converged to within tolerance={tolerance:g}",
             ConvergenceWarning,
         )
     mean = _align(mean, first, shares, scale=False)
@@ -157,7 +157,7 @@ def generalized_procrustes(
 def _shares(weights: ArrayLike | None, n_vertices: int) -> Array:
     """Return vertex weights that sum to one."""
     if n_vertices == 0:
-        raise ArgumentError("points has no vertices; there is nothing to align")
+        raise ArgumentError("points must have vertices to align; found none")
     return weight_shares(weights, n_vertices)
 
 

@@ -521,6 +521,6 @@ def _check_fields(term: Term) -> None:
     found_shape = onp.shape(term.squared_dist(together, together))
     if found_shape != shape:
         raise ArgumentError(
-            f"squared_dist of {name} must return shape (..., F), one number a triangle; for "
+            f"squared_dist of {name} must return shape (..., F), one number per triangle; for "
             f"fields of three triangles on each of two surfaces, found {found_shape}"
         )

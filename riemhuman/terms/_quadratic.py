@@ -480,8 +480,8 @@ def refuse_seams(template: Template, part: str) -> None:
     seams = template.seams
     if seams:
         raise ArgumentError(
-            f"the template has {seams.n_copies} doubled vertices along seams, where {part} would "
-            "be cut; template.join_seams() joins them"
+            f"the template has {seams.n_copies} duplicated vertices along seams, where {part} "
+            "would be cut; join them with template.join_seams()"
         )
 
 
@@ -556,8 +556,8 @@ def vertex_normals(f: Points, template: Template, averages: csr_array) -> Array:
     if onp.any(cancelled & ~unused):
         vertex = int(onp.argwhere(cancelled & ~unused)[0][-1])
         raise DegenerateSurfaceError(
-            f"the normals of the triangles around vertex {vertex} cancel, so that it has none; "
-            "orient all triangles of the template consistently"
+            f"the normals of the triangles around vertex {vertex} cancel, so the vertex has no "
+            "normal; orient all triangles of the template consistently"
         )
     sums = np.where(unused[..., None], 1.0, sums)
     unit = sums / np.sqrt(surface.dot(sums, sums))[..., None]
@@ -590,8 +590,8 @@ class NormalPartTerm(QuadraticTerm):
         if len(mixed):
             raise ArgumentError(
                 f"the two triangles at the edge between the vertices {mixed[0, 0]} and "
-                f"{mixed[0, 1]} of the template turn opposite sides up (and those at "
-                f"{len(mixed) - 1} other edges), so that vertices have no normals; orient all "
+                f"{mixed[0, 1]} of the template have opposite orientations (and so do those at "
+                f"{len(mixed) - 1} other edges), so vertices have no normals; orient all "
                 "triangles of the template consistently"
             )
         refuse_seams(template, "the normals of vertices")

@@ -264,9 +264,9 @@ class Term(ABC):
         spaces : FieldSpaces
         """
         raise NotDefinedError(
-            f"the fields of {type(self).__name__} have no manifold with exp and log: the term "
-            "defines no target_space, which statistics of fields need; use "
-            'image="points" otherwise'
+            f"the fields of {type(self).__name__} have no manifold with exp and log, which "
+            "statistics of fields need: the term defines no target_space; without one, use "
+            'image="points"'
         )
 
     def target_point(self, first: Derivatives) -> Array:

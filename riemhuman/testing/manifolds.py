@@ -57,14 +57,14 @@ class _RandomPoints:
 
     def properties(self) -> Properties:
         return {
-            "random points have the shape that they should": self.shapes,
-            "random points are drawn anew": self.drawn_anew,
-            "random points of one seed are the same": self.seeds,
+            "random points have the right shape": self.shapes,
+            "each call draws different random points": self.drawn_anew,
+            "the same seed gives the same random points": self.seeds,
             "random points belong": self.members,
             "arrays of another shape do not belong": self.another_shape,
             "arrays with NaN do not belong": self.missing,
-            "projection leaves points where they are": self.projected,
-            "projections of arrays nearby belong": self.nearby,
+            "projection does not move points of the manifold": self.projected,
+            "projections of nearby arrays belong": self.nearby,
         }
 
     @cached_property
@@ -113,9 +113,9 @@ class _TangentVectors:
 
     def properties(self) -> Properties:
         properties = {
-            "tangent vectors stay what they are": self.projected,
+            "to_tangent does not change tangent vectors": self.projected,
             "to_tangent is linear": self.linearity,
-            "tangent vectors in a stack are those of each": self.stack,
+            "results for a stack of tangent vectors are those of each vector": self.stack,
             "random tangent vectors are tangent": self.random_vectors,
         }
         if np.prod(self.space.shape) <= _MOST_COORDINATES:

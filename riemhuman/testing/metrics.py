@@ -96,7 +96,7 @@ class _InnerProducts:
             "the inner product is symmetric": self.symmetry,
             "the inner product is linear": self.linearity,
             "the inner product is positive": self.positivity,
-            "inner products in a stack are those of each": self.stack,
+            "inner products of a stack are those of each pair": self.stack,
             "covectors represent the inner product": self.covectors,
         }
 
@@ -164,7 +164,7 @@ class _Distances:
             "squared distances are flat where points meet": self.flat_diagonal,
             "distances are symmetric": self.symmetry,
             "no detour is shorter (triangle inequality)": self.triangle_inequality,
-            "distances in a stack are those of each": self.stack,
+            "distances of a stack are those of each pair": self.stack,
         }
 
     @cached_property

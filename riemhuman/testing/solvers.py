@@ -28,8 +28,8 @@ __all__ = ["check_solver"]
 # Length of short vectors relative to the distance of the points, and error of first order in it.
 _SHORT = 1e-3
 _FIRST_ORDER = 1e-2
-_EXP_BEGINS = "geodesics begin with their initial velocity"
-_LOG_BEGINS = "logarithms of points nearby lead there"
+_EXP_BEGINS = "geodesics start with their initial velocity"
+_LOG_BEGINS = "logarithms of nearby points lead to these points"
 
 
 def check_solver(
@@ -66,7 +66,7 @@ def check_solver(
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
     trial = _trial_class(solver)(solver, metric, points)
-    properties = {"what is given is not changed": trial.unchanged, **trial.properties()}
+    properties = {"arguments are not changed": trial.unchanged, **trial.properties()}
     tolerances = {_EXP_BEGINS: _FIRST_ORDER, _LOG_BEGINS: _FIRST_ORDER}
     return report_of(solver, properties, tolerance, tolerances)
 
@@ -122,12 +122,12 @@ class _GeodesicTrial(_Trial):
 
     def properties(self) -> Properties:
         return {
-            "paths have the points' shape behind their nodes": self.shape,
+            "paths have shape (n_nodes, *shape of a point)": self.shape,
             "paths run from start to end": self.ends,
             "paths stay on the manifold": self.members,
             "the energy is that of the path": self.energy,
-            "the path from a point to itself stays there": self.still,
-            "the same path is found twice": self.repeated,
+            "the path from a point to itself is constant": self.still,
+            "a second search finds the same path": self.repeated,
         }
 
     def path(self, start: ndarray, end: ndarray) -> ndarray:
@@ -165,7 +165,7 @@ class _ExpTrial(_Trial):
         return _SHORT * self.vector, self.start
 
     def properties(self) -> Properties:
-        return {_EXP_BEGINS: self.begins, "without velocity they stay": self.still}
+        return {_EXP_BEGINS: self.begins, "with velocity 0 they stay in place": self.still}
 
     def exp(self, velocity: ndarray) -> ndarray:
         return np.asarray(self.solver.solve(self.metric, velocity, self.start).end)
@@ -205,7 +205,7 @@ class _TransportTrial(_Trial):
 
     def properties(self) -> Properties:
         return {
-            "vectors that go nowhere stay what they are": self.still,
+            "transport from a point to itself does not change vectors": self.still,
             "transport is linear": self.linearity,
             "the vector 0 stays 0": self.zero_stays,
         }
@@ -237,7 +237,7 @@ class _MeanTrial(_Trial):
         return {
             "the mean is no worse than any of the points": self.best,
             "the variance is that of the mean": self.variance,
-            "with all weight on one point it is the mean": self.follows_weights,
+            "if one point has all the weight, it is the mean": self.follows_weights,
         }
 
     def variance_at(self, point: ndarray, weights: ndarray | None = None) -> float:

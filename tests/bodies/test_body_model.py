@@ -209,7 +209,7 @@ def test_round_trip(model, tmp_path):
         np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
     assert (found.joint_names, found.hand_poses) == (model.joint_names, model.hand_poses)
     assert not found.weights.flags.writeable
-    with pytest.raises(ArgumentError, match="parents of BodyModel cannot change"):
+    with pytest.raises(ArgumentError, match="parents of BodyModel cannot be changed"):
         found.parents = model.parents
     assert (found.posedirs is None) == (model.posedirs is None)
     np.testing.assert_array_equal(found(*parameters(model)), model(*parameters(model)))

@@ -239,5 +239,5 @@ def test_models_of_skel_are_refused_with_the_reason(tmp_path):
     fields = {"skin_template_v": np.zeros((9, 3)), "osim_kintree_table": np.zeros((2, 24))}
     path = written(tmp_path / "skel_male.pkl", pickled(fields | {"bone_names": ["pelvis"]}))
     for read in (BodyModel.from_file, model_contents):
-        with pytest.raises(FileFormatError, match=r"skel_male\.pkl is a model of SKEL.*46 angles"):
+        with pytest.raises(FileFormatError, match=r"skel_male\.pkl is a SKEL model.*46 angles"):
             read(path)

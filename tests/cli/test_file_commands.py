@@ -175,7 +175,7 @@ def test_info_says_that_seams_will_be_joined(run, tmp_path):
         save_mesh(tmp_path / name, sphere.vertices[sphere.faces].reshape(-1, 3), faces)
     found = json.loads(run("info", tmp_path / "a.obj", "--json").out)
     assert found["seam_edges"] == 480
-    assert found["usable_as_template"].startswith("yes, once its seams are joined: 798 doubled")
+    assert found["usable_as_template"].startswith("yes, once its seams are joined: 798 duplicated")
     folder = json.loads(run("info", tmp_path, "--json").out)
     assert (folder["vertices"], folder["seams_joined"]) == (162, 480)
 

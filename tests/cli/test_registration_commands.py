@@ -159,7 +159,7 @@ def test_registrations_of_other_scans_are_refused(run, matched, tmp_path):
     np.save(tmp_path / "ben.npy", np.load(matched / "ben.npy") + 0.01)
     np.save(tmp_path / "carl.npy", np.load(matched / "ben.npy"))
     folder, output = matched / "bodies", ("-o", tmp_path / "map.csv")
-    for name, said in (("ben", "is not that from which ben"), ("carl", "no registration of carl")):
+    for name, said in (("ben", "not the scan from which ben"), ("carl", "no registration of carl")):
         files = (tmp_path / f"{name}.npy", matched / "anna.ply")
         finished = run("match", *files, *output, "--registered", folder)
         assert finished.code == 2

@@ -254,7 +254,7 @@ def test_what_files_hold_besides(tmp_path, model):
     (expected,) = load_amass(write(tmp_path / "b.npz", plain), model)
     np.testing.assert_array_equal(motion[3], expected[3])
     write(tmp_path / "c.npz", plain | {"betas": np.arange(40.0).reshape(20, 2)})
-    with pytest.raises(FileFormatError, match=r"betas must be those of one person; .*\(20, 2\)"):
+    with pytest.raises(FileFormatError, match=r"betas must describe one person; .*\(20, 2\)"):
         load_amass(tmp_path / "c.npz", model)[0][0]
 
 
@@ -270,10 +270,13 @@ WRONG = {
     ),
     "flat": (smpl_h(trans=np.zeros(150)), r"trans must have shape \(150, 3\); found \(150,\)"),
     "no frames": (smpl_h(0), r"trans must have shape \(n_frames, 3\); found \(0, 3\)"),
-    "frame rate of no camera": (smpl_h(rate=1e300), "must be frames a second; found 1e\\+300"),
+    "frame rate of no camera": (
+        smpl_h(rate=1e300),
+        "number of frames per second; found 1e\\+300",
+    ),
     "frame rate a word": (smpl_h(rate="fast"), "mocap_framerate must be a real number"),
     "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),
-    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "objects of Python"),
+    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "Python objects"),
 }
 
 

@@ -181,10 +181,10 @@ def test_no_skeleton_or_several(tmp_path):
         ("arm 40 50 60", "arm 40 nan 60", "must be finite"),
         ("arm 40 50 60", "leg 40 50 60", r"bone 'leg' does not move in .*arm\.asf"),
         ("arm 40 50 60\n", "", "frame 1 has no values of arm"),
-        ("arm 40 50 60", "arm 40 50 60\narm 1 2 3", "bone arm stands twice in frame 1"),
+        ("arm 40 50 60", "arm 40 50 60\narm 1 2 3", "bone arm appears twice in frame 1"),
         ("arm 40 50 60", "arm 40 5O 60", "could not convert"),
         (MOTION, ":DEGREES\n", "the file holds no frames"),
-        (":DEGREES\n1", ":DEGREES", "bone root stands before frame 1"),
+        (":DEGREES\n1", ":DEGREES", "bone root appears before frame 1"),
     ],
 )
 def test_damaged_recordings(tmp_path, old, new, message):
@@ -198,7 +198,7 @@ def test_damaged_recordings(tmp_path, old, new, message):
         ("arm hand", "arm hand arm", "bone arm has two parents"),
         ("arm hand\n", "\n", "the hierarchy leaves out bone hand"),
         ("arm hand", "arm hand thumb", "unknown bone 'thumb'"),
-        ("name hand", "name arm", "bone arm stands twice"),
+        ("name hand", "name arm", "bone arm appears twice"),
         ("length 0.5", "length 0", "must be above 0"),
         ("angle deg", "angle turns", "deg or rad; found 'turns'"),
         ("dof rx ry rz", "dof rx ry rw", "found 'rx ry rw'"),

@@ -37,8 +37,8 @@ def fields(**changes):
     [
         ({"points": np.zeros((6, 5, 3))}, r"points must have shape \(n_bodies, 4, 3\); found"),
         ({"subject": [0] * 5}, "subject must hold a label for each of 6 points; found 5"),
-        ({"subject": [0, 0, 0, 1, 1, 2]}, "subject holds labels from 0 to 2; subject_names names"),
-        ({"pose_names": ()}, "pose_names names only 0"),
+        ({"subject": [0, 0, 0, 1, 1, 2]}, "subject holds labels from 0 to 2; subject_names has"),
+        ({"pose_names": ()}, "pose_names has only 0"),
         ({"betas": np.zeros((5, 5))}, r"betas must have shape \(6, n_betas\)"),
     ],
 )
@@ -51,7 +51,7 @@ def test_ids():
     assert Bodies(**fields()).ids == ("0", "1", "2", "3", "4", "5")
     assert Bodies(**fields(ids=list("abcdef"))).ids == tuple("abcdef")
     for ids in (list("abc"), list("abcdee")):
-        with pytest.raises(ArgumentError, match="ids must be as many different names"):
+        with pytest.raises(ArgumentError, match="ids must hold a different name"):
             Bodies(**fields(ids=ids))
 
 
@@ -173,5 +173,5 @@ def test_tables_of_pandas():
     # The same person twice in one pose: names would not be unique.
     same = Bodies(**fields(pose=[0] * 6))[:3]
     assert same.to_frame(distances).columns.tolist() == ["0", "1", "2"]
-    with pytest.raises(ArgumentError, match="those of the 3 surfaces; found 2 rows"):
+    with pytest.raises(ArgumentError, match="between the 3 surfaces; found 2 rows"):
         some.to_frame(distances[:2, :2])

@@ -116,8 +116,8 @@ def test_choosing(folder):
     ("arguments", "message"),
     [
         ((50001,), r"subjects .*50002, 50009, 50004 in .*registrations_m.*; unknown: '50001'"),
-        (([50002, "50002"],), "subjects must be different names"),
-        (([],), r"at least one.*found \[\]"),
+        (([50002, "50002"],), "subjects must be one or more different names"),
+        (([],), r"one or more.*found \[\]"),
         (([[]],), r"unknown: '\[\]'"),
         ((None, "flying"), r"sequences .*hips, knees, light_hopping_loose in .*unknown: 'flying'"),
         (([50002, 50009], ["hips", "knees"]), "missing: 50002_knees, 50009_knees"),
@@ -157,8 +157,8 @@ def test_damaged_files(folder):
         (None, "holds no dataset 'faces' of triangles; found 50002_hips"),
         (FACES[:, :2], r"n_faces, 3"),
         (FACES + 0.5, "whole numbers"),
-        (FACES - 1, "from 0 on"),
-        (FACES[:0], "from 0 on"),
+        (FACES - 1, "counted from 0"),
+        (FACES[:0], "counted from 0"),
         (np.bytes_(b"none"), "whole numbers"),
     ],
 )

@@ -233,7 +233,7 @@ BAD_TABLES = {
     ),
     "a file twice": (
         TABLE + "b10.obj,Ben,pose 2\n",
-        "line 6: b10.obj has a label already, on line 3",
+        "line 6: b10.obj already has a label, on line 3",
     ),
     "no subject": (TABLE.replace("Ben,pose 2", ",pose 2"), r"line 4: no subject given"),
     "a short line": (

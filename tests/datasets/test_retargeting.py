@@ -345,7 +345,7 @@ def test_tables_of_names(tmp_path, model, truth):
     text = path.read_text().replace("mixamorig:LeftUpLeg", "Bone17").replace("Left", "Port")
     path.write_text(text)
     recording = load_bvh(path)
-    with pytest.warns(UserWarning, match=r"do not tell left_hip, .* left_hip='Bone17'"):
+    with pytest.warns(UserWarning, match=r"do not identify left_hip, .* left_hip='Bone17'"):
         motion = retarget(recording, model, betas=truth[0])
     assert joint_errors(model, motion, truth)[0].max() < 5.0
     parts = ("hip", "knee", "ankle", "toes", "collar", "shoulder", "elbow", "wrist")

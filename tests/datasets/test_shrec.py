@@ -126,7 +126,7 @@ def test_class_hierarchies_and_white_space(tmp_path):
         ("PSB 1\nten 3\n", "its header is damaged: .* 'ten'"),
         ("PSB 1\n1 2\nanna 0 2\n0\n", "2 different meshes; found 1"),
         ("PSB 1\n2 1\nanna 0 1\n0\n", "class 2 of 2 is damaged"),
-        ("PSB 1\n1 1\nanna 0 1\n0\n1\n", "1 different meshes; found 1, .* and 1 words behind"),
+        ("PSB 1\n1 1\nanna 0 1\n0\n1\n", "1 different meshes; found 1, .* and 1 further words"),
         ("PSB 1\n2 2\nanna 0 1\n0\nbert 0 1\n0\n", "found 2, 1 of them different"),
         ("PSB 1\n2 2\nanna 0 1\n0\nanna 0 1\n1\n", "class 2 of 2 repeats the name 'anna'"),
         ("PSB 1\n1 1\nanna 0 many\n0\n", "class 1 of 1 is damaged: .* 'many'"),

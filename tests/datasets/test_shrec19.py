@@ -103,7 +103,7 @@ def test_missing_and_wrong_lists_are_refused(folder):
     pairs.unlink()
     with pytest.raises(FileError, match="holds no list of pairs"):
         load_shrec19(folder)
-    with pytest.raises(FileError, match="no file is named as 1.mat is"):
+    with pytest.raises(FileError, match="no file has a name such as 1.mat"):
         load_shrec19(matches)
     (data / "more").mkdir()
     (data / "mat/1.mat").rename(data / "more/1.mat")

@@ -65,7 +65,7 @@ def test_a_part_that_does_not_match_is_told_item_by_item():
         latent.select(["a", "tr_reg_010", "b"])
     with pytest.raises(ArgumentError, match="3 of 3 bodies have no vector: 0, 1, 2"):
         latent.describe_all([None] * 3)
-    with pytest.raises(NotDefinedError, match="cannot describe a mesh"):
+    with pytest.raises(NotDefinedError, match="cannot describe a new mesh"):
         latent.describe(np.zeros((3, 3)), [[0, 1, 2]])
 
 

@@ -145,7 +145,7 @@ def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
     flat = np.zeros_like(meshes[0][0])
     with pytest.raises(DegenerateSurfaceError, match=r"^body 1: the mesh has 480 of 480"):
         dna.describe_all([meshes[0], (flat, meshes[0][1])])
-    with pytest.raises(ArgumentError, match="bodies holds no surface"):
+    with pytest.raises(ArgumentError, match="bodies must hold at least one surface"):
         dna.describe_all([])
 
 
@@ -178,7 +178,7 @@ def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsy
             lambda: HeatKernelSignature((1.0, 0.0)),
             r"times must be positive numbers; found \[1.0, 0",
         ),
-        (lambda: WaveKernelSignature((2.0, 2.0)), "at least two different numbers, or one and"),
+        (lambda: WaveKernelSignature((2.0, 2.0)), "at least two different numbers, or one if"),
         (
             lambda: WaveKernelSignature(pooling="mean"),
             "pooling must be one of 'histogram', 'vertex",

@@ -484,7 +484,9 @@ def test_solver_interpolates_along_bends():
 def test_parameters_of_a_metric_cannot_be_changed(case):
     for name in inspect.signature(type(case.metric)).parameters:
         if name in vars(case.metric):
-            with pytest.raises(ArgumentError, match=f"{name} of .* cannot change; make another"):
+            with pytest.raises(
+                ArgumentError, match=f"{name} of .* cannot be changed; create another"
+            ):
                 setattr(case.metric, name, 1.0)
 
 
@@ -507,7 +509,7 @@ def test_constructors_may_set_a_parameter_twice():
     assert metric.scale == 6.0
     metric.n_calls += 1
     for each in (metric, copy.deepcopy(metric), Scaled(HalfPlane(), 1)):
-        with pytest.raises(ArgumentError, match="scale of .* cannot change"):
+        with pytest.raises(ArgumentError, match="scale of .* cannot be changed"):
             each.scale = 1.0
 
 

@@ -302,7 +302,7 @@ def test_surfaces_beyond_double_precision_are_refused(exponent):
     metric = metric_of(template, (1.0, 0.1, 0.1))
     points = surfaces(template, 2, rng=2) * 10.0**exponent
     for call in (lambda: metric.dist(*points), lambda: metric.dist_pairwise(points)):
-        with pytest.raises(ArgumentError, match="coordinates of between 1e-60 and 1e.?60"):
+        with pytest.raises(ArgumentError, match="coordinates between 1e-60 and 1e.?60"):
             call()
 
 

@@ -90,7 +90,7 @@ def test_parameters():
     space = AlignedSurfaces(sphere_template())
     metric = AreaMetric(space, time=0.05)
     assert repr(metric) == "AreaMetric(time=0.05)"
-    with pytest.raises(ArgumentError, match="time of AreaMetric cannot change"):
+    with pytest.raises(ArgumentError, match="time of AreaMetric cannot be changed"):
         metric.time = 0.1
     for wrong in (-1.0, np.nan, np.inf):
         with pytest.raises(ArgumentError, match="time must be a finite number of at least 0"):

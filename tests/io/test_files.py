@@ -164,8 +164,8 @@ def test_names_that_no_file_has_are_refused(tmp_path, name, message):
 @pytest.mark.parametrize(
     ("error", "message"),
     [
-        (MemoryError(), "memory is short$"),
-        (MemoryError("Unable to allocate 8.00 GiB"), "memory is short: Unable to allocate 8"),
+        (MemoryError(), "too little memory$"),
+        (MemoryError("Unable to allocate 8.00 GiB"), "too little memory: Unable to allocate 8"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), "Cannot allocate memory"),
         (ImportError("x.so: failed to map segment from shared object"), "failed to map"),
         (zlib.error("Error -4 while decompressing data"), "Error -4"),
@@ -235,4 +235,4 @@ def test_sound_files_with_little_memory_left(tmp_path):
         _, suffix, found = line.split(" ", 2)
         assert found.startswith("OutOfMemoryError: "), line
         assert f"large.{suffix} of " in found
-        assert "memory is short" in found
+        assert "too little memory" in found

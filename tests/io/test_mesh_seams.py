@@ -244,7 +244,7 @@ def _moves_all_vertices(metric, start, end):
 def test_solvers_warn_before_they_tear_a_seam(bodies, waist, spaces, name):
     source, _ = waist
     start, end = bodies.points[[20, 23]]
-    with pytest.warns(rh.SeamWarning, match=r"22 doubled vertices .* template.join_seams\(\)"):
+    with pytest.warns(rh.SeamWarning, match=r"22 duplicated vertices .* template.join_seams\(\)"):
         _moves_all_vertices(rh.ElasticMetric(spaces[0]), start[source], end[source])[name]()
 
 
@@ -261,7 +261,9 @@ def test_harmonics_of_a_seam_warn_of_nothing(bodies, waist, spaces):
 def test_registration_and_terms_at_vertices_refuse_seams(spaces):
     with pytest.raises(ArgumentError, match=r"second derivatives .*template\.join_seams"):
         rh.SobolevMetric(spaces[0], a2=1.0)
-    with pytest.raises(ArgumentError, match=r"which would tear; template\.join_seams"):
+    with pytest.raises(
+        ArgumentError, match=r"where it would tear; join them with template\.join_seams"
+    ):
         rh.registration.TemplateRegistration(spaces[0].template)
     with pytest.raises(ArgumentError, match=r"normals of vertices .*template\.join_seams"):
         rh.GaugeInvariantMetric(rh.ElasticMetric(spaces[0]))

@@ -125,7 +125,7 @@ def test_a_tall_heavy_woman_is_found():
 def test_single_values_and_misses_are_named():
     person = model_from_measurements({"stature": 1.0}, resolution="coarse", max_iter=1)
     assert person.contradictory == ("stature",)
-    assert "stature of 1: at most 1 of 100 adults have such a value" in person.message
+    assert "stature of 1: at most 1 in 100 adults has such a value" in person.message
     assert "the body misses stature by" in person.message
     child = {"stature": 1.2, "body mass": 22.0}
     person = model_from_measurements(child, resolution="coarse", max_iter=1)
@@ -136,7 +136,7 @@ def test_the_message_says_which_waist(woman_of_four):
     wanted = {"stature": 1.63, "waist girth": 1.0, "chest girth": 0.95, "hip girth": 1.02}
     person = model_from_measurements(wanted, "woman", resolution="coarse", max_iter=1)
     assert "waist girth" in person.contradictory
-    assert "natural one; give the navel's" in person.message
+    assert "natural waist; if yours was measured at the navel" in person.message
     assert woman_of_four.message == "the values agree with each other"
 
 
@@ -271,8 +271,8 @@ class TestNearestBody:
     def test_wrong_arguments_and_too_few_steps(self, body, few, metric):
         with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
             nearest_body(few, metric, body, {"waist grith": 0.7})
-        with pytest.warns(ConvergenceWarning, match="not met: waist girth"):
+        with pytest.warns(ConvergenceWarning, match="not reached: waist girth"):
             nearest_body(few, metric, body, {"waist girth": 0.4}, max_iter=1)
         # On its way no step may lead to what is no body.
-        with pytest.warns(ConvergenceWarning, match="not met: stature"):
+        with pytest.warns(ConvergenceWarning, match="not reached: stature"):
             nearest_body(few, metric, body, {"stature": -1.0}, max_iter=5)

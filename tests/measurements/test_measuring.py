@@ -298,7 +298,7 @@ def test_wrong_arguments(bodies, own):
         (lambda: Measurements(other), "there are no measurements for"),
         (lambda: own.measure(point)["statur"], "did you mean 'stature'"),
         (lambda: Measurements(point), "model must be a BodyModel"),
-        (lambda: Measurements(bodies.model, own.definitions), "give it as model"),
+        (lambda: Measurements(bodies.model, own.definitions), "pass that as model"),
         (lambda: Measurements(own.definitions, "m.json"), "definitions must be measurements"),
         (lambda: own.measure(point, trusted_vertices=np.arange(5)), "trusted_vertices must be"),
     ):

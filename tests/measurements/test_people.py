@@ -22,7 +22,7 @@ def test_people_who_were_not_used_are_told_apart(bodies, other, is_doubted):
     assert people.is_hardly_one_person == is_doubted
     own = AlignedSurfaces(Template(bodies[0], bodies.template.faces), equip=False, scale=None)
     assert people.distance == pytest.approx(float(AreaMetric(own).dist(bodies[0], bodies[other])))
-    assert people.text.startswith("hardly one person: their shape distance (AreaMetric) is ")
+    assert people.text.startswith("hardly the same person: their shape distance (AreaMetric) is ")
 
 
 def test_usual_distances_are_medians():

@@ -115,7 +115,7 @@ def test_wrong_motions_are_named(distance, motions):
         ([motions[0], iter(motions[0])], r"motions\[1\] must be an array, or have a length"),
         (iter(motions), "motions must be an array, or have a length"),
         (None, "motions must be an array, or have a length"),
-        (motions[0], "give it in a list"),
+        (motions[0], "pass it in a list"),
     ):
         with pytest.raises(rh.RiemhumanError, match=message):
             distance.dist_pairwise(several)

@@ -72,7 +72,7 @@ def test_refusals(pose, motions):
         MotionDescriptor(pose).transform(motions)
     with pytest.raises(rh.RiemhumanError, match=r"speed of motions\[0\] needs its frame rate"):
         MotionDescriptor(pose).fit(motions)
-    with pytest.raises(rh.RiemhumanError, match="give it in a list"):
+    with pytest.raises(rh.RiemhumanError, match="pass it in a list"):
         MotionDescriptor(pose, frames_per_second=30.0).fit(motions[0])
     with pytest.raises(rh.RiemhumanError, match="at least 2 frames; found 1"):
         MotionDescriptor(pose, frames_per_second=30.0).fit([motions[0][:1], motions[1]])

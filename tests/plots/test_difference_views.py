@@ -99,7 +99,7 @@ def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
 
 
 def test_bad_arguments(compared):
-    with pytest.raises(ArgumentError, match="measurements must be given"):
+    with pytest.raises(ArgumentError, match="measurements must be passed"):
         view_difference(compared)
     with pytest.raises(ArgumentError, match="point_b must be given"):
         view_difference(BODIES[0], faces=FACES)

@@ -38,7 +38,7 @@ def test_view_takes_two_motions_and_their_warp():
 
 
 def test_what_does_not_fit_is_refused():
-    with pytest.raises(ArgumentError, match="give faces too"):
+    with pytest.raises(ArgumentError, match="pass faces too"):
         view_motions(KNEES[:], OTHER[:], WARP)
     with pytest.raises(ArgumentError, match="second motion from 0 to 9"):
         view_motions(KNEES, OTHER[:10], WARP)

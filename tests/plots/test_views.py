@@ -20,7 +20,7 @@ def shown_surfaces(viewer):
 def test_arrays_need_faces(bodies):
     (surfaces,) = shown_surfaces(rh.view(bodies[0], bodies.template.faces))
     assert np.array_equal(surfaces[0], bodies[0])
-    with pytest.raises(ArgumentError, match="give faces too"):
+    with pytest.raises(ArgumentError, match="pass faces too"):
         rh.view(bodies.points[0])
 
 

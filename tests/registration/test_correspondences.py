@@ -101,7 +101,7 @@ def test_what_either_scan_lacks_has_no_place(pair, bodies):
 
 def test_results_that_cannot_be_matched_are_refused(pair):
     (first, second), _ = pair
-    with pytest.raises(rh.errors.ArgumentError, match="must be registered by the same model"):
+    with pytest.raises(rh.errors.ArgumentError, match="must be registered with the same model"):
         correspondence(first, replace(second, faces=second.faces[:-1]))
     nothing = replace(second, trusted_vertices=np.zeros(1202, dtype=bool), message="too far")
     with pytest.raises(rh.errors.ArgumentError, match="no part of result_b is trusted: too far"):

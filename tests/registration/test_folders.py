@@ -113,7 +113,7 @@ def test_another_model_registers_scans_again(registered, registration, folders, 
 def test_changed_bodies_and_bodies_without_a_scan_are_noticed(registered, registration, folders):
     scans, output = folders
     (scans / "ben.npy").unlink()
-    with pytest.warns(UserWarning, match="bodies whose scans are gone: ben"):
+    with pytest.warns(UserWarning, match="bodies whose scans no longer exist: ben"):
         register_folder(registration, scans, output)
     points, faces = rh.load_mesh(output / "anna.ply")
     rh.save_mesh(output / "anna.ply", points + 0.01, faces)
@@ -157,5 +157,5 @@ def test_folders_without_scans_are_refused(tmp_path, registration):
 def test_two_scans_of_one_name_are_refused(tmp_path, registration):
     for name in ("anna.npy", "anna.xyz"):
         (tmp_path / name).write_text("")
-    with pytest.raises(rh.errors.FileError, match=r"would become one body anna\.ply"):
+    with pytest.raises(rh.errors.FileError, match=r"would both become anna\.ply"):
         register_folder(registration, tmp_path, tmp_path / "bodies")

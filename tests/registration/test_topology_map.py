@@ -82,7 +82,7 @@ def test_files_hold_the_map(found, people, full, tmp_path):
     again = TopologyMap.load(tmp_path / "map.npz")
     assert again.model is full
     np.testing.assert_allclose(again.to_model(others[1]), found.to_model(others[1]), atol=1e-7)
-    with pytest.raises(FileFormatError, match="is of a model with 13,348 vertices"):
+    with pytest.raises(FileFormatError, match="is for a model with 13,348 vertices"):
         TopologyMap.load(tmp_path / "map.npz", rh.datasets.load_open_model("coarse"))
 
 
@@ -97,7 +97,7 @@ def test_bad_bodies_are_refused_by_name(found, people, tmp_path):
         found.to_model(np.stack([body, body * [-1.0, 1.0, 1.0]]))
     with pytest.raises(ArgumentError, match="times as large"):
         found.to_model(100.0 * body)
-    with pytest.raises(ArgumentError, match='up="-y" turns them upright'):
+    with pytest.raises(ArgumentError, match='up="-y" turns the bodies upright'):
         found.to_model(body * [1.0, -1.0, -1.0])
     upright = found.to_model(body * [1.0, -1.0, -1.0], up="-y")
     np.testing.assert_allclose(upright[:, 1], found.to_model(body)[:, 1], atol=1e-9)
@@ -298,7 +298,7 @@ def test_files_hold_what_was_learned(to_coarse, people, tmp_path):
     arrays = rh.io.load_arrays(tmp_path / "coarse.npz", ())
     arrays["to_model_columns"] = arrays["to_model_columns"] + 1_000_000
     rh.io.save_arrays(tmp_path / "wrong.npz", arrays)
-    with pytest.raises(FileFormatError, match="to_model_columns must number vertices"):
+    with pytest.raises(FileFormatError, match="to_model_columns must hold indices of vertices"):
         TopologyMap.load(tmp_path / "wrong.npz")
 
 

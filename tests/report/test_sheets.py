@@ -174,7 +174,7 @@ def test_a_scan_that_shows_only_part_of_a_body(record):
 
 def test_a_body_that_is_not_trusted_is_not_measured(record):
     arrays = record.arrays | {"trusted_vertices": np.zeros_like(record.arrays["trusted_vertices"])}
-    doubtful = replace(record, trusted=False, message="the body fits badly", arrays=arrays)
+    doubtful = replace(record, trusted=False, message="the body fits poorly", arrays=arrays)
     sheet = rh.report.sheet(doubtful)
     assert sheet.badge == "not trusted"
     assert all(np.isnan(row.value) for row in sheet.measurements)
@@ -207,7 +207,7 @@ def test_visits_of_two_people_are_doubted(bodies, folder, tmp_path, no_pdf):
     people = rh.measurements.person_distance(bodies[0], bodies[13], bodies.template.faces)
     sheet = rh.report.sheet(bodies[13], name="Emma", before=bodies[0])
     assert people.is_hardly_one_person
-    assert f"The two visits are {people.text}." in sheet.html
+    assert f"The two visits show {people.text}." in sheet.html
     rh.save_mesh(folder / "emma_2.ply", bodies[13], bodies.template.faces)
     with pytest.warns(UserWarning, match=re.escape(f"emma_1 and emma_2 are {people.text}")):
         rh.report.make_sheets(folder, tmp_path / "sheets")
@@ -281,7 +281,7 @@ def test_a_body_on_its_back_has_no_posture(bodies, own):
     lying = bodies[0][:, [0, 2, 1]] * [1.0, 1.0, -1.0]
     sheet = rh.report.sheet(lying)
     assert sheet.posture == {}
-    assert "up is another axis" in sheet.html
+    assert "another axis points up" in sheet.html
 
 
 def pages_of(file):

@@ -39,7 +39,7 @@ def test_recorded_lengths_are_kept(recording, betas):
         assert stature(motion) == pytest.approx(size * stature(motions[1]), rel=1e-3)
         assert travel(motion) == pytest.approx(size * travel(motions[1]), rel=0.05)
         assert motion.errors.scale == pytest.approx(CMU, rel=1e-9)
-        assert "Recorded lengths were kept" in motion.message
+        assert "The recorded lengths were kept" in motion.message
     assert 1.4 < stature(motions[1]) < 2.1
 
 

@@ -160,7 +160,7 @@ def test_joints_without_names_are_found_by_the_shape(model, person, frames, orde
         rotations=recording.rotations[:, numbers],
         translations=recording.translations[:, numbers],
     )
-    with pytest.warns(UserWarning, match="names of joints do not tell left_hip.*Pass joints="):
+    with pytest.warns(UserWarning, match="names of joints do not identify left_hip.*Pass joints="):
         motion = retarget(other, model, betas=betas)
     assert np.linalg.norm(motion[:] - frames, axis=-1).max() < 0.02
 

@@ -96,7 +96,7 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
             monkeypatch.setattr(riemhuman.retrieval.jobs, "compute_parts", closing)
         else:
             monkeypatch.setattr(distributed, "wait", closing_first)
-        with pytest.raises(ClusterError, match="the same call goes on with it"):
+        with pytest.raises(ClusterError, match="the same call continues it"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
         monkeypatch.undo()
         client.close()

@@ -376,7 +376,7 @@ def test_a_pair_that_is_refused_loses_no_other_block(tmp_path):
     points = PATH_POINTS.copy()
     first, second, _ = PATH_METRIC.space.template.faces[0]
     points[1, first] = points[1, second]
-    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[1\]: .*but for 1 of 3"):
+    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[1\]: .*except 1 of 3"):
         path_job(PoissonPath(4), PATH_METRIC, points, tmp_path, n_jobs=2)
     lengths = np.load(tmp_path / "rows.npy")[:, 0]
     expected = path_distances(PoissonPath(4), PATH_METRIC, points[2:]).lengths

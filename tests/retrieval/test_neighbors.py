@@ -167,7 +167,7 @@ def test_candidates_change_the_work_and_not_the_answer(n_jobs):
         assert_same(neighbors.kneighbors(queries, candidates=candidates), expected)
     neighbors.kneighbors(queries, candidates=np.tile(np.arange(len(points)), (7, 1)))
     assert neighbors.exact_share_ == 1.0
-    with pytest.raises(ArgumentError, match="candidates must number points of the index"):
+    with pytest.raises(ArgumentError, match="candidates must hold indices of the points"):
         neighbors.kneighbors(queries, candidates=np.full((7, 1), len(points)))
     with pytest.raises(ArgumentError, match="candidates must have shape"):
         neighbors.kneighbors(queries, candidates=np.zeros((6, 1), int))

@@ -65,7 +65,7 @@ def test_exact_in_flat_space():
     result = solver.solve(case.metric, velocity, start)
     np.testing.assert_allclose(result.end, start + velocity, atol=1e-12)
     assert (result.complete, result.converged) == (True, True)
-    assert result.message == "all steps were made"
+    assert result.message == "all steps were completed"
     one_more = solver.extend(case.metric, result.path, 1)
     np.testing.assert_allclose(one_more.end, start + 4.0 / 3.0 * velocity, atol=1e-12)
 
@@ -259,5 +259,5 @@ def test_where_there_are_no_derivatives():
     with pytest.raises(NotDefinedError, match=r"DiscreteExponential\(\) without a basis"):
         grad(lambda v: anp.sum(metric.exp(v, START)))(VELOCITIES[0])
     plane = CASES["half-plane, distance"]
-    with pytest.raises(NotDefinedError, match="those of surfaces"):
+    with pytest.raises(NotDefinedError, match="exist only for surfaces"):
         SOLVER.derivatives(plane.metric, plane.points[:2], plane.points[0], plane.points[:2])

@@ -299,7 +299,7 @@ def test_points_that_coincide_to_rounding(scale):
         points = np.stack([point, (1.0 + apart) * point])
         result = BasisMean().solve(space.metric, points, initial_point=point)
         assert result.converged
-        assert ("no more than rounding errors" in result.message) == coincide
+        assert ("at the level of rounding errors" in result.message) == coincide
         assert (result.n_iterations == 0) == coincide
         np.testing.assert_allclose(result.point, points.mean(axis=0), rtol=max(1e-2 * apart, 1e-15))
 

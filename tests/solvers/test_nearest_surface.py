@@ -86,7 +86,7 @@ def test_other_metrics_on_surfaces():
 def test_refusals():
     metric = metric_of(1.0, 1.0, 1.0)
     images = metric.map(POINTS)
-    with pytest.warns(ConvergenceWarning, match="NearestSurface.*most iterations"):
+    with pytest.warns(ConvergenceWarning, match="NearestSurface.*maximum number of iterations"):
         NearestSurface(max_iter=1).solve(metric, images, POINTS[0])
     with pytest.raises(ArgumentError, match="start must have shape"):
         NearestSurface().solve(metric, images, POINTS)

@@ -68,8 +68,8 @@ MODELS = {"basis": DeformationBasis(np.eye(1, 3)[None]), "model": print, "parame
 WRONG = {
     "basis": (np.zeros((1, 1, 3)), "a DeformationBasis; found ndarray"),
     "energy": (solvers.SegmentEnergy, r"an energy such as SegmentEnergy\(\); found the class Seg"),
-    "initial": (solvers.LinearPath, "a strategy with a method solve.*; found the class LinearPath"),
-    "geodesic_solver": (MODELS["basis"], "a strategy with a method.*; found DeformationBasis"),
+    "initial": (solvers.LinearPath, "an object with a method solve.*; found the class LinearPath"),
+    "geodesic_solver": (MODELS["basis"], "an object with a method.*; found DeformationBasis"),
     "callback": (3, "a function; found int"),
     "parameters": (3, "a function; found int"),
     "tolerance": (0.0, "a finite number above 0"),

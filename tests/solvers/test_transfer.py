@@ -345,10 +345,10 @@ def test_bad_input_of_disentangling():
         Disentangling().solve(*pair, body, 0.0 * body)
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
         Disentangling(bodies.basis(20)).solve(*pair, body, body)
-    with pytest.raises(ArgumentError, match="metrics on surfaces over one template"):
+    with pytest.raises(ArgumentError, match="metrics on surfaces over the same template"):
         Disentangling().solve(pair[0], metrics(bodies.space())[1], body, body)
     plane = CASES["half-plane, distance"].metric
-    with pytest.raises(ArgumentError, match="metrics on surfaces over one template"):
+    with pytest.raises(ArgumentError, match="metrics on surfaces over the same template"):
         Disentangling().solve(plane, plane, body, body)
 
 
@@ -357,7 +357,7 @@ def test_a_body_is_itself_at_once():
     body = space.template.vertices + deformations(space.template, 1, rng=1, size=0.3)[0]
     found = Disentangling().solve(*metrics(space), body, body + [0.3, -1.0, 2.0])
     np.testing.assert_allclose(found.surface, body + [0.3, -1.0, 2.0], atol=1e-9)
-    assert "no more than rounding errors" in found.message
+    assert "at the level of rounding errors" in found.message
     assert found.converged
     assert (found.n_iterations, found.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(found.values, [found.value])

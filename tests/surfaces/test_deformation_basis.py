@@ -305,7 +305,7 @@ def with_bad_entry(number):
 @pytest.mark.parametrize(
     ("motions", "error", "message"),
     [
-        ([], ArgumentError, "motions holds no motion"),
+        ([], ArgumentError, "motions must hold at least one motion"),
         ([MOTION, MOTION[:10]], ArgumentError, r"motions\[1\] has 10 frames; with step=10 .* 11"),
         ([iter(())], ArgumentError, r"motions\[0\] has 0 frames"),
         ([MOTION, MOTION[:, :4]], ArgumentError, r"motions\[1\] has 4 vertices; .* have 5"),

@@ -133,7 +133,11 @@ def test_points_on_a_line_are_refused(reference, length, offset, scale):
         ({"points": np.ones((4, 2)), "to": np.ones((4, 3))}, ArgumentError, "points must have"),
         ({"points": np.ones((4, 3)), "to": np.ones((1, 4, 3))}, ArgumentError, "to must have"),
         ({"points": np.ones((4, 3)), "to": np.ones((5, 3))}, ArgumentError, "4 vertices .*has 5"),
-        ({"points": np.ones((0, 3)), "to": np.ones((0, 3))}, ArgumentError, "no vertices"),
+        (
+            {"points": np.ones((0, 3)), "to": np.ones((0, 3))},
+            ArgumentError,
+            "points must have vertices",
+        ),
         ({"points": np.ones((4, 3))}, ArgumentError, "n_surfaces"),
         ({"points": np.ones((0, 4, 3))}, ArgumentError, "no surface"),
         ({"points": np.full((4, 3), np.nan), "to": np.ones((4, 3))}, ArgumentError, "points .*NaN"),

@@ -67,15 +67,15 @@ BROKEN = {
     "trusting": "arrays with NaN do not belong",
     "refusing": "random points belong",
     "idle": "tangent spaces have dimension dim",
-    "shrinking": "tangent vectors stay what they are",
+    "shrinking": "to_tangent does not change tangent vectors",
     "bent": "to_tangent is linear",
     "slipping": "random tangent vectors are tangent",
-    "mixing": "tangent vectors in a stack are those of each",
-    "lazy": "projections of arrays nearby belong",
-    "moving": "projection leaves points where they are",
-    "unseeded": "random points of one seed are the same",
-    "repeating": "random points are drawn anew",
-    "stacked": "random points have the shape that they should",
+    "mixing": "results for a stack of tangent vectors are those of each vector",
+    "lazy": "projections of nearby arrays belong",
+    "moving": "projection does not move points of the manifold",
+    "unseeded": "the same seed gives the same random points",
+    "repeating": "each call draws different random points",
+    "stacked": "random points have the right shape",
 }
 
 

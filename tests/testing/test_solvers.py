@@ -145,30 +145,30 @@ class Mean:
         return SimpleNamespace(point=point, variance=variance)
 
 
-UNCHANGED = "what is given is not changed"
+UNCHANGED = "arguments are not changed"
 BROKEN = [
     (Geodesic, "greedy", UNCHANGED),
-    (Geodesic, "shape", "paths have the points' shape behind their nodes"),
-    (Geodesic, "one node", "paths have the points' shape behind their nodes"),
+    (Geodesic, "shape", "paths have shape (n_nodes, *shape of a point)"),
+    (Geodesic, "one node", "paths have shape (n_nodes, *shape of a point)"),
     (Geodesic, "ends", "paths run from start to end"),
     (Geodesic, "outside", "paths stay on the manifold"),
     (Geodesic, "energy", "the energy is that of the path"),
-    (Geodesic, "restless", "the path from a point to itself stays there"),
-    (Geodesic, "random", "the same path is found twice"),
+    (Geodesic, "restless", "the path from a point to itself is constant"),
+    (Geodesic, "random", "a second search finds the same path"),
     (Exp, "greedy", UNCHANGED),
-    (Exp, "swapped", "geodesics begin with their initial velocity"),
-    (Exp, "adrift", "without velocity they stay"),
+    (Exp, "swapped", "geodesics start with their initial velocity"),
+    (Exp, "adrift", "with velocity 0 they stay in place"),
     (Log, "greedy", UNCHANGED),
-    (Log, "swapped", "logarithms of points nearby lead there"),
+    (Log, "swapped", "logarithms of nearby points lead to these points"),
     (Log, "adrift", "the logarithm of the base point is 0"),
     (Transport, "greedy", UNCHANGED),
-    (Transport, "turning", "vectors that go nowhere stay what they are"),
+    (Transport, "turning", "transport from a point to itself does not change vectors"),
     (Transport, "bent", "transport is linear"),
     (Transport, "adrift", "the vector 0 stays 0"),
     (Mean, "greedy", UNCHANGED),
     (Mean, "far", "the mean is no worse than any of the points"),
     (Mean, "boasting", "the variance is that of the mean"),
-    (Mean, "unweighted", "with all weight on one point it is the mean"),
+    (Mean, "unweighted", "if one point has all the weight, it is the mean"),
 ]
 
 
