@@ -164,8 +164,8 @@ class BodyModel(Unchanging):
             File with v_template, f, shapedirs, J_regressor, weights and kintree_table, and
             optionally posedirs and joint_names. Other fields are ignored.
         n_betas : int, optional
-            Number of shape coefficients to keep, the first ones; by default all, but 10 of a
-            file that has 300 or more.
+            Number of shape coefficients to keep, starting from the first; by default all of them,
+            or 10 if the file has 300 or more.
         dtype : data type
             Precision of surfaces and joints, as for `BodyModel`.
         """
@@ -272,7 +272,7 @@ class BodyModel(Unchanging):
         Parameters
         ----------
         left, right : str
-            "relaxed" or one of `hand_poses`, for each hand; by default for both the same.
+            "relaxed" or one of `hand_poses`, for each hand; by default the same for both.
 
         Examples
         --------

@@ -120,14 +120,14 @@ def fit_model(
     ----------
     model : BodyModel
     points : array_like, shape (..., n_points, 3)
-        Surfaces, metres. Whole surfaces of a size that no human body has, newborn or giant, are an
-        error, unless the model itself is no body in metres.
+        Surfaces, metres. Whole surfaces smaller or larger than any human body raise an error,
+        unless the model itself is not a body in metres.
     correspondence : array_like of int, pair, or sparse matrix, optional
         Place of each point on the model, as for `correspondence_matrix`.
     weights : array_like, shape (n_points,), optional
-        Weights of the points, for instance areas; equal by default.
+        Weights of the points, for example areas; equal by default.
     loss : {"squared", "huber"}
-        Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond, for points far off.
+        Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond, so that outliers matter less.
     loss_scale : float
         Scale c of Huber's loss, metres.
     betas_prior : float
@@ -140,10 +140,10 @@ def fit_model(
     tolerance : float
         Root mean square movement of the points, metres, below which a fit has converged.
     max_iter : int
-        Largest number of steps of each stage of a fit.
+        Maximum number of steps in each stage of a fit.
     sequence : bool
-        Whether the surfaces, in order, are moments of a motion: each fit then starts from the one
-        before.
+        Whether the surfaces are consecutive frames of a motion: each fit then starts from the
+        previous one.
 
     Examples
     --------
@@ -234,9 +234,9 @@ def correspondence_matrix(
     model : BodyModel or Template
         The model, or any mesh.
     correspondence : array_like of int, pair, or sparse matrix, optional
-        Numbers of vertices, shape (n_points,); or a pair of numbers of triangles, shape
-        (n_points,), and barycentric coordinates, shape (n_points, 3); or a matrix, shape
-        (n_points, V), whose rows sum to one. By default every vertex is a point.
+        Indices of vertices, shape (n_points,); or a pair of indices of triangles, shape
+        (n_points,), and barycentric coordinates, shape (n_points, 3); or a matrix, shape (n_points,
+        V), whose rows sum to one. By default every vertex is a point.
 
     Examples
     --------

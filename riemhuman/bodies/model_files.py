@@ -52,9 +52,9 @@ class ModelContents:
     family : str
         "SMPL", "SMPL-H", "SMPL-X", "STAR", "SMAL", or "SMPL's layout".
     n_shapes, n_used : int
-        Numbers of shape coefficients in the file, without expressions, and of those used.
+        Number of shape coefficients in the file, without expressions, and of those that are used.
     used, left_out : tuple of str
-        Parts that are used and left out.
+        Parts that are used, and parts that are ignored.
 
     Examples
     --------
@@ -75,10 +75,10 @@ class ModelContents:
 
 
 def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> ModelContents:
-    """Return the contents of a file in SMPL's layout: which parts are used and which left out.
+    """Return the contents of a file in SMPL's layout: which parts are used and which are ignored.
 
-    From files of SMPL-X, expressions, hand components and facial landmarks are left out; from files
-    of STAR, the pose correctives, which are functions of quaternions.
+    In files of SMPL-X, expressions, hand components and facial landmarks are ignored; in files of
+    STAR, the pose correctives, which are functions of quaternions.
 
     Parameters
     ----------

@@ -36,10 +36,10 @@ _TEAR = 1e-6
 class AlignedSurfaces(SurfaceSpace):
     """Maps f: T → R³ that are linear on the triangles of a template T.
 
-    A point holds the vertices of a surface in the template's order: an open subset of the vector
-    space of all (V, 3) arrays, so any such array is a tangent vector. Surfaces with triangles of
-    no area lie on its boundary. Wherever points are taken, meshes of trimesh, PyVista and
-    meshio with the template's triangles are, too.
+    A point holds the vertices of a surface in the template's order. The points are an open subset
+    of the vector space of all (V, 3) arrays, so any such array is a tangent vector. Surfaces with
+    triangles of zero area lie on its boundary. All methods that take points also accept meshes of
+    trimesh, PyVista and meshio with the template's triangles.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class AlignedSurfaces(SurfaceSpace):
     equip : bool
         Whether to equip the manifold with `ElasticMetric`.
     scale : {"template"} or None
-        "template" raises an error for surfaces more than eight times as large or as small as the
-        template, which are evidently in another unit; None accepts any size.
+        "template" raises an error for surfaces that are more than eight times larger or smaller
+        than the template, which must be in another unit; None accepts any size.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class AlignedSurfaces(SurfaceSpace):
     def to_fields(self, f: Points) -> tuple[Array, Array]:
         """Return Φ(f) = (g, n), the metric field and the normal field (equation 1).
 
-        Surfaces with triangles of no area raise DegenerateSurfaceError here and wherever normals
+        Surfaces with triangles of zero area raise DegenerateSurfaceError, here and wherever normals
         are needed.
 
         Parameters

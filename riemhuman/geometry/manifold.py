@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Manifold(ABC):
-    r"""A manifold whose points and tangent vectors are arrays of one shape.
+    r"""A manifold whose points and tangent vectors are arrays of the same shape.
 
     Subclasses define which arrays are points (`belongs`), projections to the tangent spaces
     (`to_tangent`) and examples (`random_point`). `metric` is what it was equipped with last.
@@ -100,7 +100,7 @@ class Manifold(ABC):
         return "metric" in vars(self)
 
     def default_metric(self) -> MetricClass | None:
-        """Return the class of the metric the manifold comes with, if there is one."""
+        """Return the class of the manifold's default metric, if there is one."""
         return None
 
     def equip_with_metric(self, Metric: MetricClass | None = None, **metric_kwargs: object) -> Self:
@@ -124,7 +124,7 @@ class Manifold(ABC):
         return self
 
     def new(self, equip: bool = True) -> Self:
-        """Return a manifold with the same parameters, and its default metric or none.
+        """Return a manifold with the same parameters, with its default metric or without one.
 
         Parameters
         ----------
@@ -167,9 +167,9 @@ class Manifold(ABC):
         ----------
         n_samples : int
         bound : float
-            How far they spread, where the manifold is not compact.
+            Spread of the points, if the manifold is not compact.
         rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
+            Seed, or the generator to draw from; by default, every call draws different points.
         """
 
     def is_tangent(
@@ -194,7 +194,7 @@ class Manifold(ABC):
     def random_tangent_vec(
         self, base_point: Points | None = None, n_samples: int = 1, rng: Rng = None
     ) -> Array:
-        r"""Draw random tangent vectors, one at each of several points or several at one.
+        r"""Draw random tangent vectors, one at each of several points or several at one point.
 
         Parameters
         ----------
@@ -219,9 +219,9 @@ class Manifold(ABC):
         return self.to_tangent(generator(rng).standard_normal(shape), base_point)
 
     def warn_of_tears(self, points: Points, directions: TangentVectors | None = None) -> None:
-        r"""Warn if moving points along directions would tear them, as solvers do.
+        r"""Warn if moving points along directions, as solvers do, would tear them.
 
-        Spaces of surfaces look for seams of their template.
+        Spaces of surfaces check for seams in their template.
 
         Parameters
         ----------
@@ -246,13 +246,13 @@ class Manifold(ABC):
         Parameters
         ----------
         point : array_like, shape (..., \*shape)
-            Points, or rows of as many numbers as a point has, shape (..., n).
+            Points, or flattened points, shape (..., n).
         name : str, for messages
         """
         return real_array(self.as_array(point, name), name, self.shape, rows=True)
 
     def check_scale(self, point: Points, name: str = "point") -> None:
-        r"""Raise an error if points are measured in another unit of length, where there is one.
+        r"""Raise an error if points seem to be in another unit of length, for spaces with units.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class Manifold(ABC):
         return
 
     def as_array(self, points: object, name: str = "points") -> object:
-        """Return points that are no arrays, such as meshes on a space of surfaces, as arrays.
+        """Return points as arrays, if they are something else, such as meshes on surfaces.
 
         Parameters
         ----------

@@ -55,15 +55,16 @@ _MANY_BYTES = 2**26
 class RiemannianMetric(Unchanging):
     r"""A Riemannian metric on a manifold.
 
-    A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
-    norm, distance, energy, length and their gradients by autograd follow. With `squared_dist`
-    alone the inner product is half its second derivative on the diagonal. What cannot be derived
-    raises NotDefinedError. The parameters of a metric never change.
+    A subclass defines `inner_product`, or `squared_dist` if it has a closed form, or both. Norm,
+    distance, energy, length and their gradients by autograd are derived from these. If only
+    `squared_dist` is defined, the inner product is half its second derivative on the diagonal.
+    Operations that cannot be derived raise NotDefinedError. The parameters of a metric never
+    change.
 
-    Properties say what a metric has, and what leaves its distances unchanged; solvers read them.
-    By default a metric has what its class defines, `exp` and `log` together being geodesics in
-    closed form. A subclass that knows better, as one whose distances depend on a parameter,
-    defines the property: `has_closed_form_dist`, `has_closed_form_geodesic`,
+    Properties say what a metric can do and what leaves its distances unchanged; solvers read them.
+    By default a metric has what its class defines; `exp` and `log` together count as geodesics in
+    closed form. If this is not right, for example because it depends on a parameter, a subclass
+    overrides the property: `has_closed_form_dist`, `has_closed_form_geodesic`,
     `has_closed_form_transport`, `has_inner_product`, `has_metric_matrix` or
     `has_lower_bound_coordinates`.
 
@@ -71,7 +72,7 @@ class RiemannianMetric(Unchanging):
     ----------
     space : Manifold
     geodesic_solver, exp_solver, log_solver, transport_solver : object, optional
-        Strategies for what has no closed form, see `riemhuman.solvers` and
+        Solvers for operations without a closed form, see `riemhuman.solvers` and
         `riemhuman.geometry.strategies`. Distances without a closed form need a `geodesic_solver`;
         the others have defaults.
 
@@ -141,7 +142,7 @@ class RiemannianMetric(Unchanging):
 
     @property
     def solvers(self) -> Solvers:
-        """The strategies that it was given, by name."""
+        """The solvers that were passed to the metric, by name."""
         given: Solvers = {}
         if self.geodesic_solver is not None:
             given["geodesic_solver"] = self.geodesic_solver
@@ -155,12 +156,12 @@ class RiemannianMetric(Unchanging):
 
     @property
     def has_closed_form_dist(self) -> bool:
-        """Whether it has distances itself; by default if the class defines `squared_dist`."""
+        """Whether distances have a closed form; by default if the class defines `squared_dist`."""
         return type(self).squared_dist is not RiemannianMetric.squared_dist
 
     @property
     def has_inner_product(self) -> bool:
-        """Whether it has inner products itself; by default if the class defines them."""
+        """Whether inner products are defined; by default if the class defines them."""
         return type(self).inner_product is not RiemannianMetric.inner_product
 
     @property
@@ -191,7 +192,7 @@ class RiemannianMetric(Unchanging):
         raise self._not_defined("target_metric")
 
     def map(self, point: Points) -> Array:
-        r"""Return the points of the space of `target_metric` that it is pulled back from.
+        r"""Return the images of points in the space of `target_metric`.
 
         Parameters
         ----------
@@ -215,7 +216,7 @@ class RiemannianMetric(Unchanging):
 
     @property
     def complementary_metric(self) -> RiemannianMetric | None:
-        """A metric of what this one does not measure, or None."""
+        """A metric that measures what this one does not, or None."""
         return None
 
     def with_stretching(self, weight: float) -> RiemannianMetric:
@@ -224,7 +225,7 @@ class RiemannianMetric(Unchanging):
         Parameters
         ----------
         weight : float
-            Weight above 0 of the metric of lengths, in units of the metric's own weights.
+            Weight of the metric of lengths, above 0, in units of the weights of this metric.
         """
         return self
 
@@ -256,7 +257,7 @@ class RiemannianMetric(Unchanging):
     def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Lower the index of tangent vectors: ⟨covector(v), w⟩ = inner_product(v, w).
 
-        The default differentiates `inner_product` or, where only `squared_dist` is defined, takes
+        The default differentiates `inner_product` or, if only `squared_dist` is defined, takes
         central differences of its gradient.
 
         Parameters
@@ -340,8 +341,8 @@ class RiemannianMetric(Unchanging):
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         r"""Return the squared distance of points, shape (...).
 
-        Without a closed form, it is the energy of the path that `geodesic_solver` finds, for one
-        pair of points.
+        Without a closed form, it is the energy of the path that `geodesic_solver` finds, and takes
+        a single pair of points.
 
         Parameters
         ----------
@@ -368,7 +369,7 @@ class RiemannianMetric(Unchanging):
 
     @property
     def bulk(self) -> Bulk:
-        """Distances of many pairs computed from features; by default one by one."""
+        """What computes distances of many pairs from features; by default pair by pair."""
         return PairByPair(self.squared_dist)
 
     def dist_pairwise(
@@ -390,10 +391,10 @@ class RiemannianMetric(Unchanging):
             Number of threads, -1 for one per core; by default one. The result does not depend on
             it.
         precision : {"single", "double"}
-            Precision of features in compiled loops: relative errors stay below 1e-5 in single
-            precision, where pairs too close for it are computed in double.
+            Precision of features in compiled loops. In single precision, pairs that are too close
+            for it are computed in double, and relative errors stay below 1e-5.
         memory : int
-            Bytes of features in memory at once; where all need more, they are recomputed.
+            Bytes of features held in memory at once; if all of them need more, they are recomputed.
         progress : bool
         """
         return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
@@ -428,8 +429,8 @@ class RiemannianMetric(Unchanging):
     ) -> Features:
         r"""Return the features from which distances are computed, once for each point.
 
-        `bulk` computes distances from features, a tuple of C-contiguous arrays. Their first axis is
-        that of the points, so features may be sliced, stored and memory-mapped.
+        `bulk` computes distances from features, a tuple of C-contiguous arrays. Their first axis
+        runs over the points, so features can be sliced, stored and memory-mapped.
 
         Parameters
         ----------
@@ -454,7 +455,7 @@ class RiemannianMetric(Unchanging):
             return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
-        r"""Return coordinates, shape (..., m), at most as far apart as their points.
+        r"""Return coordinates, shape (..., m), whose Euclidean distances are lower bounds.
 
         Parameters
         ----------
@@ -495,9 +496,9 @@ class RiemannianMetric(Unchanging):
     def energy(self, path: Points) -> Array:
         r"""Return the energy of discrete paths with n segments, shape (...).
 
-        :math:`n \sum_i d^2(x_i, x_{i+1})` where `squared_dist` has a closed form, else the finite
-        differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments
-        (equation 7 of the paper).
+        :math:`n \sum_i d^2(x_i, x_{i+1})` if `squared_dist` has a closed form, otherwise the finite
+        differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments (equation
+        7 of the paper).
 
         Parameters
         ----------
@@ -534,7 +535,7 @@ class RiemannianMetric(Unchanging):
     ) -> tuple[Array, Array]:
         r"""Return the squared distances of a point from others, and the gradient of their sum.
 
-        Distances are energies of paths of one segment, infinite where a point leaves the manifold;
+        Distances are energies of paths with one segment, infinite if a point leaves the manifold;
         the gradient is that of Σ_i w_i d(x_i, x)².
 
         Parameters
@@ -577,9 +578,9 @@ class RiemannianMetric(Unchanging):
     def exp(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Return the end of the geodesic with this initial velocity after unit time.
 
-        OutsideManifoldError says where it leaves the manifold. Without a closed form, `exp_solver`
-        computes it, by default in ten steps over 60 harmonics of the template; autograd
-        differentiates through solvers that have derivatives.
+        If the geodesic leaves the manifold, OutsideManifoldError says where. Without a closed form,
+        `exp_solver` computes it, by default in ten steps over 60 harmonics of the template;
+        autograd differentiates through solvers that have derivatives.
 
         Parameters
         ----------
@@ -602,8 +603,9 @@ class RiemannianMetric(Unchanging):
     def log(self, point: Points, base_point: Points) -> Array:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
-        OutsideManifoldError says where none, or more than one, exists. Without a closed form,
-        `log_solver` computes it, by default in as many steps as `exp`, which undoes it.
+        If there is no minimal geodesic, or more than one, OutsideManifoldError says where. Without
+        a closed form, `log_solver` computes it, by default in the same number of steps as `exp`,
+        which inverts it.
 
         Parameters
         ----------
@@ -630,8 +632,8 @@ class RiemannianMetric(Unchanging):
     ) -> Array:
         r"""Transport tangent vectors in parallel along geodesics, shape (..., \*shape).
 
-        Without a closed form, `transport_solver` transports them, by default by pole ladders along
-        paths over 60 harmonics of the template.
+        Without a closed form, `transport_solver` transports them, by default with pole ladders
+        along paths over 60 harmonics of the template.
 
         Parameters
         ----------
@@ -674,9 +676,9 @@ class RiemannianMetric(Unchanging):
     ) -> Callable[[ArrayLike], Points]:
         r"""Return a geodesic as a function of times in [0, 1], shape (n_times,).
 
-        Between two points, without a closed form, it is the path that `geodesic_solver` finds, by
-        default over 60 harmonics of the template, linear between its times and beyond them. With
-        an initial velocity v it is exp(t v).
+        With an initial velocity v, it is exp(t v). Between two points, without a closed form, it is
+        the path that `geodesic_solver` finds, by default over 60 harmonics of the template, with
+        linear interpolation between its times and extrapolation beyond them.
 
         Parameters
         ----------
@@ -772,7 +774,7 @@ class RiemannianMetric(Unchanging):
         tangent_vec_b: TangentVectors,
         base_point: Points | None = None,
     ) -> Array:
-        r"""Return the sectional curvature of the planes of two vectors, NaN where they span none.
+        r"""Return the sectional curvature of the plane of two vectors, NaN if they are parallel.
 
         .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
 

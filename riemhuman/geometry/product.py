@@ -126,7 +126,7 @@ class ProductManifold(Manifold):
 class ProductMetric(RiemannianMetric):
     """The weighted sum of the metrics of the factors.
 
-    A factor of weight 0 takes no part in distances and inner products, and is not evaluated.
+    A factor of weight 0 does not contribute to distances and inner products, and is not evaluated.
 
     Parameters
     ----------
@@ -274,8 +274,8 @@ class PullbackMetric(RiemannianMetric):
               \langle d_x\varphi(a), d_x\varphi(b)\rangle_{\varphi(x)}, \\
               d(x, y) &= d_{target}(\varphi(x), \varphi(y)) \end{split}
 
-    `dist` is the distance of the images (equation 4 of the paper). It bounds the length of every
-    path between x and y from below; `length` and `energy` are those of a path.
+    `dist` is the distance of the images (equation 4 of the paper). It is a lower bound of the
+    length of every path between x and y; `length` and `energy` are for paths.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ class PullbackMetric(RiemannianMetric):
     target_metric : RiemannianMetric
     map : callable
         φ, from arrays (..., \*space.shape) to (..., \*target_metric.space.shape), acting on each
-        point of a batch by itself, written with `autograd.numpy`.
+        point of a batch separately, written with `autograd.numpy`.
     **solvers : strategies, see `RiemannianMetric`
 
     Examples

@@ -79,21 +79,23 @@ class SmoothedMetric(PullbackMetric):
 
 
 class RotationMetric(SmoothedMetric):
-    r"""The pull-back of `RotationFieldMetric` by the rotations of triangles, diffused.
+    r"""The pull-back of `RotationFieldMetric` by the smoothed rotations of triangles.
 
     The differential of a surface f on a triangle is :math:`df = R \sqrt g` (polar decomposition),
-    where R takes the template's plane and normal to the surface's and so is a rotation. Heat flows
-    between the rotations of all triangles for `time`, as between matrices, and the nearest
-    rotations are compared. Like normals, the metric distinguishes poses, and more reliably:
-    diffusion averages over the thickness of a limb, within which a person's build rotates triangles
-    back and forth. Translation and scale of one surface leave the distance unchanged.
+    where the rotation R takes the template's plane and normal to those of the surface. The
+    rotations of all triangles are smoothed, as matrices, by a heat flow of duration `time`, and the
+    nearest rotations are compared. Like normals, the metric distinguishes poses, but more reliably:
+    smoothing averages over the thickness of a limb, within which differences in body shape rotate
+    triangles in opposite directions. Translation and scale of one surface leave the distance
+    unchanged.
 
     Parameters
     ----------
     space : AlignedSurfaces
     time : float, optional
         Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
-        time). By default a 720th of the template's area, on an adult the thickness of a limb.
+        time). By default it is 1/720 of the template's area, which for an adult corresponds to the
+        thickness of a limb.
     **solvers : strategies, see `RiemannianMetric`
 
     Examples
@@ -121,7 +123,7 @@ class RotationMetric(SmoothedMetric):
         super().__init__(space, RotationFields(template).metric, self.rotations, time, **solvers)
 
     def rotations(self, f: Points) -> Array:
-        """Return the rotations of all triangles from the template, diffused, shape (..., F, 3, 3).
+        """Return the smoothed rotations of all triangles from the template, shape (..., F, 3, 3).
 
         Parameters
         ----------
@@ -165,37 +167,39 @@ class RotationMetric(SmoothedMetric):
 
 
 class AreaMetric(SmoothedMetric):
-    r"""The L² distance of logarithms of area ratios, smoothed, which tells who scanned people are.
+    r"""The L² distance of smoothed logarithms of area ratios, for identifying scanned people.
 
-    At a vertex v of the template, of which a third of the area of the triangles around it is
-    :math:`m_v`, the area ratio of a surface is the average of those of these triangles t, weighted
-    by their areas in the template. Heat flows between the logarithms for `time`, in one implicit
-    step by the template's cotangent Laplacian L, with M the diagonal matrix of the areas m:
+    Let :math:`m_v` be a third of the area of the triangles around a vertex v of the template. The
+    area ratio of a surface at v is the average of the area ratios of these triangles t, weighted by
+    their areas in the template. The logarithms are smoothed by a heat flow of duration `time`, in
+    one implicit step with the template's cotangent Laplacian L, where M is the diagonal matrix of
+    the areas m:
 
     .. math:: \begin{split} d(f_1, f_2)^2 &= \sum_v m_v (x_1(v) - x_2(v))^2, \qquad
               (M + \mathrm{time}\, L)\, x = M b, \\
               b(v) &= \log\Big(\frac{1}{3 m_v} \sum_{t \ni v} w_t A_t\Big) \end{split}
 
-    A metric that compares single triangles compares the noise of a scanner first of all. Averages
-    over parts of the body keep how large these are, and lose that noise and how a pose stretches
-    the skin here and compresses it there. Translation and rotation of one surface leave the
-    distance unchanged; if one grows s times larger, its logarithms shift by 2 log s.
+    A metric that compares single triangles mainly compares the noise of the scanner. Averages over
+    body parts preserve the sizes of these parts; they remove the noise, and the local stretching
+    and compression of the skin in a pose. Translation and rotation of one surface leave the
+    distance unchanged; if one surface is scaled by s, its logarithms increase by 2 log s.
 
     Parameters
     ----------
     space : AlignedSurfaces
     time : float, optional
         Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
-        time). By default a 36th of the template's area, on an adult of 1.8 m² 0.05 m².
+        time). By default it is 1/36 of the template's area; for an adult of 1.8 m², this is 0.05
+        m².
     **solvers : strategies, see `RiemannianMetric`
 
     Notes
     -----
     Fields are vectors in a flat space: exponentials and logarithms of fields, means and principal
-    components have closed forms there, and `lower_bound_coordinates` have the distances themselves.
-    Deformations of a surface that preserve areas cost nothing, so that geodesics and means of
-    surfaces need another metric. A triangle without area is legal unless all triangles at one of
-    its corners are.
+    components have closed forms there, and distances between `lower_bound_coordinates` equal those
+    of the metric. Deformations of a surface that preserve areas cost nothing, so geodesics and
+    means of surfaces need another metric. Triangles of zero area are allowed, unless all triangles
+    at a vertex have zero area.
 
     Examples
     --------

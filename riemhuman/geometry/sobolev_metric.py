@@ -51,7 +51,7 @@ class MidpointMetric(MetricOfTerms):
 
 
 class SobolevMetric(MidpointMetric):
-    r"""The six-parameter family of H² metrics, with areas of the moving surface.
+    r"""The six-parameter family of H² metrics, integrated over the moving surface.
 
     .. math:: \begin{split} G_f(h, h) = \int & a_0 |h|^2 + a_1 |dh_m|^2 + b_1 |dh_+|^2 \\
               & + c_1 |dh_\perp|^2 + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA \end{split}
@@ -65,16 +65,16 @@ class SobolevMetric(MidpointMetric):
     ----------
     space : AlignedSurfaces
     a0, a1, b1, c1, d1, a2 : float
-        Weights, at least 0. Where a body and its deformation grow s times larger, the cost by a0
-        grows s⁴ times, that of the first order s² times, that of a2 not at all.
+        Weights, at least 0. If a body and its deformation are scaled by s, the term of a0 grows by
+        s⁴, the first-order terms grow by s², and the term of a2 does not change.
     **solvers : strategies, see `RiemannianMetric`
 
     Notes
     -----
-    With a0 = 0 translations cost nothing. All other deformations must cost something: a0 > 0, or
-    two of a1, b1 and c1, or a2 > 0 on a mesh without border. Δ is computed at interior vertices.
-    The steps of a path should rotate triangles only a little. With a0 = d1 = a2 = 0 the metric is
-    that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and c = c1.
+    With a0 = 0, translations cost nothing. All other deformations must cost something: this needs
+    a0 > 0, or two of a1, b1 and c1 above 0, or a2 > 0 on a mesh without boundary. Δ is computed at
+    interior vertices. The steps of a path should rotate triangles only a little. With a0 = d1 = a2
+    = 0 the metric is that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and c = c1.
 
     Examples
     --------
@@ -145,9 +145,9 @@ class GaugeInvariantMetric(MidpointMetric):
     Notes
     -----
     Motions along the surface cost nothing, up to discretisation, and the Gram matrix is
-    semidefinite. Motions without stretching, even translations, cost φ² times squared curvatures:
-    the metric is for surfaces near each other, such as bodies in one pose. Search for paths over
-    smooth deformations, as in the example: over all vertices a mesh crumples.
+    semidefinite. Motions without stretching, even translations, cost φ² times squared curvatures,
+    so the metric is for surfaces near each other, such as bodies in the same pose. Search for paths
+    over smooth deformations, as in the example; if all vertices are free, meshes crumple.
 
     Examples
     --------

@@ -127,12 +127,12 @@ defvjp(_energy_and_slopes, _pull_back, argnums=(0,))
 
 
 class SurfaceMetric(MetricOfTerms):
-    r"""A sum of terms, each a metric on fields of a surface, pulled back and weighted.
+    r"""A weighted sum of terms, each of which pulls back a metric on fields of a surface.
 
     .. math:: d(f_1, f_2)^2 = \sum_k w_k \int_T d_k(\varphi_k(f_1), \varphi_k(f_2))^2\, dx
 
-    `dist` is the distance of the images (equation 4 of the paper). It bounds the length of every
-    path between two surfaces from below; `length` and `energy` are those of a path.
+    `dist` is the distance between the images (equation 4 of the paper). It is a lower bound of the
+    length of every path between two surfaces; `length` and `energy` are for paths.
 
     Parameters
     ----------
@@ -285,11 +285,11 @@ class ElasticMetric(SurfaceMetric):
 
     .. math:: d(f_1, f_2)^2 = a\, d^\lambda(g_1, g_2)^2 + c\int_T d_{S^2}(n_1, n_2)^2\, dx
 
-    Equations 3 to 5 of the paper. (a, λ, c) = (1, 1e-4, 0) distinguishes persons, (0, 0, 1) poses.
-    At λ = 1e-4 the distance of metric fields saturates: a triangle counts in full once it is
-    stretched 9 % more in one direction than across it. The metric nearly counts how much of the
-    surface has changed, which is less between poses of a person than between persons. Distances
-    at λ = 1 measure by how much.
+    Equations 3 to 5 of the paper. (a, λ, c) = (1, 1e-4, 0) distinguishes people, (0, 0, 1) poses.
+    At λ = 1e-4 the distance between metric fields saturates: a triangle counts in full once it is
+    stretched 9 % more in one direction than in the perpendicular one. The metric then measures,
+    roughly, how much of the surface has changed, which is less between poses of one person than
+    between people. Distances at λ = 1 measure how strongly it has changed.
 
     Parameters
     ----------
@@ -304,9 +304,9 @@ class ElasticMetric(SurfaceMetric):
 
     Notes
     -----
-    Let κ be the largest coordinate divided by the least height of a triangle, the template's
-    included. Rounding changes a distance by at most 4κ · 2.2e-16 times the distance that a surface
-    covers when all its triangles change by their own size.
+    Let κ be the largest coordinate divided by the smallest height of a triangle, including those of
+    the template. Rounding changes a distance by at most 4κ · 2.2e-16 times the distance that a
+    surface covers if all its triangles change by their own size.
 
     Examples
     --------
@@ -388,9 +388,9 @@ class GeneralElasticMetric(SurfaceMetric):
 
     Notes
     -----
-    `ElasticMetric` weighs the rotation of normals by the area of the template, this metric by that
-    of the moving surface: distances do not depend on the template, and triangles without area, the
-    apex of the cone, are legal. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1) is
+    `ElasticMetric` weights the rotation of normals by the area of the template, this metric by that
+    of the moving surface. Distances do not depend on the template, and triangles of zero area, at
+    the apex of the cone, are allowed. (1, λ, 0) is ElasticMetric(1, λ, 0), and (0, 1/16, 1) is
     `SRNFMetric`. For retrieval, ElasticMetric with (1, 1e-4, 0) or (0, 0, 1) is better.
 
     Examples

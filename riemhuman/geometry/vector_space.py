@@ -16,7 +16,7 @@ from riemhuman.terms import FlatTerm
 
 
 class VectorSpace(Manifold):
-    """All real arrays of one shape.
+    """The vector space of real arrays of a given shape.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class _Numbers(FlatTerm):
 class FlatMetric(FieldMetric):
     """The weighted sum of squares Σ_t w_t ‖a_t‖² on a vector space.
 
-    With template areas for weights, the L² metric of fields on a template.
+    With template areas as weights, this is the L² metric of fields on a template.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class FlatMetric(FieldMetric):
         return np.reshape(arrays, (*np.shape(arrays)[: -self.space.point_ndim], -1))
 
     def lower_bound_coordinates(self, points: Points) -> Array:
-        """Return weighted numbers, which are exactly as far apart as their points."""
+        """Return weighted coordinates, whose Euclidean distances equal those of the points."""
         roots = np.repeat(np.sqrt(self._weights), int(np.prod(self.space.shape[1:])))
         return self._numbers(self.space.check_point(points, "points")) * roots
 

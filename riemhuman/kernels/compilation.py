@@ -77,10 +77,11 @@ def compiled(
 ) -> object:
     """Mark a function of a module to be compiled by numba when it is first called.
 
-    It may call other marked functions, its own module's and those that its module imports by name.
-    It releases the interpreter lock; division by zero gives infinity or NaN; the Python function is
-    `py_func`. Without a writable folder to keep compiled functions in, it warns. One that others
-    inline (``forceinline=True``) is compiled for these alone; called from Python, it runs there.
+    It may call other marked functions of its own module, and those that its module imports by name.
+    It releases the interpreter lock. Division by zero gives infinity or NaN. The Python function is
+    `py_func`. If there is no writable folder in which to store compiled functions, a warning says
+    so. A function that is always inlined (``forceinline=True``) is compiled only as a part of its
+    callers; called from Python, it runs as Python code.
 
     Parameters
     ----------

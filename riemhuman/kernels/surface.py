@@ -34,9 +34,9 @@ NEARLY_DEGENERATE = 2 * DEGENERATE
 
 
 class Derivatives(NamedTuple):
-    """First derivatives of surfaces on every triangle, and what follows from them.
+    """First derivatives of surfaces on every triangle, and quantities derived from them.
 
-    It is what `rh.terms.Term.fields` and `rh.terms.FlatTerm.field` are given.
+    `rh.terms.Term.fields` and `rh.terms.FlatTerm.field` receive this object.
 
     Attributes
     ----------

@@ -37,15 +37,15 @@ _SEEN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class ScanCorrespondence:
-    """For every vertex of one scan, its place on another scan.
+    """The place of every vertex of one scan on another scan.
 
     Attributes
     ----------
     vertices : array of int, shape (N,)
         The nearest vertex of the other scan; -1 if either scan does not show the place.
     triangles : array of int, shape (N,), or None
-        The triangle of the other scan that holds the place, -1 as above; None if the other scan has
-        no triangles.
+        The triangle of the other scan that contains the place, -1 as above; None if the other scan
+        has no triangles.
     barycentric : array, shape (N, 3), or None
         Barycentric coordinates of the place in its triangle; NaN as above.
     points : array, shape (N, 3)
@@ -78,7 +78,7 @@ class ScanCorrespondence:
 
 
 def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCorrespondence:
-    """Return for every vertex of one scan its place on another scan.
+    """Return the place of every vertex of one scan on another scan.
 
     A vertex goes to the nearest place on its registered body, to the same place on the other body,
     and from there to the nearest place on the other scan that faces the same way.
@@ -86,12 +86,12 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
     Parameters
     ----------
     result_a, result_b : RegisteredScan
-        Registrations of the two scans by the same model or template.
+        Registrations of the two scans with the same model or template.
 
     Returns
     -------
     ScanCorrespondence
-        Its places are missing for background and for what either scan does not show.
+        Places are missing for the background, and where either scan does not show the body.
 
     Raises
     ------
@@ -197,11 +197,11 @@ def _local_spacing(scan: Scan, vertices: np.ndarray) -> np.ndarray:
 
 
 def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.ndarray:
-    """Return how far vertices that were found are from the true ones, along the surface.
+    """Return the distances between found and true vertices along the surface.
 
-    Lengths are divided by the root of the area, as benchmarks of matching do. Paths run along
-    edges, and straight between the far corners of adjacent triangles; their lengths are within a
-    few per cent of those of geodesics.
+    Lengths are divided by the square root of the area, as in benchmarks of matching. Paths run
+    along edges, and straight between the far corners of adjacent triangles; their lengths are
+    within a few per cent of those of geodesics.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class ScanRecord:
     trusted : bool
         Whether the registration is trusted.
     message : str
-        See `RegisteredScan`; otherwise why the scan could not be registered.
+        See `RegisteredScan`; or the reason why the scan could not be registered.
     likelihood : float
         See `RegisteredScan`; NaN if the scan could not be registered.
     median_distance : float
@@ -69,8 +69,8 @@ class ScanRecord:
     matched_share : float
         Share of the vertices that match the scan.
     arrays : dict of str to array
-        What `RegisteredScan` has, in the axes of the scan, faces, and some points of the scan with
-        their distances; empty if the scan could not be registered.
+        The arrays of `RegisteredScan` in the axes of the scan, faces, and some points of the scan
+        with their distances; empty if the scan could not be registered.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class ScanRecord:
         Raises
         ------
         ArgumentError
-            If the scan could not be registered, or is another one.
+            If the scan could not be registered, or if this is another scan.
         """
         if not self.arrays:
             raise ArgumentError(f"{self.name} was not registered: {self.message}")
@@ -132,7 +132,7 @@ class ScanRecord:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FolderResult(Result):
-    """What the registration of a folder had finished when it was stopped from the keyboard.
+    """The finished part of a folder's registration that was stopped from the keyboard.
 
     Attributes
     ----------
@@ -162,9 +162,9 @@ def register_folder(
 ) -> list[ScanRecord]:
     """Register the scans of a folder, and return their records in order.
 
-    A scan that the output holds already, from the same file by the same model, is skipped. A scan
-    that cannot be read or registered is recorded with the reason. A warning names bodies whose
-    scans are no longer there.
+    A scan is skipped if the output already contains its registration, from the same file with the
+    same model. A scan that cannot be read or registered is recorded with the reason. A warning
+    names bodies whose scans are no longer there.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def register_folder(
     output : path_like
         Folder to write: trusted bodies, ``partial`` for incomplete ones, ``untrusted`` for others.
     sequence : bool
-        Whether the scans show one person in motion, so that each starts from the one before.
+        Whether the scans show one person in motion, so that each starts from the previous one.
     keep_axes : bool
         Whether to write bodies at the positions of the scans. By default they stand upright
         (`RegisteredScan.transform`); those of a sequence are moved like its first body.
@@ -186,8 +186,8 @@ def register_folder(
     FileError
         If two scans have the same name, or a body was changed after it was registered.
     Interrupted
-        If it is stopped from the keyboard; its `result` is a `FolderResult`. The same call goes on
-        where this one stopped.
+        If it is stopped from the keyboard; its `result` is a `FolderResult`. The same call
+        continues from there.
 
     Examples
     --------

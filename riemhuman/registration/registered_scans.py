@@ -20,20 +20,21 @@ class RegisteredScan:
     Attributes
     ----------
     points : array, shape (V, 3)
-        The registered surface at the place of the scan, metres.
+        The registered surface in the position of the scan, metres.
     trusted : bool
-        Whether the body passed all checks. Hands that something else explains almost as well
-        leave it trusted: `trusted_vertices` lacks them, and the message names them.
+        Whether the body passed all checks. It is trusted even if another pose explains a hand
+        almost as well; `trusted_vertices` then excludes the hand, and the message names it.
     trusted_vertices : array of bool, shape (V,)
         Vertices that the scan shows, or that are within 6 cm of these along the surface and not
         more than 1.5 cm outside what it shows, as straight fingers of a fist are. False for limbs
-        in doubt: another turn of a forearm or the head, another pose of a hand, or both arms
-        exchanged, is almost as near to the scan, no pose of a hand is near, or hands hide each
-        other's fingers. All False if the body is not trusted, but for a limb alone in doubt.
+        in doubt: a forearm or the head turned differently, another pose of a hand, or exchanged
+        arms fit the scan almost as well; no pose of a hand fits; or hands hide each other's
+        fingers. If the body is not trusted, all are False, unless only a limb is in doubt.
     message : str
-        The checks that the result failed, limbs in doubt, and parts that the scan does not show.
+        The checks that failed, limbs in doubt, and parts that the scan does not show.
     likelihood : float
-        Mean log-likelihood of the scan points for a body of 1.8 square metres; NaN without a model.
+        Mean log-likelihood of the scan points, normalised to a body of 1.8 square metres; NaN
+        without a model.
     fit : ModelFit or None
         Betas, pose, trans and hands of the model, and the distances of `points` from it.
     distances : array, shape (N,)
@@ -48,8 +49,8 @@ class RegisteredScan:
     up : array, shape (3,)
         The direction up in the scan.
     transform : array, shape (4, 4)
-        The rigid motion from the axes of the scan, metres, to upright ones: y up, the body facing
-        z, standing on the ground in the middle of the axes. The identity without a model.
+        The rigid motion from the axes of the scan, in metres, to upright axes: y up, the body
+        facing z and standing on the ground at the origin. The identity without a model.
     unit : str
         The unit of the scan.
     faces : array of int, shape (F, 3)
@@ -57,7 +58,7 @@ class RegisteredScan:
     scan : Scan
         The scan, metres.
     trace : RegistrationTrace or None
-        The results of all stages, if they were asked for.
+        The results of all stages, if they were requested.
 
     Examples
     --------

@@ -18,7 +18,7 @@ from riemhuman.registration._verdict import Verdict
 class RegistrationTrace:
     """The results of the stages that led to a registered scan, in order.
 
-    Scans farther than 100 m from the origin are moved near to it; so are all places here.
+    Scans farther than 100 m from the origin are moved close to it, and so are all positions here.
 
     Attributes
     ----------

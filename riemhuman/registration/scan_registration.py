@@ -40,23 +40,24 @@ _FARTHEST_LANDMARK = 5.0
 
 @dataclass(frozen=True)
 class ScanRegistration:
-    """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
+    """Registers scans by a body model: meshes or point clouds with holes and noise, facing any way.
 
-    Many starts with different headings and poses are fitted by soft assignment. The arms of the
-    likeliest are tried in the positions of all start poses, and finer soft assignment and closest
-    points determine its parameters. The surface then leaves the model as far as the elastic metric
-    (a, λ, c) = (1, 1, 1) allows, and the model is fitted to it again, twice. If the result is not
-    trusted, other starts are tried, and bodies without legs or without all above the waist.
+    Many starts with different headings and poses are fitted by soft assignment. For the most likely
+    body, the arm positions of all starting poses are tried; finer soft assignment and closest
+    points then determine its parameters. The surface then departs from the model as far as the
+    elastic metric (a, λ, c) = (1, 1, 1) allows, and the model is fitted to it again, twice. If the
+    result is not trusted, other starts are tried, and also bodies without legs or without
+    everything above the waist.
 
     Parameters
     ----------
     model : BodyModel, optional
-        By default the open model at full resolution. Start poses exist for models with its joint
-        names and for the SMPL family; for others, only the rest pose.
+        By default the open model at full resolution. There are starting poses for models with its
+        joint names and for the SMPL family; other models start from the rest pose only.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the scans; by default it is inferred from their sizes.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Direction up in the scans; by default it is inferred from the floor or by trying all six.
+        Up direction in the scans; by default it is inferred from the floor or by trying all six.
     settings : RegistrationSettings
         The constants of all stages.
 
@@ -95,8 +96,9 @@ class ScanRegistration:
     ) -> RegisteredScan:
         """Register a scan.
 
-        Stopping it from the keyboard raises KeyboardInterrupt and keeps nothing: only the dense fit
-        at the end makes a surface. Folders and sequences keep the scans that are finished.
+        If it is stopped from the keyboard, it raises KeyboardInterrupt and nothing is kept, because
+        there is no surface before the dense fit at the end. For folders and sequences, the finished
+        scans are kept.
 
         Parameters
         ----------
@@ -106,15 +108,15 @@ class ScanRegistration:
         landmarks : mapping of str to array_like, shape (3,), optional
             Rough positions of joints of the model in the scan, in its unit.
         start : RegisteredScan, optional
-            Registration of the same person a moment before.
+            Registration of the same person in the previous frame.
         trace : bool
-            Whether the result keeps those of all stages, as its `trace`.
+            Whether the result keeps the results of all stages, as its `trace`.
 
         Raises
         ------
         ArgumentError
-            If fewer than 200 points are left without the background, or the size is not that of a
-            body.
+            If fewer than 200 points are left without the background, or if the scan does not have
+            the size of a body.
         """
         whole = as_scan(scan, self.unit)
         centre = np.median(whole.points, axis=0)
@@ -139,10 +141,10 @@ class ScanRegistration:
     def solve_sequence(
         self, scans: Iterable[Any], *, progress: bool = False
     ) -> list[RegisteredScan]:
-        """Register scans of one person in motion, each started from the one before.
+        """Register scans of one person in motion, each starting from the previous one.
 
-        A scan is registered from scratch if the one before is not trusted or leads to a much lower
-        likelihood. An interruption from the keyboard leaves the finished ones.
+        A scan is registered from scratch if the previous one is not trusted or leads to a much
+        lower likelihood. If it is interrupted from the keyboard, the finished scans are kept.
 
         Parameters
         ----------

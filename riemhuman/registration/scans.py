@@ -84,7 +84,8 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     Raises
     ------
     ArgumentError
-        If there are fewer than 200 points, or the size is not that of a body in any unit.
+        If there are fewer than 200 points, or if the scan does not have the size of a body in any
+        unit.
 
     Examples
     --------
@@ -103,7 +104,7 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     ----------
     path : path_like
         A .csv file with a line ``name,x,y,z`` for each landmark: a joint of the body model, and its
-        position in the unit of the scan, with decimal points; semicolons or tabs may stand for the
+        position in the unit of the scan, with decimal points; semicolons or tabs may replace the
         commas. A first line without numbers is a header.
 
     Examples
@@ -125,8 +126,9 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return which triangles face inward, shape (F,); scanners join parts of both orientations.
 
-    A part is what consistently oriented neighbours connect. It faces outward if its triangles look
-    away from its centre; parts that are small or nearly flat are oriented like the whole mesh.
+    A part consists of triangles connected by consistently oriented neighbours. It faces outward if
+    its triangles face away from its centre; small or nearly flat parts are oriented like the whole
+    mesh.
 
     Parameters
     ----------

@@ -38,11 +38,11 @@ class ScanOverBody:
     scan_faces : array of int, shape (G, 3), or None
         Triangles of the scan; None for loose points.
     distances : array, shape (N,)
-        Distance of each point from the body, metres; negative inside of the body.
+        Distance of each point from the body, metres; negative inside the body.
     normals : array, shape (N, 3)
-        Unit normals of the body at the places nearest to the points.
+        Unit normals of the body at the nearest places to the points.
     background : array of bool, shape (N,)
-        Points that are not of the body: floor, strays or hair.
+        Points that do not belong to the body: floor, strays or hair.
     points : array, shape (V, 3)
         The body, metres, y up.
     faces : array of int, shape (F, 3)
@@ -50,7 +50,7 @@ class ScanOverBody:
     seen : array of bool, shape (V,)
         Vertices of the body that the scan shows.
     n_points : int
-        Number of points of the scan, of which `thinned` leaves fewer.
+        Number of points of the original scan; `thinned` keeps fewer.
 
     Examples
     --------
@@ -89,10 +89,10 @@ class ScanOverBody:
         return self._with_points(np.flatnonzero(kept), triangles)
 
     def thinned(self, most_points: int) -> ScanOverBody:
-        """Return the scan with about this many points at most, evenly spread.
+        """Return the scan with at most about this many points, evenly spread.
 
-        Of a mesh, each point takes the place of those around it, and triangles between different
-        places remain.
+        In a mesh, each remaining point replaces those around it, and triangles between different
+        points are kept.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ def _different_corners(triangles: ndarray) -> ndarray:
 def lay_over_body(
     scan: Any, points: Any = None, faces: Any = None, *, unit: str | None = None
 ) -> ScanOverBody:
-    r"""Lay a scan over its body, and measure how far it is from it.
+    r"""Lay a scan over its body, and measure the distances between them.
 
     The distance of a point x of the scan from the nearest place y on the body, with the normal n,
     is :math:`\mathrm{sign}\langle x - y, n\rangle \, \|x - y\|`.
@@ -138,11 +138,11 @@ def lay_over_body(
     Parameters
     ----------
     scan : RegisteredScan, ScanRecord, or as in `ScanRegistration.solve`
-        A result or record, which hold their body; or a scan of a body that is given. If the scan
-        has other axes than the body, the rigid motion between them is found by iterated closest
-        points.
+        A result or record, which contains its body; or a scan, with its body as `points`. If the
+        scan has other axes than the body, the rigid motion between them is found by iterated
+        closest points.
     points : array_like, shape (V, 3), or mesh, optional
-        The body of a scan, metres, y up; none for results and records.
+        The body of a scan, metres, y up; not for results and records.
     faces : array_like of int, shape (F, 3), optional
     unit : str, optional
         Unit of a scan, see `load_scan`.

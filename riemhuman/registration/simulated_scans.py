@@ -33,7 +33,7 @@ class SimulatedScan:
     faces : array of int, shape (F, 3), or None
         Triangles of a mesh; None for loose points.
     body : array, shape (V, 3)
-        The body at the place of the scan, metres.
+        The body in the position of the scan, metres.
 
     Examples
     --------

@@ -74,7 +74,7 @@ class TemplateRegistration:
         scan : path, Scan, array_like or pair
             As for `ScanRegistration.solve`.
         start : array_like, shape (V, 3), optional
-            The template roughly at the place of the scan; by default its own vertices.
+            The template roughly in the position of the scan; by default its own vertices.
         """
         template = self.template
         whole = as_scan(scan, "metres")  # which leaves any unit as it is

@@ -89,23 +89,22 @@ class TopologyMap:
     """A map between the bodies of a body model and those of another topology.
 
     Every vertex of each mesh has a place on the other: a triangle, barycentric coordinates, and a
-    height along the interpolated normal, which turns and grows with the triangles around it.
-    Between the vertices of a coarser mesh, where flat triangles miss the body, and between
-    symmetric meshes, each vertex is a weighted mean of those around its place, with weights learned
-    from simulated people of the model. A map is made once, by registration of one or several bodies
-    of the other topology, and takes milliseconds a body from then on. On simulated people of
-    another mesh, other people in other poses come within 3 mm of their places in the mean, and
-    there and back, through the coarse model too, within 1 mm
-    (tests/registration/test_topology_map.py asserts it).
+    height along the interpolated normal, which rotates and scales with the triangles around it.
+    From a coarser mesh, whose flat triangles miss the body, and between symmetric meshes, each
+    vertex is a weighted mean of the vertices around its place, with weights learned from simulated
+    people of the model. A map is computed once, by registration of one or several bodies of the
+    other topology, and then takes milliseconds per body. On simulated people with another mesh, the
+    mean error for other people in other poses is at most 3 mm, and for mapping there and back, even
+    through the coarse model, at most 1 mm (tests/registration/test_topology_map.py asserts it).
 
-    Use it to convert bodies that exist. `transfer_model` makes instead a body model of the other
-    topology, with skinning weights and shape directions, to make and pose new bodies.
+    Use it to convert existing bodies. To generate and pose new bodies, use `transfer_model`, which
+    creates a body model of the other topology, with skinning weights and shape directions.
 
-    If the triangles of both meshes are their own mirror images, mapping a mirrored body gives the
-    mirrored result, to rounding. The full open model is symmetric in this sense, the coarse is not.
+    If the triangulations of both meshes are symmetric, mapping a mirrored body gives the mirrored
+    result, up to rounding. The full open model is symmetric in this sense, the coarse model is not.
 
-    What has no counterpart, such as eyeballs, teeth or the inside of a mouth, moves as its
-    surroundings do.
+    Parts without counterpart, such as eyeballs, teeth or the inside of a mouth, move with their
+    surroundings.
 
     Attributes
     ----------
@@ -113,7 +112,7 @@ class TopologyMap:
     template_faces : array of int, shape (F, 3)
         Triangles of the other topology.
     message : str
-        What the registration left in doubt.
+        Doubts that the registration left.
     model_places : VertexPlaces
         For the model's vertices, `places` on the other topology (triangles and barycentric
         coordinates) and `heights` above them, metres.
@@ -144,7 +143,7 @@ class TopologyMap:
         faces: Any = None,
         up: str | None = None,
     ) -> TopologyMap:
-        """Make a map from bodies of the other topology.
+        """Compute a map from bodies of the other topology.
 
         Parameters
         ----------
@@ -155,18 +154,18 @@ class TopologyMap:
         model : BodyModel, optional
             By default the open model at full resolution.
         faces : array_like of int, shape (F, 3), optional
-            Triangles, where `template` is an array of vertices alone.
+            Triangles, if `template` is an array of vertices only.
         up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-            Axis that points up in the bodies, which are turned upright. By default it is found by
-            the feet of the first one; registration finds out where that is in doubt.
+            Axis that points up in the bodies, which are turned upright. By default it is found from
+            the feet of the first body or, if that is ambiguous, by registration.
 
         Raises
         ------
         ArgumentError
-            If triangles look inward, which those of a mirrored body do; if the bodies are not in
+            If triangles face inward, as those of a mirrored body do; if the bodies are not in
             metres; or if the registration of a body is not trusted.
         FileFormatError
-            The same of a file.
+            The same for a file.
         """
         model = load_open_model() if model is None else model
         if not isinstance(model, BodyModel):
@@ -337,8 +336,8 @@ class TopologyMap:
         points : array_like, shape (..., V, 3), path, mesh or pair
             Bodies of the other topology, metres, y up; or a mesh, whose triangles are compared.
         fit : bool
-            Whether to return betas, poses and translations, too. Bodies of one axis are taken for
-            a sequence: each fit starts from the one before.
+            Whether to return betas, poses and translations, too. An array with one leading axis is
+            treated as a sequence, in which each fit starts from the previous one.
         up : {"x", "y", "z", "-x", "-y", "-z"}, optional
             Axis that points up, rotated to y. By default bodies stay as they are, and an error
             says if most are upside down.
@@ -356,10 +355,10 @@ class TopologyMap:
     def to_motion(
         self, points: Any, frames_per_second: float, *, name: str = "", up: str | None = None
     ) -> ArrayMotion:
-        """Return bodies of the other topology, moments of one person's motion, as a motion.
+        """Return bodies of the other topology, the frames of one person's motion, as a motion.
 
-        The model is fitted to every frame, each from the one before. The person has the mean of
-        the betas, and a warning says by how much they differ. `Motion.save` writes the result in
+        The model is fitted to every frame, starting from the previous one. The person has the mean
+        of the betas, and a warning says by how much they differ. `Motion.save` writes the result in
         AMASS's layout, as BVH or as GLB.
 
         Parameters
@@ -489,7 +488,7 @@ class TopologyMap:
         Raises
         ------
         FileFormatError
-            If the file holds no map, or one of another model.
+            If the file holds no map, or the map of another model.
         """
         arrays = load_arrays(path, _ARRAYS, optional=_LEARNED)
         file = file_path(path)

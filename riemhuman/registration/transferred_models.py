@@ -26,11 +26,12 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
               v_i = & \Big(\sum_j w_{ij} R_j\Big)^{-1} \Big(f_i - \sum_j w_{ij} t_j\Big) \\
               & - \text{shapedirs}_i\, \beta - \text{posedirs}_i\,(R - I) \end{split}
 
-    with the rigid motions :math:`x \mapsto R_j x + t_j` of the joints (Loper et al. 2015,
-    equation 2). What the model cannot fit of the body stays in the mean body.
+    with the rigid motions :math:`x \mapsto R_j x + t_j` of the joints (Loper et al. 2015, equation
+    2). The residual that the model cannot fit stays in the mean body.
 
-    The result makes and poses new bodies of the other mesh. To convert bodies that exist, use
-    `TopologyMap`, which takes milliseconds a body and does not depend on what a model can show.
+    The result generates and poses new bodies with the other mesh. To convert existing bodies, use
+    `TopologyMap`, which takes milliseconds per body and does not depend on what a model can
+    represent.
 
     Parameters
     ----------

@@ -112,15 +112,15 @@ class ExponentialResult(Result):
 class DiscreteExponential(ExpSolver):
     """exp in n steps, by the discrete geodesic equation.
 
-    The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following point
-    solves the discrete geodesic equation. The error of the end point is of second order in the time
-    step 1/n, and the squared speed along the path is constant up to that order.
+    The first step is symmetric: x₀ is the midpoint of the points x₀ ± v/n + w. Every following
+    point solves the discrete geodesic equation. The error of the end point is of second order in
+    the time step 1/n, and the squared speed along the path is constant up to that order.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations that span the geodesic together with the velocity: its surfaces differ from the
-        base point by these alone. By default all coordinates are free.
+        The surfaces of the geodesic differ from the base point only by these deformations and the
+        velocity. By default all coordinates are free.
     n_steps : int
         Steps in unit time.
     tolerance : float
@@ -128,9 +128,9 @@ class DiscreteExponential(ExpSolver):
     max_iter : int
         Largest number of iterations of each step.
     n_doublings : int
-        How often `solve` may begin anew with steps half as long, where a step fails, is longer
-        than the distance of its ends (small λ) or, over all coordinates, rotates a triangle by more
-        than 60 degrees.
+        How often `solve` may start again with steps half as long, if a step fails, is longer than
+        the distance between its ends (small λ) or, with all coordinates free, rotates a triangle by
+        more than 60 degrees.
 
     Examples
     --------
@@ -218,8 +218,9 @@ class DiscreteExponential(ExpSolver):
     ) -> tuple[Array, Array]:
         r"""Return the derivatives of a function of a path by its initial velocity and point.
 
-        Autograd uses them to differentiate through `metric.exp`. They are exact where the equations
-        determine the path up to motions that the metric does not measure, as for closed surfaces.
+        Autograd uses them to differentiate through `metric.exp`. They are exact if the equations
+        determine the path up to motions that the metric does not measure, as they do for closed
+        surfaces.
 
         Parameters
         ----------

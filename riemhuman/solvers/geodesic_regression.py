@@ -99,7 +99,7 @@ class GeodesicRegression(ImageEstimator):
         X : array, shape (n,) or (n, 1)
             Numbers t_i, not all the same.
         y : array, shape (n, \*shape)
-            Points, at least two; one without a logarithm at the mean raises an
+            Points, at least two. A point without a logarithm at the mean raises an
             OutsideManifoldError.
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)

@@ -39,11 +39,11 @@ _CLOSE = 1.1
 class PoissonPath(PathSolver):
     """The path of surfaces whose triangles rotate and stretch uniformly: limbs do not collapse.
 
-    The triangles of the surface at time t are nearest to those rotated and stretched, by a Poisson
-    equation as in deformation transfer. Triangles rotate by the smaller angle. Where neighbours
-    then rotate in different directions, as in a limb that rotates by about 180°, each limb rotates
-    by the smaller angle or like its neighbours, whichever has less energy. Where the metric
-    ignores rotations and translations, the ends are first aligned as by `BasisPath`.
+    The surface at time t fits the rotated and stretched triangles best, by a Poisson equation as in
+    deformation transfer. Triangles rotate by the smaller angle. If neighbours then rotate in
+    different directions, as in a limb that rotates by about 180°, each limb rotates by the smaller
+    angle or like its neighbours, whichever has less energy. If the metric ignores rotations and
+    translations, the ends are first aligned as by `BasisPath`.
 
     Parameters
     ----------

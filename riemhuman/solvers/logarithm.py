@@ -58,15 +58,16 @@ class LogarithmResult(Result):
     tangent_vec : array, shape (\*shape,)
         Initial velocity.
     path : array, shape (n_nodes, \*shape)
-        The geodesic, both ends included: one point more than steps were made. Where the metric
+        The geodesic, both ends included: one point more than the number of steps. If the metric
         ignores rotations and translations, a point that is turned by more than 30 degrees is first
-        moved onto the base point: the path ends there, and the velocity holds no rotation.
+        aligned with the base point; the path then ends at the aligned point, and the velocity
+        contains no rotation.
     energy : float
         Energy of the path: about the squared norm of the velocity.
     end_error : float
         Largest difference between the exponential of the velocity and the point, in units of the
-        points, after a rigid motion where the metric ignores rotations; infinite where the
-        exponential ends early.
+        points, after a rigid alignment if the metric ignores rotations; infinite if the exponential
+        ends early.
     n_iterations, n_evaluations, status, message
         See `Result`, for path, velocity and exponential.
 
@@ -124,23 +125,24 @@ def best_logarithm(
 class DiscreteLogarithm(LogSolver):
     """log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
 
-    The point x₋₁ continues the geodesic backwards by one step. The logarithm has converged where
-    its inverse, the `DiscreteExponential` with as many steps, returns to the point. Else, and
-    where a step is too long for the equations, it halves the steps. Both maps differ from the
-    continuous ones by the second order of the time step 1/n. Metrics of normals alone (a = 0) may
-    determine no logarithm between very different poses; a small a does.
+    The point x₋₁ continues the geodesic backwards by one step. The logarithm has converged if its
+    inverse, the `DiscreteExponential` with the same number of steps, returns to the point.
+    Otherwise, or if a step is too long for the equations, the steps are halved. Both maps differ
+    from the continuous ones by a term of second order in the time step 1/n. Metrics of normals
+    alone (a = 0) may not determine a logarithm between very different poses; with a small a, they
+    do.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations that span the geodesic together with the difference of the ends: its surfaces
-        differ from the start by these alone. If a path that rotates limbs has at least 1 % less
-        energy, its displacements are added, see `inverse`. By default all coordinates are free.
+        The surfaces of the geodesic differ from the start only by these deformations and the
+        difference of the ends. If a path that rotates limbs has at least 1 % less energy, its
+        displacements are added (see `inverse`). By default all coordinates are free.
     n_steps : int
         Steps in unit time.
     geodesic_solver : object, optional
-        Solver for the path, whose steps are not halved. By default `BasisPath` with the basis or
-        `PathStraightening` without, both with narrow tolerances.
+        Solver for the path, whose steps are not halved. By default it is `BasisPath` if there is a
+        basis and otherwise `PathStraightening`, both with narrow tolerances.
     tolerance, max_iter
         See `DiscreteExponential`.
     n_doublings : int
@@ -193,7 +195,8 @@ class DiscreteLogarithm(LogSolver):
     def inverse(self, result: LogarithmResult) -> DiscreteExponential:
         """Return the exponential that takes the velocity back to the point.
 
-        It has as many steps as the path; with a basis, the displacements of the path are added.
+        It has the same number of steps as the path. If there is a basis, the displacements of the
+        path are added to it.
 
         Parameters
         ----------

@@ -59,37 +59,37 @@ _SMALLEST_STEP = 1e-6
 class BasisMean(MeanSolver):
     """The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
 
-    Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With
-    a basis the result is the mean over the span of the basis and of the points' differences, and
-    its message says so; points outside the span may have a smaller variance. Under a metric of
-    normals alone, what is minimised is not the variance: see `companion_weight`. Where the metric
-    ignores rotations and translations, the points are first moved onto their average and with it
-    onto the template, in whose directions the basis is: the mean does not depend on how they are
-    turned, and is turned back to stand as x₀ does, or the first of the points.
+    Algorithm 2 of the paper: minimisation by L-BFGS, preconditioned by the metric's matrix. With a
+    basis the result is the mean over the span of the basis and of the points' differences, and its
+    message says so; points outside the span may have a smaller variance. Under a metric of normals
+    alone, the search minimises something other than the variance: see `companion_weight`. If the
+    metric ignores rotations and translations, the points are first aligned with their average, and
+    with it to the template, in whose axes the basis is given. The mean then does not depend on how
+    the points are turned. It is turned back to the orientation of x₀, or of the first point.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
         Deformations D_j; by default all coordinates are free.
     with_differences : bool
-        Whether to add the differences of the points from x₀ to the basis, which the paper's
-        algorithm does without: a basis of motions does not describe how bodies differ in build.
+        Whether to add the differences of the points from x₀ to the basis, because a basis of
+        motions does not describe differences in body shape. The paper's algorithm does not.
     companion_weight : float
-        An elastic metric of normals alone, a = 0, does not measure the lengths of edges: in its
-        means, arms stretch and shrink like rubber. The search therefore minimises the mean squared
+        An elastic metric of normals alone (a = 0) does not measure the lengths of edges, so arms
+        would stretch and shrink in its means. The search therefore minimises the mean squared
         distance under the sum of the metric and this weight times (1, 1, 0), in units of c. Under
         the metric alone, other points may have a smaller variance, even the average of the
         vertices.
     tolerance : float, optional
-        Stop when a Newton step would gain at most this share of the variance, as far as the
-        preconditioned gradient tells. By default 1e-8 over a basis, and in all coordinates 1e-5
-        where moreover the second half of the iterations has gained less than 0.3 %.
+        Stop when a Newton step would gain at most this share of the variance, estimated from the
+        preconditioned gradient. By default it is 1e-8 over a basis. In all coordinates it is 1e-5,
+        and the second half of the iterations must also have gained less than 0.3 %.
     max_iter : int
     sample_size : int
-        Where points come in batches, number of evenly spaced points from whose mean the search
-        starts and whose differences join the basis.
+        If points come in batches, the number of evenly spaced points from whose mean the search
+        starts, and whose differences are added to the basis.
     callback, progress
-        See `BasisPath`; they are given the variance and the point.
+        See `BasisPath`; they receive the variance and the point.
 
     Examples
     --------
@@ -138,16 +138,16 @@ class BasisMean(MeanSolver):
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
-            x₀, by default the better of the arithmetic mean and of the best of the points; the
-            paper starts from the first of them.
+            x₀, by default the arithmetic mean or the best of the points, whichever is better; the
+            paper starts from the first point.
         exponent : int
             2 for the mean, 1 for the geometric median.
 
         Returns
         -------
         MeanResult
-            `variance` is that of the metric alone; `variances`, which the search lowers, include
-            the companion metric, and are mean distances for medians.
+            `variance` is that of the metric alone. `variances`, which the search minimises, include
+            the companion metric; for medians they are mean distances.
         """
         check_metric(metric)
         of_search = metric_of_search(metric, self.companion_weight)
@@ -298,15 +298,15 @@ class BasisMean(MeanSolver):
 class GradientDescentMean(MeanSolver):
     """x ← exp_x(Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
-    Steps are halved where the variance would increase. Medians weight the logarithms by the
-    inverse distances as well (Fletcher, Venkatasubramanian and Joshi, "The geometric median on
-    Riemannian manifolds with application to robust atlas estimation", NeuroImage 45, 2009).
+    Steps are halved if the variance would increase. Medians weight the logarithms by the inverse
+    distances as well (Fletcher, Venkatasubramanian and Joshi, "The geometric median on Riemannian
+    manifolds with application to robust atlas estimation", NeuroImage 45, 2009).
 
     Parameters
     ----------
     tolerance : float
         Stop when the norm of the mean of the logarithms is at most this share of the standard
-        deviation, for medians of the mean distance.
+        deviation (for medians, of the mean distance).
     max_iter : int
 
     Examples
@@ -333,8 +333,8 @@ class GradientDescentMean(MeanSolver):
     ) -> MeanResult:
         """Find the mean, by default from the first point of positive weight; medians from the mean.
 
-        The other parameters are those of `BasisMean.solve`. A point without a logarithm at a point
-        on the way raises an OutsideManifoldError.
+        The other parameters are those of `BasisMean.solve`. If a point has no logarithm at an
+        iterate, an OutsideManifoldError is raised.
         """
         check_metric(metric)
         if metric.log_solver is None and not metric.has_closed_form_geodesic:
@@ -431,8 +431,8 @@ class _MeanSettings(TypedDict, total=False):
 class FrechetMean(Estimator):
     r"""The point x̄ that minimises Σ_i w_i d(x_i, x̄)² (section 4 of the paper).
 
-    `BasisMean` minimises this over a span if it has a basis, and adds a second metric to one of
-    normals alone: it says what it minimises.
+    If `BasisMean` has a basis, it minimises this over a span. To a metric of normals alone it adds
+    a second metric. Its message says what it minimises.
 
     Parameters
     ----------
@@ -500,12 +500,12 @@ class FrechetMean(Estimator):
 
 
 class GeometricMedian(FrechetMean):
-    r"""The point that minimises Σ_i w_i d(x_i, x); see `FrechetMean` for what `BasisMean` adds.
+    r"""The point that minimises Σ_i w_i d(x_i, x); `FrechetMean` says what `BasisMean` adds.
 
     Parameters
     ----------
     space, solver
-        See `FrechetMean`; the solver is asked for ``exponent=1``.
+        See `FrechetMean`; the solver is called with ``exponent=1``.
 
     Attributes
     ----------

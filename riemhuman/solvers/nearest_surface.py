@@ -45,23 +45,23 @@ _SMALLEST = 1e-6
 class NearestSurface:
     """The surface f that minimises the mean of d(Φ(f), y_i)² over all its vertices.
 
-    With one target y, a point of the image space that need not come from a surface, it is the
-    projection of y to surfaces; with the images of several surfaces it is their Karcher mean.
+    With a single target y, a point of the image space that need not come from a surface, it is the
+    projection of y to surfaces. With the images of several surfaces, it is their Karcher mean.
 
-    A metric of metric fields alone (c = 0) hardly sees how a surface bends, and one of normals
-    alone (a = 0) not the size of triangles. What such an `ElasticMetric` does not see is therefore
-    kept near the start by the part that it lacks, ε d_companion(f, start)².
+    A metric of metric fields alone (c = 0) hardly measures how a surface bends, and one of normals
+    alone (a = 0) does not measure the size of triangles. For such an `ElasticMetric`, the missing
+    part, ε d_companion(f, start)², is added, which keeps the surface near the start.
 
-    The surfaces f and -f have the same g and n: the start decides which is found, and should face
-    the same way as the surface that is looked for.
+    The surfaces f and -f have the same g and n. The start decides which of them is found, and
+    should face the same way as the desired surface.
 
     Parameters
     ----------
     companion_weight : float
         ε, of at least 0.
     tolerance : float
-        Stop when a Newton step would gain at most this share of the functional, as far as the
-        preconditioned gradient tells.
+        Stop when a Newton step would gain at most this share of the functional, estimated from the
+        preconditioned gradient.
     max_iter : int
     progress : bool
 
@@ -160,7 +160,7 @@ class NearestSurface:
 
 
 def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Booleans:
-    r"""Tell which triangles of a surface are inverted with respect to a reference.
+    r"""Return which triangles of a surface are inverted with respect to a reference.
 
     Let A be the mean of the deformation gradients of all triangles that share a corner with a given
     one. A should take the normal n of the triangle to the direction of

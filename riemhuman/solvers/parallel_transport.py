@@ -73,17 +73,17 @@ class PoleLadder(TransportSolver):
     error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
     of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
     22, 2022). Along geodesics, metrics that have transport in closed form use it. Without
-    closed-form geodesics each side of a rung is one discrete segment. Where the metric ignores
-    rotations and translations, the end point is first moved onto the base point; the path and the
+    closed-form geodesics, each side of a rung is one discrete segment. If the metric ignores
+    rotations and translations, the end point is first aligned with the base point; the path and the
     vectors are turned back.
 
     Parameters
     ----------
     n_rungs : int
-        Number of segments of a closed-form geodesic; a solver's path has its own.
+        Number of segments of a closed-form geodesic; the path of a solver has its own number.
     basis : DeformationBasis, optional
-        Deformations that span the discrete segments together with those of the path and the vector;
-        by default all coordinates are free.
+        Deformations that, together with those of the path and the vector, span the discrete
+        segments; by default all coordinates are free.
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
     tolerance, max_iter

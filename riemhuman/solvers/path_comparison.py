@@ -119,7 +119,7 @@ def compare_paths(
         Each solver with the name of its metric, such as ``{"basis": (BasisPath(basis), "elastic"),
         "straight": (LinearPath(), "elastic")}``.
     reference : array, shape (n_nodes, V, 3), optional
-        Path to measure deviations from, such as the body model's own motion.
+        Path from which deviations are measured, such as the motion of the body model.
 
     Examples
     --------
@@ -160,10 +160,10 @@ def compare_metrics(
 ) -> list[PathComparison]:
     """Find a path under each metric, all with the same search and from the same path.
 
-    In `compare_paths` every search may start elsewhere, and paths then differ by their starts as
-    well as by their metrics. Here a search that ends above the energy of another path, measured by
-    its own metric, continues from that path, until no path has a lower energy under a metric than
-    the metric's own path.
+    In `compare_paths`, every search may start from a different path, so the results differ by their
+    starts as well as by their metrics. Here, if another path has less energy under the metric of a
+    search than its result, the search continues from that path, until under every metric no path
+    has less energy than the metric's own path.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def compare_metrics(
     paths : sequence of PathComparison
         Known paths between the same surfaces, from `compare_paths`.
     initial : str
-        Name of the one among them from which every search starts.
+        Name of the path among them from which every search starts.
     reference : array, shape (n_nodes, V, 3), optional
         As in `compare_paths`.
 

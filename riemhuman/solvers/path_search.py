@@ -291,15 +291,15 @@ class BasisPath(PathSearch, _OverBasis):
 
     .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j
 
-    for every interior time (corrected: α has one block for each of them). In the paper l is the
-    straight path (1 − t) f₀ + t f₁ (corrected), as here with ``initial=LinearPath(n_nodes)``. By
-    default l is the path that rotates every triangle (`PoissonPath`) where that has less energy, so
-    that limbs bend instead of shrinking. A quasi-Newton method finds α, preconditioned by the
-    metric's Gram matrix on the basis.
+    for every interior time (corrected: α has one block for each of them). In the paper, l is the
+    straight path (1 − t) f₀ + t f₁ (corrected), which you get with ``initial=LinearPath(n_nodes)``.
+    By default, l is the path that rotates every triangle (`PoissonPath`) if that has less energy,
+    so that limbs bend instead of shrinking. A quasi-Newton method, preconditioned by the metric's
+    Gram matrix on the basis, finds α.
 
-    Where the metric ignores rotations and translations (`is_rotation_invariant`), the end is first
-    moved onto the start, and l runs there. The path found is turned back uniformly to the given
-    end: its energy, the sum of the squared distances between its points, does not change.
+    If the metric ignores rotations and translations (`is_rotation_invariant`), the end is first
+    aligned with the start. The resulting path is turned back uniformly to the given end, which does
+    not change its energy, the sum of the squared distances between its points.
 
     Parameters
     ----------
@@ -310,16 +310,16 @@ class BasisPath(PathSearch, _OverBasis):
     energy : PathEnergy
         Energy to minimise.
     initial : GeodesicSolver, optional
-        Solver for l, with as many times. By default `PoissonPath` or `LinearPath`, whichever path
-        has less energy.
+        Solver for l, with the same number of times. By default `PoissonPath` or `LinearPath`,
+        whichever path has less energy.
     tolerance : float
-        The search stops when a Newton step would gain at most this share of the energy, as far as
-        the preconditioned gradient tells, and the second half of its iterations, if they are ten or
-        more, has gained at most 0.1 %, or ten times this share.
+        The search stops when a Newton step would gain at most this share of the energy, estimated
+        from the preconditioned gradient. After ten iterations or more, the second half of them must
+        also have gained at most 0.1 %, or ten times this share.
     max_iter : int
     remove_drift : bool
-        Whether to remove motions that leave the energy unchanged from the path found, such as rigid
-        motions of interior surfaces where c = 0.
+        Whether to remove motions that leave the energy unchanged from the result, such as rigid
+        motions of interior surfaces if c = 0.
     callback : callable, optional
         Called with (iteration, energy, path) after each iteration.
     progress : bool
@@ -369,11 +369,11 @@ class PathStraightening(PathSearch):
     Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
     steps that leave it (`belongs`) are rejected. Ends are aligned as by `BasisPath`. The
     minimisation is L-BFGS with the inverse of the metric's matrix, averaged over the path, as its
-    first inverse Hessian; it starts as `BasisPath`
-    does, and tries both ways where a limb may rotate either way. Its energies are never higher than
-    those of `BasisPath` with ``initial=BasisPath(...)``.
+    first inverse Hessian; it starts as `BasisPath` does, and tries both directions if a limb may
+    rotate in either. Its energies are never higher than those of `BasisPath` with
+    ``initial=BasisPath(...)``.
 
-    If it costs nothing that surfaces slide along themselves, their meshes crumple: a
+    If surfaces can slide along themselves at no cost, their meshes crumple; a
     `ReparametrizationInvarianceWarning` says so.
 
     Parameters
@@ -381,7 +381,7 @@ class PathStraightening(PathSearch):
     n_nodes, energy
         See `BasisPath`.
     initial : GeodesicSolver, optional
-        Solver whose path, with as many nodes, is another start.
+        Solver whose path, with the same number of nodes, is used as another start.
     tolerance : float
         See `BasisPath`; the second half of the iterations must have gained at most 0.2 %, or twenty
         times this share.

@@ -32,7 +32,7 @@ _ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class SegmentEnergy(PathEnergy):
-    """n Σ d²(x_i, x_{i+1}) over n segments, in closed form where the metric has one.
+    """n Σ d²(x_i, x_{i+1}) over n segments, in closed form if the metric has one.
 
     It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
     is refined in time.
@@ -55,7 +55,7 @@ class SegmentEnergy(PathEnergy):
 class FiniteDifferenceEnergy(PathEnergy):
     """n Σ ‖x_{i+1} − x_i‖² over n segments, by the inner product at their midpoints.
 
-    The paper's form of the energy (equation 7), of second order in the time step.
+    The paper's form of the energy (equation 7), which is accurate to second order in the time step.
 
     Examples
     --------
@@ -191,7 +191,7 @@ class LinearPath(PathSolver):
 
 @dataclass(frozen=True)
 class ClosedFormGeodesic(PathSolver):
-    """The geodesic, for metrics that have it in closed form; others raise a NotDefinedError.
+    """The geodesic of a metric that has it in closed form; others raise a NotDefinedError.
 
     Parameters
     ----------

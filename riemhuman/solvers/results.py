@@ -30,9 +30,9 @@ _FEWEST_VERTICES = 100
 
 
 class Status(StrEnum):
-    """How a solver ended: its stopping test was met, or why it stopped before.
+    """How a solver ended: its stopping test was met, or the reason why it stopped earlier.
 
-    ``STALLED``: no step improved the result. ``OUTSIDE_MANIFOLD``: it met the boundary of the
+    ``STALLED``: no step improved the result. ``OUTSIDE_MANIFOLD``: it reached the boundary of the
     manifold. ``INTERRUPTED``: it was stopped from the keyboard.
 
     Examples
@@ -58,7 +58,7 @@ class Outcome(TypedDict):
 
 
 class SavedResult:
-    """The arrays of a result in a file, each read as what it must be.
+    """The arrays of a result in a file, each read as the type that it must have.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class SavedResult:
         ----------
         name : str
         default : float, optional
-            What a file without it means; by default it is refused.
+            Value if the file does not contain it; by default such a file is refused.
         """
         if default is not None and name not in self._arrays:
             return default
@@ -156,14 +156,14 @@ class SavedResult:
 class Result(Record):
     """How a solver ended; subclasses add its solution.
 
-    A subclass of one's own that is to be kept in files overrides `contents` and `from_saved`.
+    Your own subclass must override `contents` and `from_saved` if it is to be saved in files.
 
     Attributes
     ----------
     n_iterations, n_evaluations : int
         Iterations, and evaluations of the objective and its gradient.
     status, message : Status, str
-        How it ended, for code and for people.
+        How the solver ended, for code (`status`) and for people (`message`).
 
     Examples
     --------
@@ -264,12 +264,12 @@ class PathResult(Result):
     energies : array, shape (n_iterations + 1,)
         Energy at the start and after each iteration.
     lower_bound : float
-        Squared distance of the ends where the metric has a closed form, else 0: no path has less
+        Squared distance of the ends if the metric has a closed form, otherwise 0. No path has less
         energy, discrete or continuous.
     gap : float
-        Estimate, in per cent of the energy, of how much further iterations would reduce it, on
-        bodies at least a fifth of that; nan where there is none, as for paths that do not minimise
-        energy.
+        Estimate, in per cent of the energy, of how much further iterations would reduce it; on
+        bodies, the estimate was at least a fifth of the true value. NaN if there is no estimate, as
+        for paths that do not minimise energy.
     n_iterations, n_evaluations, status, message
         See `Result`.
 
@@ -318,10 +318,10 @@ class MeanResult(Result):
     variance : float
         Weighted mean of the squared distances to it, Σ w_i d²/Σ w_i.
     variances : array, shape (n_iterations + 1,)
-        What is minimised, at the start and after each iteration: the same, unless `BasisMean` adds
-        a metric of lengths to one of normals alone.
+        The value that is minimised, at the start and after each iteration. It is the variance,
+        unless `BasisMean` adds a metric of lengths to one of normals alone.
     n_iterations, n_evaluations, status, message
-        See `Result`; a mean over a basis is one within the span that the message names.
+        See `Result`; a mean over a basis lies within the span that the message names.
 
     Examples
     --------
@@ -360,7 +360,7 @@ class Interrupted(KeyboardInterrupt):
     Parameters
     ----------
     result : Result
-        The best that it had found so far.
+        The best result so far.
 
     Examples
     --------

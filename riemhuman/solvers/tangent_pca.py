@@ -103,26 +103,26 @@ def known_mean(point: Points) -> MeanResult:
 class TangentPCA(ImageEstimator, Transformer):
     r"""Principal directions of logarithms at the Karcher mean, orthonormal in the metric there.
 
-    With :math:`v_i = \log_{\bar x} x_i` less their average, the directions :math:`u_k` maximise
+    With :math:`v_i = \log_{\bar x} x_i` minus their average, the directions :math:`u_k` maximise
     :math:`\sum_i \langle v_i, u_k\rangle_{\bar x}^2` [1]_. They are computed from the n × n matrix
     of inner products of the :math:`v_i`.
 
     Surfaces are mapped to their fields Φ(f) = (g, n), where geodesics have a closed form.
     Logarithms are taken there, and a combination of directions is mapped back to the surface with
     the nearest fields, see `NearestSurface`. The weights of the metric thus decide what is
-    analysed: (1, 1, 0) how a body is built, whatever its pose, (0, 0, 1) how it stands, (1, 1, 1)
-    both. If λ is so small that triangles have no logarithm (θ ≥ π, as with the λ = 1e-4 of
-    retrieval), `fit` raises an OutsideManifoldError.
+    analysed: (1, 1, 0) body shape in any pose, (0, 0, 1) pose, (1, 1, 1) both. If λ is so small
+    that triangles have no logarithm (θ ≥ π, as with the λ = 1e-4 of retrieval), `fit` raises an
+    OutsideManifoldError.
 
-    Bodies in several poses are torn by combinations of their components, at shoulders above all.
-    Unless the metric is one of normals alone, `fit` issues a MixedPosesWarning where more than 2 %
-    of the area of a body is turned by more than 30° from the average of all, as smoothed over the
-    body; of ten people in one pose, no more than 0.6 % is (the natural open bodies).
-    `riemhuman.measurements.in_standard_pose` brings bodies to one pose.
+    If the bodies are in several poses, combinations of their components tear them, above all at the
+    shoulders. Unless the metric uses normals alone, `fit` issues a MixedPosesWarning if more than 2
+    % of the area of a body is turned by more than 30° from the average of all bodies, with
+    rotations smoothed over the body. For ten people in one pose (the natural open bodies), it is at
+    most 0.6 %. `riemhuman.measurements.in_standard_pose` brings bodies into one pose.
 
-    The directions are best in the metric, and not in millimetres: of ten people of FAUST, the one
-    left out is described to within 37.7 mm, and by principal components of vertices to within 21.4
-    mm; in the metric to within 0.487 and 0.629 (tests/benchmarks/test_statistics.py).
+    The directions are optimal in the metric rather than in millimetres. Of ten people of FAUST, a
+    person left out is described to within 37.7 mm, and by principal components of vertices to
+    within 21.4 mm; in the metric, to within 0.487 and 0.629 (tests/benchmarks/test_statistics.py).
 
     Parameters
     ----------
@@ -131,8 +131,8 @@ class TangentPCA(ImageEstimator, Transformer):
     n_components : int, optional
         Number of directions; by default the dimension that the logarithms span.
     mean : array, shape (\*shape,), or object, optional
-        The point of tangency, or a solver for it, such as `BasisMean`. By default the Karcher mean
-        by `GradientDescentMean`, of surfaces by `BasisMean`.
+        The point of tangency, or a solver for it, such as `BasisMean`. By default the Karcher mean,
+        found by `GradientDescentMean` or, for surfaces, by `BasisMean`.
     image : {"auto", "fields", "points"}
         Where logarithms are taken: "fields" as above, by default for metrics that are pulled back,
         or "points" with the metric's own `exp` and `log`.
@@ -150,8 +150,8 @@ class TangentPCA(ImageEstimator, Transformer):
     explained_variance_ratio_ : array, shape (n_components,)
         The same, as a share of the total variance.
     offset_ : array, shape (\*image_shape,)
-        Average of the logarithms; not 0 for surfaces, whose mean is the best surface and not the
-        best field.
+        Average of the logarithms; it is not 0 for surfaces, because their mean is the best surface
+        rather than the best field.
     n_components_ : int
 
     References
@@ -270,7 +270,7 @@ class TangentPCA(ImageEstimator, Transformer):
         return self.n_components_
 
     def inverse_transform(self, X: Array) -> Array:
-        r"""Return the points exp(offset + Σ_k z_k u_k), on surfaces those with the nearest fields.
+        r"""Return the points exp(offset + Σ_k z_k u_k), for surfaces those with the nearest fields.
 
         Parameters
         ----------
@@ -302,8 +302,8 @@ class TangentPCA(ImageEstimator, Transformer):
         rng : int or numpy.random.Generator
             Seed, or the generator to draw from.
         accept : callable, optional
-            Tells whether a point is acceptable; others are redrawn, a hundred times at most. By
-            default surfaces with `inverted_triangles` are rejected, and nothing else.
+            Returns whether a point is acceptable; others are redrawn, at most a hundred times. By
+            default only surfaces with `inverted_triangles` are rejected.
 
         Returns
         -------

@@ -68,17 +68,17 @@ _STRAIN_OF_BENDS = 0.37
 class MotionTransfer:
     """A motion of one body replayed on another.
 
-    The target moves as the source does, and not as the target would. On FAUST, the error against
-    people's own performances is 0.96 of that of adding the source's vertex offsets for whole
-    bodies, and 0.58 for patches of 10 cm; on simulated people, against the same motion performed by
-    the body model that made them, it is 0.31 (tests/benchmarks/test_transfer.py).
+    The target moves as the source does, rather than as the target would. On FAUST, compared with
+    people's own performances, the error is 0.96 of that of adding the source's vertex offsets for
+    whole bodies, and 0.58 for patches of 10 cm. On simulated people, compared with the same motion
+    performed by the body model that generated them, it is 0.31 (tests/benchmarks/test_transfer.py).
 
     Parameters
     ----------
     axes : str
-        "world": triangles of both bodies rotate about the same axes in space, right where the
-        target stands as the source does; "body": axes are carried from the source's triangles to
-        the target's by the rotation between them, for a target in another pose.
+        "world": triangles of both bodies rotate about the same axes in space, which is right if the
+        target is in the pose of the source. "body": the rotation between the source's and the
+        target's triangles is applied to the axes, for a target in another pose.
     transfer : str
         "change": the target repeats the changes of the source since the reference. "pose": the
         target takes the pose of the source in every frame, whatever its own initial pose; `axes`
@@ -111,7 +111,7 @@ class MotionTransfer:
         target: Array,
         reference: Array | None = None,
     ) -> Array:
-        """Return the target's motion, on which parts rest that rest on the source, above all feet.
+        """Return the target's motion; parts that rest in the source, such as feet, stay at rest.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class MotionTransfer:
         target : array, shape (V, 3)
             Body to be moved.
         reference : array, shape (V, 3), optional
-            The source in the target's pose, by default the first frame; left out where poses are
+            The source in the target's pose, by default the first frame; not used if poses are
             transferred.
         """
         if reference is not None and self.transfer == "pose":
@@ -161,8 +161,9 @@ class ShapeTransfer:
     The difference between two bodies in one pose is applied to the first body in another pose: its
     triangles undergo the same stretches, along axes that rotate with them. This difference includes
     how differently the two hold the pose. On FAUST, compared with the second person's own
-    performance, the result is therefore worse than the target as it is for whole bodies, 87 against
-    72 mm, and better for patches of 10 cm, 5.0 against 8.1 mm (tests/benchmarks/test_transfer.py).
+    performance, the result is therefore worse than the unchanged target for whole bodies (87
+    against 72 mm), and better for patches of 10 cm (5.0 against 8.1 mm;
+    tests/benchmarks/test_transfer.py).
 
     Examples
     --------
@@ -192,7 +193,7 @@ class ShapeTransfer:
 
 @dataclass(frozen=True, repr=False)
 class DisentanglingResult(Result):
-    """A surface near one body in shape and another in pose, and how it was found.
+    """A surface near one body in shape and near another in pose, and how it was found.
 
     Attributes
     ----------
@@ -202,7 +203,7 @@ class DisentanglingResult(Result):
     value : float
         The weighted sum of the squared distances from A and from `posed`.
     values : array, shape (n_iterations + 1,)
-        The same at the start and after each iteration, before any basis.
+        This value at the start and after each iteration, before a basis is applied.
     shape_dist, pose_dist : float
         Distances from the two bodies in the respective metric.
     n_iterations, n_evaluations, status, message
@@ -254,29 +255,29 @@ class Disentangling:
 
     .. math:: \arg\min_f\; d_{shape}(f, A)^2 + w\, d_{pose}(f, A_B)^2
 
-    A_B is A, brought into the pose of B by a smooth field of rotations: the normals of B itself
-    show its build, such as face and chest, as well as its pose. The search starts from A_B and
-    shares the strain of the joints with their neighbours. The result stands where B does and holds
-    the pose as B holds it, which A might not: on FAUST, the error against A's own performance is
-    0.86 of that of the better input for whole bodies, and 0.76 for patches of 10 cm. On simulated
-    people, against A's body posed by the model that made them, it is less than half
-    (tests/benchmarks/test_transfer.py).
+    A_B is A, brought into the pose of B by a smooth field of rotations. It is used because the
+    normals of B show not only its pose but also its body shape, such as face and chest. The search
+    starts from A_B and spreads the strain at the joints to their surroundings. The result is where
+    B is and holds the pose as B does, which A might not. On FAUST, compared with A's own
+    performance, the error is 0.86 of that of the better input for whole bodies, and 0.76 for
+    patches of 10 cm. On simulated people, compared with A's body posed by the model that generated
+    them, it is less than half (tests/benchmarks/test_transfer.py).
 
-    For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
-    the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
+    In the shape metric, λ must be large enough for distances not to saturate: use (1, 1, 0) rather
+    than the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations of bodies in motion. With a basis, the result differs from A by these alone: it
-        is the nearest such surface to the minimiser, in least squares.
+        Deformations of bodies in motion. With a basis, the result differs from A only by these
+        deformations: it is the surface of this kind nearest to the minimiser, in least squares.
     pose_weight : float
         w.
     bone_smoothing : float
-        How much longer heat flows along bones, once joints are known: the larger, the less of B's
-        build is carried over, above all to the torso, and the farther limbs end from where B holds
-        them. The default adds at most 3 % to the distance from A's own performance of the pose
-        (tests/benchmarks/test_transfer.py).
+        How much longer heat flows along bones, once the joints are known. The larger it is, the
+        less of B's body shape is transferred, above all to the torso, and the farther the limbs end
+        from where B holds them. The default adds at most 3 % to the distance from A's own
+        performance of the pose (tests/benchmarks/test_transfer.py).
     tolerance, max_iter, progress
         See `NearestSurface`.
 
@@ -312,7 +313,7 @@ class Disentangling:
         Parameters
         ----------
         shape_metric, pose_metric : SurfaceMetric
-            Metrics on surfaces over one template.
+            Metrics on surfaces over the same template.
         shape : array, shape (V, 3)
             Body A, which gives the shape.
         pose : array, shape (V, 3)

@@ -47,13 +47,13 @@ from riemhuman.terms.term import LENGTH, FieldSpace, FieldSpaces, Term
 
 
 class ConeTerm(Term):
-    r"""The elastic metric of stretching, growth and bending, by area of the moving surface.
+    r"""The elastic metric of stretching, growth and bending, integrated over the moving surface.
 
     .. math:: w \int_{f(T)} \left(a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2
               + c\, |\delta n|^2\right) dA_f, \qquad A = g^{-1}\delta g
 
-    Fields are x, y and s of g and, if c > 0, the unit normal. Triangles without area are the apex
-    s = 0 of the cone.
+    The fields are x, y and s of g and, if c > 0, the unit normal. Triangles without area are at the
+    apex s = 0 of the cone.
 
     Parameters
     ----------
@@ -116,7 +116,8 @@ class ConeTerm(Term):
 
         .. math:: d^2 = 16b\left((s_1-s_2)^2 + 4 s_1 s_2 \sin^2(\tfrac12\min(\pi,\psi))\right)
 
-        The gradient is 0 where the fields are equal, and where s = 0 or ψ ≥ π that of ψ is.
+        The gradient is 0 where the fields are equal. Where s = 0 or ψ ≥ π, the gradient of ψ is
+        taken as 0.
         """
         (x1, y1, s1), (x2, y2, s2) = fields_a[:3], fields_b[:3]
         lengths = squared_hyperbolic_distance(excess(x1, y1, x2, y2))

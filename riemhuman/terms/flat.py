@@ -20,7 +20,7 @@ _CHUNK = 2 * CHUNK
 class FlatTerm(Term):
     r"""A term with the L² distance :math:`\int_T \|\varphi(f_1) - \varphi(f_2)\|^2 dx`.
 
-    A subclass defines `field` alone; distances of many pairs run in compiled loops.
+    A subclass defines only `field`; distances of many pairs run in compiled loops.
 
     Parameters
     ----------

@@ -88,8 +88,8 @@ class NormalTerm(_AngleTerm):
 class RotationTerm(_AngleTerm):
     r"""w ∫ θ² dx, with θ ∈ [0, π] the angle of the rotation from R₁ to R₂, where df = R √g.
 
-    Rotations are kept as unit quaternions, of either sign: θ is twice the angle between two of
-    them, or one and minus the other.
+    Rotations are stored as unit quaternions of either sign: θ is twice the smaller of the angles
+    between one quaternion and plus or minus the other.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class FieldSpace(Protocol):
 
 
 class FieldSpaces(Protocol):
-    """The spaces of fields that the library has, given to `Term.target_space` to choose from.
+    """The spaces of fields that the library provides, from which `Term.target_space` may choose.
 
     Examples
     --------
@@ -58,12 +58,12 @@ class FieldSpaces(Protocol):
 
     @property
     def template(self) -> Template:
-        """The template that the fields are over."""
+        """The template on which the fields are defined."""
 
     def metric_fields(self, lam: float) -> FieldSpace:
         """Return the space of first fundamental forms, with the Ebin metric.
 
-        Its points have shape (F, 2, 2), as those of `riemhuman.MetricFields`.
+        Its points have shape (F, 2, 2), like those of `riemhuman.MetricFields`.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class FieldSpaces(Protocol):
     def normal_fields(self) -> FieldSpace:
         """Return the space of unit normals, with the metric of a product of spheres.
 
-        Its points have shape (F, 3), as those of `riemhuman.NormalFields`.
+        Its points have shape (F, 3), like those of `riemhuman.NormalFields`.
         """
 
     def metric_and_normal_fields(self, a: float, b: float, c: float) -> FieldSpace:
@@ -89,7 +89,7 @@ class FieldSpaces(Protocol):
         """
 
     def vector_fields(self, n_features: int) -> FieldSpace:
-        """Return the space of n numbers a triangle, with the L² metric, points of shape (F, n).
+        """Return the space of n numbers per triangle with the L² metric; points have shape (F, n).
 
         Parameters
         ----------
@@ -101,12 +101,13 @@ class Term(ABC):
     """One term of a metric on surfaces.
 
     A subclass defines `fields`, `squared_dist` and `inner_product` with `autograd.numpy`, triangle
-    by triangle, and all else follows: distances, energies and their gradients, matrices, bulk work.
-    The other methods are compiled forms of these three; a subclass that overrides one gains speed.
+    by triangle. Distances, energies and their gradients, matrices and distances of many pairs are
+    derived from these. The other methods are compiled forms of these three; overriding one makes a
+    term faster.
 
-    A term whose fields are points of a manifold with exp and log may say so: `has_target_space`,
-    and `target_space` with `target_point`, as in the second example. Means, principal components
-    and geodesics of fields then work for metrics that contain it.
+    If the fields of a term are points of a manifold with exp and log, the term may declare it with
+    `has_target_space`, `target_space` and `target_point`, as in the second example. Means,
+    principal components and geodesics of fields then work for metrics that contain the term.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ class Term(ABC):
     Attributes
     ----------
     is_rotation_invariant : bool
-        Whether rotating one of two surfaces leaves the term unchanged, as translating it does.
+        Whether rotating one of two surfaces leaves the term unchanged. Translating always does.
     is_stretch_invariant : bool
         Whether the term is unchanged when edges get longer or shorter.
     needs_area : bool
@@ -123,7 +124,7 @@ class Term(ABC):
     single : bool
         Whether features may be kept in single precision.
     area_power : float
-        Power of the area ratio A that `form` is multiplied by.
+        Power of the area ratio A by which `form` is multiplied.
     has_target_space : bool
         Whether `target_space` and `target_point` are defined.
 
@@ -254,10 +255,10 @@ class Term(ABC):
         return np.stack(rows, axis=-2)
 
     def target_space(self, spaces: FieldSpaces) -> FieldSpace:
-        """Return the manifold that the fields are points of, equipped with the term's metric.
+        """Return the manifold on which the fields lie, equipped with the metric of the term.
 
-        The metric is that of the term integrated over the template, without the weight. Any
-        `riemhuman.Manifold` will do: one of `spaces`, or one of your own over `spaces.template`.
+        The metric is that of the term, integrated over the template, without the weight. You may
+        return any `riemhuman.Manifold`: one of `spaces`, or your own, over `spaces.template`.
 
         Parameters
         ----------
@@ -282,8 +283,8 @@ class Term(ABC):
     def chart(self, fields: Fields) -> Array | None:
         """Return coordinates whose Euclidean distances are at most those of the fields.
 
-        They find nearest neighbours without computing all distances, and have shape (..., F, n).
-        By default there are none.
+        Nearest-neighbour searches use them to avoid computing all distances. They have shape (...,
+        F, n). By default there are none.
 
         Parameters
         ----------
@@ -301,7 +302,7 @@ class Term(ABC):
         records : array, shape (n_times, 12, n)
             Records of triangles, see `riemhuman.terms._drivers`.
         slopes : array, shape (n_times, 12, n)
-            Added to: slopes by the numbers of the records.
+            Derivatives with respect to the numbers in the records; they are added in place.
         areas : array, shape (n,)
         """
         if self.needs_area and not records[:, 9].all():
@@ -320,13 +321,13 @@ class Term(ABC):
 
     @cached_property
     def n_features(self) -> int:
-        """Numbers that the features hold of each triangle."""
+        """Number of features of each triangle."""
         return sum(int(np.prod(shape)) for shape in self._field_shapes())
 
     def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
         """Write features; return a bound on the square of their rounding error.
 
-        By default it is infinite: distances from single precision are then computed again.
+        By default the bound is infinite, so distances from single precision are recomputed.
 
         Parameters
         ----------
@@ -357,8 +358,8 @@ class Term(ABC):
         Parameters
         ----------
         a, b : array
-            Features of n_a and of n_b surfaces; for those within one set, one array twice, and
-            what is above the diagonal counts.
+            Features of n_a and of n_b surfaces. For distances within one set, pass the same array
+            twice; only the entries above the diagonal are used.
         areas : array, shape (F,)
         """
         ours, others = self._unpack(a, len(areas)), self._unpack(b, len(areas))

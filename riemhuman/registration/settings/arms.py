@@ -14,46 +14,49 @@ from riemhuman.registration.settings._checks import (
 
 @dataclass(frozen=True)
 class ArmSettings:
-    """How forearms and hands are tried in other ways, and compared.
+    """How other positions of forearms and hands are tried and compared.
 
     Attributes
     ----------
     n_samples : int
-        Arms are fitted by their share of so many points of the body.
+        Number of points of the whole body, of which arms are fitted by their share.
     forearm_angles : tuple of float
-        Rotations of the forearm about itself to start from, degrees.
+        Rotations of the forearm about its axis from which fits start, degrees.
     wrist_angles : tuple of float
-        Angles by which the wrist bends at the start, degrees.
+        Bending angles of the wrist from which fits start, degrees.
     n_first_steps : int
-        Steps of closest points after which starts that lead to the same arm are joined.
+        Steps of closest points after which starts that lead to the same arm are merged.
     wrist_degrees : float
-        Standard deviation of the wrist in the dense fit: hands bend back farther than start poses.
+        Standard deviation of the wrist in the dense fit: hands can bend back farther than in the
+        starting poses.
     elbow_degrees : float
         An elbow that bends outward by this angle counts as twice the distance from the scan.
     hinge_degrees : float
-        A wrist that rotates by this angle other than about its hinge counts as twice the distance.
+        A wrist that rotates by this angle about another axis than its hinge counts as twice the
+        distance.
     least_likely : float
         Arms that lower the log-likelihood by more than this are left out.
     most_farther : float
-        Arms whose mean distance from points of the scan is this multiple of the nearest one's
-        are left out before the elastic step.
+        Arms are left out before the elastic step if their mean distance from points of the scan is
+        more than this multiple of that of the nearest arm.
     n_compared : int
-        About the number of points for that.
+        Approximate number of points for this comparison.
     different_metres : float
-        Two arms are different if their surfaces are this far apart in the mean, metres.
+        Two arms are different if their surfaces are this far apart on average, metres.
     least_gain : float
         Another arm or hand must be nearer to the scan by this share of the distance.
     n_errors : float
-        And by so many standard errors, because few points are not enough to decide.
+        It must also be nearer by this many standard errors, because few points are not enough to
+        decide.
     arm_metres : float
         Points farther from an arm belong to other parts of the body, metres.
     hand_metres : float
         Points farther from a hand belong to other parts of the body, metres.
     unexplained_metres : float
-        A hand whose points are farther in the mean, with distances limited as above, is explained
-        by no pose of it, metres.
+        If the points of a hand are farther away on average, with distances limited as above, no
+        pose of the hand explains them, metres.
     hand_moves_metres : float
-        Vertices that a pose of a hand moves by more belong to the hand, metres.
+        Vertices that a hand pose moves by more than this belong to the hand, metres.
     stiffnesses : tuple of float
         Stiffness α of each elastic step of an arm.
 

@@ -19,9 +19,9 @@ class DenseFitSettings:
     Attributes
     ----------
     scales : tuple of float
-        A match at this distance has a quarter of the weight, in each step, metres.
+        Distance at which a match has a quarter of the weight, for each step, metres.
     known_scales : tuple of float
-        The same from a body a moment before, which is nearer, metres.
+        The same if the fit starts from the previous frame, which is nearer, metres.
     n_samples : int
         Points of the body.
     along : float
@@ -29,13 +29,13 @@ class DenseFitSettings:
     longest_rotation : float
         Largest rotation of a joint in a step, radians.
     hands_precision : float
-        Inverse variance of the coefficients of hands, of which 1 is a pose of a hand.
+        Inverse variance of the coefficients of hand poses; a coefficient of 1 is the full pose.
     hair_metres : float
         Points farther outside the head are hair, metres.
     farthest_hair : float
-        Points farther away than this are no hair, metres.
+        Points farther away than this are not hair, metres.
     most_hair : float
-        If more of the scan would be hair, none is.
+        If a larger share of the scan would be hair, no point is classified as hair.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from riemhuman.registration.settings._checks import check_amounts, check_counts,
 
 @dataclass(frozen=True)
 class ElasticSettings:
-    """The elastic step, in which the surface leaves the model.
+    """The elastic step, in which the surface departs from the model.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class ElasticSettings:
     n_steps : int
         Steps from the first stiffness to the last.
     n_steps_again : int
-        The last so many steps are taken again after the model is fitted to the result.
+        Number of final steps that are repeated after the model is fitted to the result.
     n_repeats : int
         How often the model is fitted to the result.
     n_surface_steps : int
@@ -36,11 +36,11 @@ class ElasticSettings:
     along : float
         Share with which gaps along the surface count.
     n_conjugate : int
-        Most conjugate gradients of a step.
+        Maximum number of conjugate gradient iterations in a step.
     conjugate_tolerance : float
-        Relative residual at which they end: steps need not be exact.
+        Relative residual at which these iterations end; steps need not be exact.
     most_halvings : int
-        Halvings of a step after which it is taken although the cost has not fallen.
+        Number of halvings after which a step is taken even if the cost has not decreased.
 
     Examples
     --------

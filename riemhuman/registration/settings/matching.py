@@ -16,12 +16,12 @@ class MatchingSettings:
     normal_metres : float
         Distance that counts as much as a rotation of the normal by a radian, metres.
     n_matched : int
-        Points of the scan that are averaged for a match, against noise.
+        Number of points of the scan that are averaged for a match, to reduce noise.
     blur_metres : float
         Standard deviation of their weights, metres.
     dense_metres : float
-        Where the scan's points are farther apart, a match may be as much farther along the
-        surface, metres.
+        If the points of the scan are farther apart than this, a match may be farther away along the
+        surface by the excess, metres.
     n_noise : int
         Points from which the noise is estimated.
     prior_metres : float
@@ -62,13 +62,13 @@ class AssignmentSettings:
     longest_rotation : float
         Largest rotation of a joint in a step, radians.
     least_shown : float
-        A scan of a part of a body shows at least this share of the body.
+        Smallest share of the body that an incomplete scan is assumed to show.
     landmark_weight : float
         Weight of a landmark, as a share of all points of the scan.
     miss_metres : float
         Standard deviation of landmarks, metres.
     far_miss : float
-        A landmark farther from its joint counts no more than at this distance, metres.
+        A landmark farther from its joint counts only as much as one at this distance, metres.
 
     Examples
     --------

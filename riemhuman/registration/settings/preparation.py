@@ -15,14 +15,14 @@ from riemhuman.registration.settings._checks import (
 
 @dataclass(frozen=True)
 class PreparationSettings:
-    """How a scan becomes evenly spread points with normals, without floor, walls and strays.
+    """How a scan is reduced to evenly spread points with normals, without floor, walls and strays.
 
     Attributes
     ----------
     most_points : int
-        Points of a scan that are kept: a fit gains nothing from more.
+        Number of points of a scan that are kept; more would not improve a fit.
     first_points : int
-        Points that are looked at, chosen at random; more would only take time.
+        Number of points that are examined, chosen at random; more would only take time.
     long_edge : float
         Triangles with a longer edge are split, because only vertices are matched, metres.
     longest_edge : float
@@ -33,17 +33,18 @@ class PreparationSettings:
         The spacing of a point is the distance to this neighbour: on a surface, nearly every place
         is as near to some point of the scan.
     widest_spacing : float
-        No point stands for a wider area, metres.
+        Largest width of the area that a point represents, metres.
     sparse_metres : float
         Only points with a larger spacing can be remnants of floors and stands, metres.
     sparse : float
         Remnants have a spacing of more than this multiple of the median over the area.
     few_sparse : float
-        If such points stand for a larger share of the area, they are a body sampled less densely.
+        If such points represent a larger share of the area, they are part of a body that was
+        sampled less densely.
     lonely_metres : float
         A point with a larger spacing belongs to no surface, metres.
     plane_metres : float
-        Remnants of a floor lie within this distance of one plane, metres.
+        Remnants of a floor lie within this distance of a common plane, metres.
     in_plane : float
         That plane holds at least this share of the sparse points.
     sparser : float
@@ -57,39 +58,41 @@ class PreparationSettings:
     stray : float
         Separate parts with a smaller share of the area are strays.
     floor_metres : float
-        Points this near to a plane support it, metres.
+        Points within this distance of a plane support it, metres.
     near_floor_metres : float
-        Points this near to a floor or wall belong to it, metres.
+        Points within this distance of a floor or wall belong to it, metres.
     floor_share : float
         A floor or wall holds at least this share of the points.
     above_floor : float
-        At least this share of the other points is on one side of it.
+        At least this share of the other points is on one side of the plane.
     n_planes : int
         Points whose tangent planes are tried as floors.
     most_planes : int
-        Planes that are looked for: a floor and two walls.
+        Maximum number of planes: a floor and two walls.
     least_outside : float
-        A plane with a smaller share of its points outside the outline of all others is a part of
-        the body.
+        If a smaller share of a plane's points lies outside the outline of all others, the plane is
+        a part of the body.
     outline_metres : float
         The outline is widened by this length, metres.
     least_resting : float
-        A body rests on a plane if at least this share of its points is near to it; no body rests
-        on a wall beside it.
+        A body rests on a plane if at least this share of its points is near it; a body does not
+        rest on a wall next to it.
     resting_metres : float
-        What near means for that, metres.
+        Distance that counts as near, metres.
     n_neighbours : int
         Neighbours from which normals are estimated or averaged.
     more_neighbours : tuple of int
-        Neighbours that are used instead where fewer lie on a line, as along a scanner's rings.
+        Larger numbers of neighbours, used if the first ones lie on a line, as along the rings of a
+        scanner.
     on_line : float
-        Neighbours are on a line if their second variance is a smaller share of the largest.
+        Neighbours lie on a line if their second-largest variance is a smaller share of the largest.
     normal_metres : float
         Distance that counts as much as a rotation of a normal by a radian in averages, metres.
     mixed : float
         A mesh has no consistent side if more of its edges join triangles that face different ways.
     least_level_floor : float
-        Cosine between a given direction up and a floor's normal; a plane that leans more is a wall.
+        Smallest cosine between a given up direction and a floor's normal; a plane that leans more
+        is a wall.
 
     Examples
     --------

@@ -29,11 +29,11 @@ class RegistrationSettings:
     assignment : AssignmentSettings
         Soft assignment.
     search : SearchSettings
-        The search over headings, start poses and directions up.
+        The search over headings, starting poses and up directions.
     dense : DenseFitSettings
         The fit of all parameters to closest points.
     arms : ArmSettings
-        Other ways to hold forearms and hands.
+        Other positions of forearms and hands.
     elastic : ElasticSettings
         The elastic step.
     rivals : RivalSettings

@@ -22,14 +22,14 @@ class RetrySettings:
     n_near : int
         About the number of points by which that is decided.
     most_matched_half : float
-        Of a refused body, half a one is tried where a smaller share of the other half matches.
+        If a body is refused and a smaller share of one half matches, the other half alone is tried.
     near_of_half : float
-        A whole body fitted to half a one is near to at least this share of it.
+        A whole body fitted to the scan of half a body is near at least this share of the scan.
     retry_gain : float
-        What the log-likelihood gains where another search leads to another body.
+        Gain of the log-likelihood from which the result of another search is preferred.
     warm_loss : float
-        A scan whose log-likelihood falls by more than this below that of the moment before is
-        searched from scratch.
+        If the log-likelihood of a scan is lower than that of the previous frame by more than this,
+        the search starts from scratch.
     agreement : float
         If a smaller share of the estimated normals agrees with the body, their signs are ignored.
 

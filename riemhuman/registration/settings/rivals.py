@@ -14,7 +14,7 @@ from riemhuman.registration.settings._checks import (
 
 @dataclass(frozen=True)
 class RivalSettings:
-    """When a limb is not trusted because something else explains its points almost as well.
+    """When a limb is not trusted because another pose explains its points almost as well.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class RivalSettings:
         Another explanation must be farther from the scan than the fit by this share of the fit's
         distance.
     hand_margin : float
-        The same for another pose of the hand, whose fingers alone are compared.
+        The same for another pose of the hand, for which only the fingers are compared.
     most_hand_excess : float
         Fingers are not trusted if their points are farther from the nearest pose of the hand than
         those on the same arm from the arm, by this factor of the mean.
@@ -38,32 +38,34 @@ class RivalSettings:
     least_rest_metres : float
         A smaller mean distance from the rest of the body counts as this one, metres.
     least_usual_metres : float
-        A smaller mean distance on the arm counts as this one: hands have finer detail, metres.
+        Smallest mean distance used for the arm, because hands have finer detail, metres.
     head_margin : float
         The same share for another rotation of the head.
     head_turns : tuple of tuple of float
-        Angles about the axes to the left and up by which other heads start, degrees.
+        Angles about the left and up axes from which other poses of the head start, degrees.
     elbow_swings : tuple of float
-        Angles about the line from shoulder to wrist by which other elbows start, degrees.
+        Angles about the line from shoulder to wrist from which other elbow positions start,
+        degrees.
     least_swung : float
-        Elbows nearer to this line have no other side, metres.
+        Elbows nearer to this line are not tried on the other side, metres.
     across : tuple of float
-        Distances into what a hand touches at which other hands start, metres.
+        Distances into the touched surface at which other hand positions start, metres.
     most_farther : float
-        Rivals whose mean distance from points of the scan is this multiple of the fit's after the
-        first steps are left out.
+        Rivals are left out if, after the first steps, their mean distance from points of the scan
+        is more than this multiple of that of the fit.
     n_compared : int
-        About the number of points by which heads and arms are compared.
+        Approximate number of points by which heads and arms are compared.
     n_compared_first : int
-        Every k-th of them is compared after the first steps.
+        After the first steps, only every k-th of these points is compared.
     displaced_metres : float
-        Vertices that a rival moves by more are not trusted, metres.
+        Vertices that a rival moves by more than this are not trusted, metres.
     least_displaced : float
         A rival matters if it displaces this share of a forearm and hand.
     touching_metres : float
-        Vertices this near to another limb touch it, metres.
+        Vertices within this distance of another limb touch it, metres.
     most_touching : float
-        Hands that touch with more than this share of one's vertices hide each other's fingers.
+        If more than this share of a hand's vertices touches the other hand, they hide each other's
+        fingers.
     crossing_share : float
         Hands that touch something with a larger share of their vertices are tried beyond it.
     crossing_metres : float

@@ -47,36 +47,37 @@ class SearchRound:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """The search over headings, start poses and directions up.
+    """The search over headings, starting poses and up directions.
 
     Attributes
     ----------
     poses : tuple of str, optional
-        Names of the start poses; None stands for all that the model has.
+        Names of the starting poses; None means all that the model has.
     n_headings : int
         Headings from which each pose starts, evenly spread over 360°.
     headings : tuple of int, optional
-        Those of them that are tried, by number from the front; None stands for all.
+        Numbers of the headings that are tried, counted from the front; None means all.
     tries_arms : bool
-        Whether the arms of the likeliest body are tried in the positions of all start poses.
+        Whether the arms of the most likely body are tried in the positions of all starting poses.
     rounds : tuple of SearchRound
-        The first two are one schedule, in which unlikely starts are dropped early.
+        The first two rounds form one schedule, in which unlikely starts are dropped early.
     arm_rounds : tuple of SearchRound
         Rounds for a body with another arm.
     warm_rounds : tuple of SearchRound
-        Rounds from a known body, as a moment before.
+        Rounds that start from a known body, such as that of the previous frame.
     fine_round : SearchRound
-        The round after all others, of the model at nearly full resolution.
+        The final round, with the model at nearly full resolution.
     n_shifts : int
-        Steps by which the visible part of a start comes to the centre of the scan.
+        Number of steps that move the visible part of a start to the centre of the scan.
     up_margin : float
-        A direction up is tried fully if its log-likelihood is at most this much below the best.
+        An up direction is tried fully if its log-likelihood is at most this much below the best.
     same_metres : float
         Candidates nearer to a better one, in root mean square distance, are dropped, metres.
     arm_gain : float
-        What the log-likelihood gains where another arm is right: more than it differs between fits.
+        Gain of the log-likelihood from which another arm is preferred: more than the difference
+        between fits.
     warm_betas_precision : float
-        Inverse variance of the shape coefficients for a scan of the same person a moment later.
+        Inverse variance of the shape coefficients for the next scan of the same person.
     still_hands : float
         Inverse variance of the coefficients of hands, which stay relaxed in the search.
 

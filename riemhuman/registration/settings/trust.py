@@ -21,27 +21,26 @@ class TrustSettings:
     Attributes
     ----------
     area : float
-        Log-likelihoods are compared for bodies of this area, because the density falls as the area
-        grows, square metres.
+        Log-likelihoods are normalised to a body of this area, because the density decreases as the
+        area grows, square metres.
     least_likelihood : float
         A scan with a smaller log-likelihood does not look like one person.
     least_margin : float
-        By how much the log-likelihood must exceed that of all bodies elsewhere.
+        Amount by which the log-likelihood must exceed that of all bodies elsewhere.
     rival_metres : float
-        A body is elsewhere if its visible part is this far away in the mean, metres.
+        A body is elsewhere if its visible part is this far away on average, metres.
     near_metres : float
         Points of the scan within this distance are near the body, metres.
     least_near : float
-        Least share of the scan that is near the body.
+        Smallest share of the scan that must be near the body.
     limb_elsewhere : float
-        A limb of which a smaller share is matched may be elsewhere.
+        If a smaller share of a limb is matched, the limb may be elsewhere.
     least_near_of_limb : float
-        It is in doubt if less of the scan than this is near the body.
+        Such a limb is in doubt if a smaller share of the scan than this is near the body.
     largest_beta : float
         Root mean square of the shape coefficients beyond all people whom the model knows.
     largest_overlap : float
-        Share of the body that may lie where another part is; exact bodies reach 0.016 in deep
-        squats.
+        Share of the body that may overlap another part; exact bodies reach 0.016 in deep squats.
     far_share : float
         A body is wrong if ln(d / far_metres) > l − usual_likelihood, with its log-likelihood l and
         the distance d from the model's surface within which this share of the scan lies.
@@ -50,9 +49,10 @@ class TrustSettings:
     usual_likelihood : float
         The log-likelihood in that rule.
     shared_limb : float
-        A limb is not in the scan if more of its matches are those of another part too.
+        A limb is not in the scan if a larger share of its matches also belongs to another part.
     least_bent : float
-        Least cosine between a limb's two bones, that of 160°: no elbow or knee bends farther.
+        Smallest cosine between the two bones of a limb, that of 160°: no elbow or knee bends
+        farther.
     matched_metres : float
         Vertices within this distance of matching points are matched, metres.
     least_reliable : float
@@ -60,30 +60,31 @@ class TrustSettings:
     seen_metres : float
         Holes up to twice this width are filled by the vertices around them, metres.
     outside_metres : float
-        None is filled so far outside of what the scan shows, as straight fingers of a fist, metres.
+        Vertices farther outside the scanned surface are not filled, such as straight fingers where
+        the scan shows a fist, metres.
     apart_metres : float
         Parts that overlap are this far apart in the rest pose, metres.
     along_metres : float
-        They are this near along their normals, metres.
+        Such parts are this near to each other along their normals, metres.
     overlap_metres : tuple of float
-        They are as near as neighbours in the mesh, between these limits, metres.
+        Such parts are as near as neighbours in the mesh, within these limits, metres.
     one_sided : float
-        Another part is on one side, as at a seam, if the mean of the unit vectors towards it is
-        longer.
+        Another part lies on one side, as at a seam, if the mean of the unit vectors towards it is
+        longer than this.
     same_place : float
-        It is in the same place if it is nearer than this share of that distance.
+        The part is in the same place if it is nearer than this share of that distance.
     n_neighbours : int
-        Vertices that are compared for that.
+        Number of vertices compared for this.
     n_samples : int
         Points of the scan that are compared with the body.
     farthest_miss : float
         A joint farther from its landmark is wrong, metres.
     least_unseen : float
-        Parts that are not seen are named if they are a larger share of the surface together.
+        Unseen parts are named if they make up a larger share of the surface together.
     guessed_up : float
-        If a larger share is not seen, the direction up is a guess.
+        If a larger share is not seen, the up direction is a guess.
     leaning : float
-        Cosine of 25°, by which feet and trunk lean from an axis that is not the direction up.
+        Cosine of 25°: if feet and trunk lean farther from an axis, it is not the up direction.
     feet_agree : float
         Cosine of 30°, the largest angle between the feet for that.
 
