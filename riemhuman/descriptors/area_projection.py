@@ -62,7 +62,7 @@ class ProjectedAreas(Record):
 class AreaProjectionTransform(Descriptor):
     r"""Histograms of the multiscale area projection transform [1]_.
 
-    Every point of the surface moves by a radius R along its inner normal. The transform at a place
+    Every point of the surface moves by a radius R along its inner normal. The transform at a point
     is the area of the surface that arrives within a distance σ = cR of it, divided by
     :math:`4\pi R^2`: 1 at the centre of a sphere of radius R, about c on the axis of a cylinder.
     For each radius, the descriptor has a histogram of the values at all enclosed voxels, in cubic

@@ -116,7 +116,7 @@ class LatentVectors(Record, Descriptor):
     def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
         """Return the vectors of the bodies of a data set, by its field ``ids``.
 
-        Ids of vectors that are the numbers from 0 on are the positions of the bodies instead.
+        If the ids of the vectors are the numbers from 0 on, they are the positions of the bodies.
         """
         numbers = [str(number) for number in range(length_of(bodies, "bodies"))]
         by_number = set(self.ids) == set(numbers)

@@ -106,7 +106,7 @@ class ModelPoseVectors(_ModelVectors):
     Parameters
     ----------
     model : BodyModel
-        Model that the surfaces are registered to.
+        Model to which the surfaces are registered.
     distance : {"axis-angle", "rotation"}
         The Euclidean distance of axis-angle vectors, or the sum over joints of the angles between
         the rotations, which is continuous where axis-angle vectors jump, at half a turn.

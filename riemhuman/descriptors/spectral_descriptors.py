@@ -79,8 +79,8 @@ class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
 
     Bending does not change them. By Weyl's law they grow like :math:`\mu_k \approx 4\pi k / A`;
-    divided by k, as here, they have similar sizes. The distance is Euclidean. Divided by the first
-    of its numbers, a vector does not depend on the size of the surface.
+    divided by k, as here, they have similar sizes. The distance is Euclidean. A vector divided by
+    its first entry does not depend on the size of the surface.
 
     Parameters
     ----------
@@ -213,8 +213,7 @@ class WaveKernelSignature(KernelSignature):
     energies : sequence of float
         Energies e = log μ, with μ in 1 / metre².
     sigma : float, optional
-        Width σ > 0 of the weights; by default seven hundredths of the range of energies, as in the
-        paper.
+        Width σ > 0 of the weights; by default 0.07 times the range of energies, as in the paper.
     pooling : {"histogram", "vertex mean"}
         "vertex mean" is the mean over vertices, for registered surfaces.
     n_eigenvalues, n_bins

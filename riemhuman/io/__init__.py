@@ -1,7 +1,7 @@
 """Files: meshes, points, arrays, pickled body models and the folders of jobs.
 
-Reading a file never runs code, and takes memory of a small multiple of what its content needs. A
-killed process leaves whole files, and two processes may share the folder of a job.
+Reading a file never runs code, and takes only a small multiple of the memory that its content
+needs. A killed process leaves no partial files, and two processes may share the folder of a job.
 """
 
 from riemhuman.io._gltf import save_glb

@@ -73,7 +73,7 @@ def load_arrays(
     required : sequence of str
         Arrays that the file must contain.
     optional : sequence of str, optional
-        Arrays to read if the file contains them; by default all. Others are left unread.
+        Arrays to read if the file contains them; by default all. Others are not read.
 
     Examples
     --------

@@ -30,14 +30,14 @@ _MOST_SHEETS = 6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Seams:
-    """The vertices of a mesh that seams double, and the mesh without the copies.
+    """The vertices of a mesh that are duplicated along seams, and the mesh without the copies.
 
     Attributes
     ----------
     joined_vertices : array of int, shape (V,)
         Vertex of the joined mesh for every vertex of the mesh with seams.
     originals : array of int, shape (W,)
-        The first of the vertices of the mesh with seams at every vertex of the joined mesh, in
+        For every vertex of the joined mesh, the first of its copies in the mesh with seams, in
         increasing order.
     faces : array of int, shape (F, 3)
         Triangles of the joined mesh, in their order.
@@ -72,11 +72,11 @@ class Seams:
 
     @property
     def first_copies(self) -> np.ndarray:
-        """The first vertex of the mesh with seams at the place of every vertex, shape (V,)."""
+        """For every vertex of the mesh with seams, the first of its copies, shape (V,)."""
         return self.originals[self.joined_vertices]
 
     def join(self, points: ArrayLike) -> np.ndarray:
-        """Return surfaces without copies of vertices, shape (..., W, 3).
+        """Return surfaces without the copies of vertices, shape (..., W, 3).
 
         Parameters
         ----------
@@ -99,18 +99,19 @@ class Seams:
 def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANCE) -> Seams:
     """Find the seams of a mesh: pairs of border edges that coincide and run in opposite directions.
 
-    Vertices that merely touch, such as those of two hands, are on no border and not joined. Borders
-    that touch in some of the surfaces only, such as the lips of an open mouth, are no seam.
+    Vertices that merely touch, such as those of two hands, are not on a border, so they are not
+    joined. Borders that touch only in some of the surfaces, such as the lips of an open mouth, are
+    not seams.
 
     Parameters
     ----------
     points : array_like, shape (..., V, 3)
-        One surface or several of the same triangles; corners must coincide in all of them.
+        One surface, or several with the same triangles; corners must coincide in all of them.
     faces : array_like, shape (F, 3)
     tolerance : float
         Largest distance between corners that coincide, as a share of the median length of the
-        border edges. Most corners of a seam must be as near in the first surface, and all three
-        times as near in all of them.
+        border edges. In the first surface, most corners of a seam must be this near to each other;
+        in all surfaces, all corners must be within three times this distance.
 
     Examples
     --------

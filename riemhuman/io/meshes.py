@@ -64,7 +64,7 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[nda
         binary where the format has both; other formats, such as VTK and Gmsh, are read by meshio,
         which does not check the sizes that a file declares: read these only from trusted sources.
     seams : {"keep", "join"}
-        Whether vertices that an exporter doubled along seams become one, see `find_seams`.
+        Whether to join vertices that an exporter duplicated along seams, see `find_seams`.
 
     Returns
     -------
@@ -96,16 +96,16 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[nda
 
 
 def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, ndarray | None]:
-    r"""Read points from a file, with their triangles and normals if it has some.
+    r"""Read points from a file, with triangles and normals if it has any.
 
     Parameters
     ----------
     path : path_like
-        A mesh file (PLY, OBJ, OFF, STL or GLB), a PLY file without faces, text with a point a line
-        (.xyz) or an array (.npy). Three columns more than the position are taken for normals if
-        they have unit length. In text, numbers have decimal points and are separated by spaces,
-        tabs, semicolons or commas; a first line may name the columns. What may be a decimal comma
-        is refused.
+        A mesh file (PLY, OBJ, OFF, STL or GLB), a PLY file without faces, text with one point per
+        line (.xyz) or an array (.npy). Three columns after the position are read as normals if they
+        have unit length. In text, numbers have decimal points and are separated by spaces, tabs,
+        semicolons or commas; a first line may name the columns. Possible decimal commas are
+        refused.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
     Parameters
     ----------
     path : path_like
-        A mesh file; PLY files that `save_mesh` wrote may say.
+        A mesh file; PLY files written by `save_mesh` may contain this.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
 
 
 def is_registered_scan(path: str | os.PathLike[str]) -> bool:
-    """Return whether a mesh file says that it is a registered scan, by its header alone.
+    """Return whether the header of a mesh file says that it is a registered scan.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def save_mesh(
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0.
     trusted : array_like of bool, shape (V,), optional
-        Which vertices a registration trusts; only PLY files hold it, as a property of vertices.
+        Which vertices a registration trusts; only PLY files can store it, as a vertex property.
 
     Examples
     --------

@@ -24,20 +24,20 @@ _CLOUDS, _SEED_OF_POINTS = 4, 0
 class IntrinsicExtrinsicCodes(PairedCodes):
     r"""Two codes of a point cloud: one of what bending does not change, and one of the rest.
 
-    After the geometrically disentangled autoencoder of Aumentado-Armstrong et al. [1]_ (GDVAE).
-    Training needs no labels, and codes need no registered mesh: the network reads points spread
-    over a surface. It predicts the spectrum of the Laplace–Beltrami operator, which bending does
-    not change, from the intrinsic code alone, and the positions of points of the template from both
-    codes. Unlike in [1]_, bodies must be upright and face forward, the noise on codes has a fixed
-    size, and the decoder gives points in correspondence.
+    It follows the geometrically disentangled autoencoder of Aumentado-Armstrong et al. [1]_
+    (GDVAE). Training needs no labels, and codes need no registered mesh: the network reads points
+    spread over a surface. It predicts the spectrum of the Laplace–Beltrami operator, which bending
+    does not change, from the intrinsic code alone, and the positions of points of the template from
+    both codes. Unlike in [1]_, bodies must be upright and face forward, the noise on codes has a
+    fixed size, and the decoder gives points in correspondence.
 
     On scans of real people, expect about 15 % of nearest neighbours to be the same person and 85 to
-    90 % the same pose: as in the paper's table, it tells poses and hardly people.
+    90 % the same pose: as in the paper's table, it distinguishes poses, but hardly people.
 
     Parameters
     ----------
     path : path_like
-        The file of a trained network; `load_pretrained` returns the one that ships.
+        The file of a trained network; `load_pretrained` returns the bundled one.
 
     Attributes
     ----------

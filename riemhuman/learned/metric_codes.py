@@ -22,10 +22,10 @@ _ROUNDING = 1e-12
 class MetricCodes(Transformer):
     r"""Codes of bodies whose Euclidean distances approximate those of a metric.
 
-    Codes are the principal components of `RiemannianMetric.lower_bound_coordinates` of the user's
-    own bodies, and random projections [1]_ of the remainder, by which other bodies differ from
-    these; a factor makes distances of codes as large as those of the metric, on average. Codes
-    compare many bodies in the time of a matrix product. For exact nearest neighbours, give the
+    Codes consist of principal components of `RiemannianMetric.lower_bound_coordinates` for your own
+    bodies, and of random projections [1]_ of the remainder, by which other bodies differ from
+    these. A factor makes distances of codes as large, on average, as those of the metric. Comparing
+    many bodies by codes takes the time of a matrix product. For exact nearest neighbours, pass the
     bodies with the nearest codes to `NearestNeighbors.kneighbors` as `candidates`.
 
     Parameters
@@ -33,8 +33,8 @@ class MetricCodes(Transformer):
     metric : RiemannianMetric
         The metric; it must have `lower_bound_coordinates`.
     n_codes : int
-        Number of entries of a code. Random projections err by about ``1 / sqrt(n_codes)`` of the
-        remainder's squared distance.
+        Number of entries of a code. The error of random projections is about ``1 / sqrt(n_codes)``
+        of the remainder's squared distance.
     n_components : int
         Largest number of principal components among them.
     random_state : int
@@ -84,7 +84,7 @@ class MetricCodes(Transformer):
         Parameters
         ----------
         X : array, shape (n, V, 3)
-            Bodies, at least three, of the kind that is to be compared, or rows (n, 3V).
+            Bodies of the kind to be compared, at least three, or rows (n, 3V).
         y : object
             Not used.
         """

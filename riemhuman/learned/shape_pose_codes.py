@@ -25,20 +25,20 @@ from riemhuman.surfaces import Template
 class ShapePoseCodes(PairedCodes):
     r"""Two codes of a body by an autoencoder: one of the person, and one of the pose.
 
-    After Zhou, Bhatnagar and Pons-Moll [1]_: one encoder computes a shape code, another a pose
-    code, and a decoder rebuilds the body from both. Training, see ``tutorials/remake``, uses labels
-    of people, but none of poses. Instead of convolutions on the mesh, the shape code depends on the
-    stretches of parts, and the pose code on their rotations relative to their neighbours, so that
-    the body's position and orientation do not count.
+    It follows Zhou, Bhatnagar and Pons-Moll [1]_: one encoder computes a shape code, another
+    computes a pose code, and a decoder reconstructs the body from both. Training (see
+    ``tutorials/remake``) uses labels of people, but not of poses. Instead of convolutions on the
+    mesh, the shape code depends on the stretches of parts, and the pose code on their rotations
+    relative to their neighbours, so the position and orientation of the body have no effect.
 
-    The network that ships was trained on bodies of the open model alone. On registrations of real
-    people by another template, expect 75 to 80 % of nearest neighbours to be the same person, 90 %
-    the same pose, and reconstructions that are 45 to 100 mm off; metrics do better there.
+    The bundled network was trained only on bodies of the open model. On registrations of real
+    people with another template, expect 75 to 80 % of nearest neighbours to be the same person, 90
+    % the same pose, and reconstructions that are 45 to 100 mm off; metrics do better there.
 
     Parameters
     ----------
     path : path_like
-        The file of a trained network; `load_pretrained` returns the one that ships.
+        The file of a trained network; `load_pretrained` returns the bundled one.
 
     Attributes
     ----------

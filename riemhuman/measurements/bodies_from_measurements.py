@@ -87,7 +87,7 @@ class ProbableBody:
     betas : array, shape (B,)
         Shape coefficients of the body.
     values, misses : dict of str to float
-        The given measurements, as the body has them, and these less the given values.
+        The given measurements of the body, and their differences from the given values.
     predicted, predicted_std : dict of str to float
         The other measurements, standing and seated, predicted by linear regression on ANSUR II,
         and the standard deviations of their errors: 90 per cent of people lie within 1.645 of
@@ -95,8 +95,8 @@ class ProbableBody:
     sexes : dict of str to float
         Probabilities of "woman" and "man" given the values.
     z_scores : dict of str to float
-        Each given value less its prediction from the others (of a single one, its mean among
-        adults), as a t-value.
+        Each given value minus its prediction from the others (for a single value, minus the mean
+        among adults), as a t-value.
     contradictory : tuple of str
         Names of values that do not fit the others in at most 1 of 100 people, the worst first.
     improbability : float
@@ -145,15 +145,16 @@ def model_from_measurements(
     ----------
     values : mapping of str to float
         Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
-        Values that nobody has are an error that suspects another unit. Seated ones count through
-        the others that they predict.
+        Values that nobody has raise an error that suggests another unit. Seated measurements have
+        an effect through the standing measurements that they predict.
     sex : {"adult", "woman", "man"}
-        Population among which the body is the most probable; for "adult", both count by their
+        Population in which the body is the most probable; for "adult", both sexes count by their
         probability given the values.
     tolerances : mapping of str to float, optional
         Standard deviations σ of the values, in their units; by default 0.1 mm for lengths, and a
-        two-thousandth of the value for areas, volumes and masses. Many values need larger ones,
-        since the model measures people up to centimetres otherwise than ANSUR does.
+        two-thousandth of the value for areas, volumes and masses. If there are many values, use
+        larger tolerances, because the model's measurements differ from those of ANSUR by up to
+        centimetres.
     resolution : {"full", "coarse"}
         Resolution of the model.
     max_iter : int
@@ -232,7 +233,7 @@ class PredictedMeasurements:
     sexes : dict of str to float
         Probabilities of "woman" and "man" given the values.
     z_scores : dict of str to float
-        Each given value less its prediction from the others, as a t-value.
+        Each given value minus its prediction from the others, as a t-value.
     contradictory : tuple of str
         Names of values that do not fit the others in at most 1 of 100 people, the worst first.
 
@@ -254,16 +255,16 @@ def predict_measurements(
     *,
     tolerances: Mapping[str, float] | None = None,
 ) -> PredictedMeasurements:
-    """Return all other measurements of adults who have some given ones, without making a body.
+    """Predict all other measurements of adults from given ones, without making a body.
 
-    They are predicted by linear regression on ANSUR II, as tapes and callipers
-    measure them; `model_from_measurements` gives a body that comes near to them.
+    They are predicted by linear regression on ANSUR II, as measured with tapes and callipers;
+    `model_from_measurements` gives a body that comes close to them.
 
     Parameters
     ----------
     values : mapping of str to float
         Measurements by name, in metres, square metres, cubic metres or kilograms. Values that
-        nobody has are an error that suspects another unit.
+        nobody has raise an error that suggests another unit.
     sex : {"adult", "woman", "man"}
         Population; for "adult", both sexes count by their probability given the values.
     tolerances : mapping of str to float, optional
@@ -574,7 +575,7 @@ class NearestBody:
         Whether the measurements have the given values and the search converged.
     n_iterations : int
     message : str
-        Why the search ended, and which measurements missed their values.
+        Why the search ended, and which measurements did not reach their values.
 
     Examples
     --------
@@ -591,7 +592,7 @@ class NearestBody:
 
     @property
     def changes(self) -> dict[str, float]:
-        """Changes of all measurements: after less before."""
+        """Changes of all measurements: after minus before."""
         return {name: value - self.before[name] for name, value in self.after.items()}
 
 
@@ -617,12 +618,12 @@ def nearest_body(
     metric : RiemannianMetric
         A metric on aligned surfaces with `energy_and_gradient` and `metric_matrix`.
     point : array_like, shape (V, 3)
-        The given body, metres; it is measured as it stands.
+        The given body, metres; it is measured in its own pose.
     wanted : mapping of str to float
         Values of some of the measurements; the others are free.
     tolerance : float
-        Largest relative error of the values. The search stops when they are met and no coordinate
-        changes by this many metres.
+        Largest relative error of the values. The search stops when the values are reached and no
+        coordinate changes by more than this many metres.
     max_iter : int
         Largest number of steps; a warning says if they were not enough.
 

@@ -61,15 +61,15 @@ def _add_kind(cls: type[Measurement]) -> None:
 class Measurement:
     """The base class of measurements.
 
-    A measurement of one's own is a frozen dataclass that derives from this class. It defines
-    `value` and, for pictures, `lines`; `places` and `part_names` where its fields name landmarks
-    and parts, which a `MeasurementSet` then looks up; `why_missing` where its value may be NaN; and
-    a ``__post_init__`` that calls this one, where fields need checks or are tuples, which JSON
-    returns as lists.
+    Your own measurement is a frozen dataclass that derives from this class. It defines `value` and,
+    for pictures, `lines`. If its fields name landmarks and parts, it defines `places` and
+    `part_names`, so that a `MeasurementSet` can look them up. If its value may be NaN, it defines
+    `why_missing`. If fields need checks or are tuples (which JSON returns as lists), it defines a
+    ``__post_init__`` that calls the one of this class.
 
-    Files of a `MeasurementSet` name its class by `kind`, by default the name of the class, and hold
-    its fields, which must be what JSON can hold. The file is read wherever the class is defined or
-    imported before, or named by an installed package, see `riemhuman.extensions`.
+    Files of a `MeasurementSet` store `kind`, by default the name of the class, and its fields,
+    which must be representable in JSON. To read such a file, the class must have been defined or
+    imported, or be named by an installed package, see `riemhuman.extensions`.
 
     Parameters
     ----------
@@ -80,13 +80,13 @@ class Measurement:
     note : str
         A remark.
     equivalents : mapping of str to str
-        What others call it, such as ``{"ANSUR II": "stature"}``; a name after "≈ " is of a
-        measurement that differs a little, as the note says.
+        Names of others for it, such as ``{"ANSUR II": "stature"}``; a name after "≈ " belongs to a
+        measurement that differs slightly, as the note says.
 
     Attributes
     ----------
     units : str
-        Units of the values, of the class.
+        Units of the values; an attribute of the class.
     kind : str
         Name of the class in files.
 
@@ -183,7 +183,7 @@ class Measurement:
         return "there is no path along the surface"
 
     def to_dict(self) -> JSONRecord:
-        """Return the record that JSON holds: the kind and the parameters without their defaults."""
+        """Return the record for JSON: the kind, and the parameters other than defaults."""
         defaults = {f.name: f.default for f in fields(self)} | {"equivalents": {}}
         record: JSONRecord = {"kind": self.kind}
         for name, value in asdict(self).items():
@@ -396,8 +396,8 @@ class Length(Measurement):
         Straight lines between the places, geodesics on the surface between them, or straight lines
         from joint to joint of the body model.
     axis : str or sequence of places, optional
-        Axis along which straight lines are measured, as between the arms of a calliper, given as
-        the normal of a `Girth`; by default their own directions.
+        Axis along which straight lines are measured, as between the arms of a calliper, in the form
+        of the normal of a `Girth`; by default they are measured along their own directions.
 
     Examples
     --------

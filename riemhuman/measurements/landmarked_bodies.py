@@ -22,7 +22,7 @@ from riemhuman.surfaces.nearest_points import nearest_points
 
 
 class LandmarkedBodies:
-    """Bodies that are measured, with landmarks, axes and parts: what `Measurement.value` is given.
+    """The bodies that `Measurement.value` receives, with their landmarks, axes and parts.
 
     Parameters
     ----------

@@ -159,7 +159,7 @@ class MeasurementSet:
 
     @property
     def surface(self) -> Template:
-        """The template as a surface, also of a body model."""
+        """The template as a surface, also for a body model."""
         return _surface_of(self.template)
 
     @property
@@ -242,7 +242,7 @@ class MeasurementSet:
     ) -> MeasurementSet:
         """Return the measurements for another template.
 
-        The axes and the rotations of the standard pose stay the same; a body model that lacks some
+        The axes and the rotations of the standard pose stay the same. A body model that lacks some
         of the joints is measured in its rest pose.
 
         Parameters
@@ -283,7 +283,7 @@ class MeasurementSet:
         Parameters
         ----------
         template : Template or BodyModel
-            The other template, which lies where this one does.
+            The other template, in the same position as this one.
 
         Returns
         -------
@@ -332,7 +332,7 @@ class MeasurementSet:
         path : path_like
             A file that `save` wrote.
         template : Template or BodyModel
-            Template of the file, with as many vertices and triangles.
+            Template of the file, with the same numbers of vertices and triangles.
         """
         surface, file = _surface_of(template), file_path(path)
         try:
@@ -395,7 +395,7 @@ def open_measurements(
         The open model or a template with the same triangles, or a resolution of the model.
     pose : {"standing", "seated"}
         Whether the set holds the measurements of people who stand, or of people who sit with their
-        forearms forward; its standard pose is that one.
+        forearms forward; its standard pose is the corresponding pose.
 
     Returns
     -------

@@ -62,7 +62,7 @@ class BodySizes:
     gradient : array, shape (..., M, V, 3), optional
         Derivatives of the values by the vertices, if they were requested.
     why_missing : dict of (int, str) to str
-        Why values are NaN, by the number of the body and the name of the measurement.
+        The reasons why values are NaN, by the index of the body and the name of the measurement.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class BodySizes:
         return {name: self.values[..., k] for k, name in enumerate(self.names)}
 
     def to_frame(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
-        """Return a table of pandas: a row for each body, a column for each measurement.
+        """Return a pandas table with a row for each body and a column for each measurement.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class BodySizes:
 
 
 class Measurements:
-    """Measurements of bodies that are registered to one template.
+    """Measurements of bodies that are registered to the same template.
 
     Parameters
     ----------
@@ -202,21 +202,22 @@ class Measurements:
         Parameters
         ----------
         points : array_like, shape (..., V, 3)
-            Bodies, metres. A size that no human body has, newborn or giant, is an error.
+            Bodies, metres. Bodies smaller or larger than any human raise an error.
         pose : {"as is", "standard"}
-            Whether bodies are measured as they stand, or after `in_standard_pose`, which needs a
-            body model.
+            Whether bodies are measured in their own pose, or after `in_standard_pose`, which needs
+            a body model.
         axes : {"body", "space"}
             Whether the axes move with the trunk of each body, or are those of the template in
             space. Bodies in the standard pose are measured along the axes of the template.
         gradient : bool
-            Whether to return derivatives by the vertices; only for bodies as they stand.
+            Whether to return derivatives with respect to the vertices; only for bodies in their own
+            pose.
         missing : {"raise", "nan"}
             Whether a measurement that is not defined raises an error or gives NaN, with the reason
             in `why_missing`.
         trusted_vertices : array_like of bool, shape (..., V), optional
-            Which vertices to trust, as `rh.registration.RegisteredScan.trusted_vertices` says. A
-            measurement is not defined if more than a twentieth of it depends on others.
+            Which vertices to trust, such as `rh.registration.RegisteredScan.trusted_vertices`. A
+            measurement is not defined if more than a twentieth of it depends on other vertices.
         """
         one_of(pose, "pose", _POSES)
         one_of(missing, "missing", ("raise", "nan"))
@@ -377,9 +378,9 @@ def in_standard_pose(definitions: MeasurementSet, points: ndarray) -> ndarray:
 
     The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
     transfers the difference between the body and its fit to the fitted person in the standard pose,
-    with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them.
-    A spine that the fit bends unevenly, forward and back, keeps these bends: they are the person's
-    own shape, which the model explains as posture.
+    with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them. If
+    the fit bends the spine unevenly, forward and back, these bends are kept: they belong to the
+    shape of the person, though the model explains them as posture.
 
     Parameters
     ----------

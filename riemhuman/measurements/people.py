@@ -37,7 +37,7 @@ class UsualDistances:
 
 @dataclass(frozen=True)
 class PersonDistance:
-    """The shape distance of two bodies, and what is usual.
+    """The shape distance between two bodies, and typical distances.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class PersonDistance:
 
     @property
     def text(self) -> str:
-        """What follows "they are", for bodies that are hardly one person."""
+        """What to say about bodies that hardly belong to the same person, after "they are"."""
         return (
             "hardly the same person: their shape distance (AreaMetric) is "
             f"{self.distance:.2g} m; typical are {self.usual.one_person:.2g} m for one person in "
@@ -74,7 +74,7 @@ def usual_distances(metric_of: Callable[[Template], Any]) -> UsualDistances:
     Parameters
     ----------
     metric_of : callable
-        Takes the template of the bodies, and returns the metric.
+        Maps the template of the bodies to the metric.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def usual_distances(metric_of: Callable[[Template], Any]) -> UsualDistances:
 
 
 def person_distance(before: Any, after: Any, faces: ArrayLike) -> PersonDistance:
-    """Return how far apart two bodies of one triangulation are as people, in any poses.
+    """Return how far apart two bodies with the same triangles are as people, in any poses.
 
     Parameters
     ----------

@@ -35,9 +35,9 @@ def percentiles(
 ) -> dict[str, float]:
     """Return the percentage of adults of the same sex and stature whose measurements are smaller.
 
-    The stature itself is compared with all adults of the sex. Adults are simulated: they have the
-    spread of ANSUR II (US Army, 2012), body mass widened to that of the US public (NHANES, 2021 to
-    2023), and are measured like any body, in the standard pose.
+    The stature itself is compared with all adults of the sex. The adults are simulated: they have
+    the spread of ANSUR II (US Army, 2012), with body mass widened to that of the US public (NHANES,
+    2021 to 2023), and they are measured like any other body, in the standard pose.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def percentiles(
     sex : {"adult", "woman", "man"}
         Population; for "adult", women and men count by how many of them have the stature.
     stature : float, optional
-        The stature, metres; by default that among the values.
+        The stature, metres; by default the one among the values.
 
     Returns
     -------
@@ -81,13 +81,13 @@ def average_adult(
 ) -> ndarray:
     """Return the average body of a sex and stature.
 
-    Its shape coefficients are predicted by linear regression of simulated adults' on the logarithm
-    of their stature (see `percentiles`), and it has that stature to within 0.1 mm.
+    Its shape coefficients are predicted by linear regression of those of simulated adults on the
+    logarithm of their stature (see `percentiles`). Its stature is accurate to 0.1 mm.
 
     Parameters
     ----------
     stature : float
-        Metres; one that no adult has is an error.
+        Stature in metres; one that no adult has raises an error.
     sex : {"adult", "woman", "man"}
         Population; for "adult", women and men count by how many of them have the stature.
     resolution : {"full", "coarse"}

@@ -27,24 +27,25 @@ def posture_angles(
     up: str = "y",
     trusted_vertices: ArrayLike | None = None,
 ) -> dict[str, ndarray]:
-    """Return angles that describe how bodies stand, in degrees.
+    """Return angles that describe the posture of bodies, in degrees.
 
     Forward is the horizontal direction across the hips. Tilts are positive if the left side is
-    higher, leans if they go forward or to the left. "head over neck" is the craniovertebral
-    angle: how high above the horizontal the ears are, seen from the seventh cervical vertebra; the
-    further forward the head, the smaller. Knees and elbows are bent by the angle between thigh and
-    shin, upper arm and forearm; arms are away from the trunk, and feet turned out, by theirs.
+    higher; leans are positive if they go forward or to the left. "head over neck" is the
+    craniovertebral angle: the elevation of the ears above the horizontal, seen from the seventh
+    cervical vertebra; it is smaller the further forward the head is. Knee and elbow angles are
+    measured between thigh and shin, and between upper arm and forearm. There are also the angles of
+    the arms from the trunk, and of the feet turned out.
 
     Parameters
     ----------
     measurements : Measurements
         Measurements with the landmarks of the open body model.
     points : array_like, shape (..., V, 3)
-        Bodies as they stand, metres.
+        Bodies in their own pose, metres.
     up : {"x", "y", "z"}
         Axis that points up.
     trusted_vertices : array_like of bool, shape (..., V), optional
-        Which vertices to trust; angles of landmarks on others are NaN.
+        Which vertices to trust; angles of landmarks on other vertices are NaN.
 
     Returns
     -------

@@ -16,9 +16,9 @@ class ReadableUnit:
     ----------
     name : str
     scale : float
-        How many of it make an SI unit.
+        Number of these units in one SI unit.
     digits : int
-        Digits to show behind the decimal point.
+        Digits to show after the decimal point.
 
     Examples
     --------
@@ -37,7 +37,7 @@ class ReadableUnit:
         ----------
         value : float
         width : int
-            Fewest characters.
+            Minimum number of characters.
         sign : {"", "+"}
             Whether positive values have a sign, too.
         """
@@ -71,7 +71,7 @@ _GAP_UNITS: Mapping[str, ReadableUnit] = {
 
 
 def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
-    """Return the unit in which people read a value; one that is not known stays as it is.
+    """Return the unit in which people read a value; unknown units are returned unchanged.
 
     Parameters
     ----------

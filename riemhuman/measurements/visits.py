@@ -34,11 +34,11 @@ class VisitComparison:
     before, after : array, shape (M,)
         Values in the standard pose.
     noise : array, shape (M,)
-        Noise of each measurement over poses: of pairs of poses of simulated people, registered from
-        scans, 4.55 per cent differ by more than 2√2 times it. NaN for measurements that the open
-        body does not have. Real people, who breathe, vary more.
+        Noise of each measurement over poses: among pairs of poses of simulated people, registered
+        from scans, 4.55 per cent differ by more than 2√2 times this noise. NaN for measurements
+        that the open body does not have. Real people vary more, because they breathe.
     points_before, points_after : array, shape (V, 3)
-        Both visits in the standard pose, the second moved onto the first.
+        Both visits in the standard pose, the second aligned with the first.
     area_changes, area_noise : array, shape (F,)
         Natural logarithm of each triangle's area at the second visit over that at the first, and
         its noise, by part of the body; NaN where unknown.
@@ -71,7 +71,7 @@ class VisitComparison:
 
     @property
     def thresholds(self) -> ndarray:
-        """Changes beyond which a measurement has changed, shape (M,): 2√2 times the noise."""
+        """Smallest significant change of each measurement, shape (M,): 2√2 times the noise."""
         return _SIGNIFICANT * self.noise
 
     @property
@@ -108,7 +108,8 @@ def compare_visits(
     before, after : array_like, shape (V, 3)
         The person at both visits, metres.
     trusted_vertices : array_like of bool, shape (2, V), optional
-        Which vertices of each to trust, as for `Measurements.measure`; changes elsewhere are NaN.
+        Which vertices of each body to trust, as for `Measurements.measure`; changes elsewhere are
+        NaN.
 
     Examples
     --------
@@ -161,8 +162,8 @@ def compare_visits(
 def noise_of_measurements(names: Sequence[str]) -> ndarray:
     """Return the noise of measurements over poses of one person, shape (M,), in their units.
 
-    It is half the change that 4.55 per cent of pairs of poses exceed, divided by √2, of simulated
-    people, registered from scans; real people, who breathe, vary more.
+    It is half of the change that 4.55 per cent of pairs of poses exceed, divided by √2, for
+    simulated people registered from scans. Real people vary more, because they breathe.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Motions as points: sequences of bodies, compared, aligned and averaged at any speed.
 
-`DynamicTimeWarping` matches frames of two motions at any speed; `VelocityTimeWarping` also finds
-motions again that have few frames; `RateInvariantMetric` satisfies the triangle inequality.
+`DynamicTimeWarping` matches frames of two motions at any speed; `VelocityTimeWarping` also
+recognises motions with few frames; `RateInvariantMetric` satisfies the triangle inequality.
 """
 
 from riemhuman.motions.motion_descriptor import MotionDescriptor

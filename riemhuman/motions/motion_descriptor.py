@@ -44,17 +44,18 @@ class _Summary:
 
 
 class MotionDescriptor(Estimator):
-    r"""Rows of numbers that tell motions apart, for any person and any length of time.
+    r"""Vectors that distinguish motions, for any person and any duration.
 
     With coordinates c of a frame, the principal components of `metric.lower_bound_coordinates`, a
     row holds the mean of c over time, its standard deviation, its mean speed :math:`|\dot c|`, and
     the mean and the deviation of the speed over the ground, in units of :math:`\sqrt{g\,l}` with
     the length l of the leg. Each of these four blocks is divided by its spread among the motions of
-    `fit`, so that all count alike (the spread of travel is taken for 0.03 at least). Nothing is
-    aligned in time: what follows what is not seen, and a walk of three steps is near a walk of
-    seven.
+    `fit`, so that all have the same weight (the spread of travel is taken to be at least 0.03).
+    Nothing is aligned in time, so the order of movements does not matter, and a walk of three steps
+    is near a walk of seven.
 
-    Rows are points of a Euclidean space, `metric_`, from which `rh.LearnedMetric` learns.
+    Rows are points of a Euclidean space with the metric `metric_`, from which `rh.LearnedMetric`
+    can learn.
 
     Parameters
     ----------
@@ -63,9 +64,9 @@ class MotionDescriptor(Estimator):
     n_components : int
         Largest number of coordinates of a frame.
     heading : bool
-        Whether the direction in which bodies face counts, as for `DynamicTimeWarping`.
+        Whether to include the direction in which bodies face, as for `DynamicTimeWarping`.
     travel_weight : float
-        Weight of the block of travel beside the others.
+        Weight of the block of travel relative to the others.
     frames_per_second : float, optional
         Frame rate of motions that are arrays; others have their own.
 

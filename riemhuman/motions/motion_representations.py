@@ -106,7 +106,7 @@ def compare_representations(
     *,
     task: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
 ) -> tuple[dict[str, ndarray], ndarray]:
-    """Return the distances of the open motions, re-timed at random, by each representation.
+    """Return the distances between the open motions, re-timed at random, for each representation.
 
     Parameters
     ----------

@@ -43,8 +43,9 @@ class MotionSearch:
         As for `DynamicTimeWarping`.
     shortest : float
         Length of the shortest part to find, as a share of the length of the query, at most 1. No
-        frame of the motion stands for more than about 1 / `shortest` frames of the query: else a
-        single pose of it is often nearer to a few frames of any motion than all of it is.
+        frame of the motion is matched with more than about 1 / `shortest` frames of the query.
+        Otherwise a single pose of the query would often be nearer to a few frames of any motion
+        than the whole query is.
 
     Examples
     --------
@@ -66,7 +67,7 @@ class MotionSearch:
 
     @enough_memory("this search", FEWER_FRAMES)
     def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
-        """Return the parts of a motion that are most like a query.
+        """Return the parts of a motion that are most similar to a query.
 
         Parameters
         ----------

@@ -86,8 +86,8 @@ class MotionSpace(Manifold):
     ) -> ndarray:
         """Return a motion at other times, shape (n_times, V, 3).
 
-        Between two frames every triangle rotates and stretches evenly, see
-        `riemhuman.solvers.PoissonPath`: limbs keep their length.
+        Between two frames, every triangle rotates and stretches evenly (see
+        `riemhuman.solvers.PoissonPath`), so limbs keep their length.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class MotionSpace(Manifold):
         return result
 
     def face_forward(self, motion: Motion) -> ndarray:
-        """Return a motion whose every frame is rotated in place to face as the template does.
+        """Return a motion with every frame rotated in place to face as the template does.
 
         Parameters
         ----------

@@ -100,7 +100,8 @@ class MotionPath:
 class MotionGeodesic:
     """The geodesic of the L² metric between a motion and the best re-timing of another.
 
-    At each time it is a geodesic between the two surfaces, by the solver of the space of motions.
+    At each time it is a geodesic between the two surfaces, found by the solver of the space of
+    motions.
 
     Parameters
     ----------
@@ -145,15 +146,16 @@ class MotionMean(Estimator):
 
     .. math:: \min_m \sum_k \min_{\gamma_k} \int_0^1 d(m(t), m_k(\gamma_k(t)))^2\, dt
 
-    Motions are aligned with the one that is nearest to all others, then with their mean: the
-    Karcher mean of the surfaces at every time, over all vertices. Its times are the means of
-    theirs. Which way bodies face does not count: at every time, all are rotated in place about the
-    vertical axis, y, to the mean of their directions.
+    Motions are aligned first with the one that is nearest to all others, then with their mean,
+    which is the Karcher mean of the surfaces at every time, over all vertices. The times of the
+    mean are the means of the times of the motions. The direction in which bodies face has no
+    effect: at every time, all bodies are rotated in place about the vertical axis, y, to the mean
+    of their directions.
 
     Parameters
     ----------
     space : MotionSpace
-        Space of motions; the mean has its number of times.
+        Space of motions, which gives the number of times of the mean.
     metric : RiemannianMetric, optional
         Metric of the means of surfaces, pulled back from fields. By default
         ``ElasticMetric(a=1, lam=1, c=1)``, which depends on shape and pose.
@@ -171,7 +173,7 @@ class MotionMean(Estimator):
     times_ : array, shape (n, n_times)
         Times of every motion that correspond to those of the mean, as shares of its duration.
     aligned_ : array, shape (n, n_times, V, 3)
-        The motions at these times, rotated as the mean faces.
+        The motions at these times, rotated to face as the mean does.
     variance_ : float
         Mean over motions and time of the squared distance to the mean.
 

@@ -39,14 +39,14 @@ class RateInvariantMetric(MotionDistance):
               & + \min_\gamma \int_0^1 |q_1 - (q_2 \circ \gamma)\sqrt{\dot\gamma}|^2\, dt, \\
               q = &\ v / \sqrt{|v|} \end{split}
 
-    where v is the velocity of Φ(m(t)), transported along geodesics to the fields of the
-    template (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). All q lie
-    in one Euclidean space, where re-timing acts by isometries: d is a metric on motions modulo
-    re-timing. The transported velocities add up to a curve, a cubic spline of the frames, of which
-    60 chords of equal arcs are compared, after a Gaussian mean along it that removes movements
-    shorter than a thirtieth of its length, such as noise and triangles that flip in the crease of a
-    joint. Between frames that are far apart a spline is far from the
-    motion: motions of few frames are better compared by `VelocityTimeWarping`.
+    where v is the velocity of Φ(m(t)), transported along geodesics to the fields of the template
+    (Su, Kurtek, Klassen and Srivastava, Annals of Applied Statistics 8, 2014). All q lie in one
+    Euclidean space, where re-timing acts by isometries: d is a metric on motions modulo re-timing.
+    The transported velocities add up to a curve, a cubic spline of the frames, of which 60 chords
+    of equal arcs are compared, after a Gaussian mean along it that removes movements shorter than a
+    thirtieth of its length, such as noise and triangles that flip in the crease of a joint. Between
+    frames that are far apart, a spline is far from the motion, so compare motions with few frames
+    by `VelocityTimeWarping`.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class RateInvariantMetric(MotionDistance):
         As for `DynamicTimeWarping`.
     n_components : int, optional
         Number of principal components of velocities that `dist_pairwise` compares; by default
-        velocities are compared in full. The part outside the components counts by its norm, so that
-        no distance grows.
+        velocities are compared in full. The part outside the components counts by its norm, so
+        distances never increase.
     n_jobs : int, optional
         As for `DynamicTimeWarping`.
 

@@ -214,13 +214,13 @@ class _Sampled:
 
 
 class DynamicTimeWarping(FrameWarping):
-    r"""The least root mean squared distance of frames after re-timing.
+    r"""The smallest root mean square distance between frames after re-timing.
 
     .. math:: d(m_1, m_2)^2 = \min_{path} \frac{1}{n + m} \sum_{(i, j)} w_{ij}\, d(f_i, h_j)^2
 
     over monotone paths from the first frames to the last, with the symmetric weights of Sakoe and
-    Chiba. The triangle inequality does not hold; for `RateInvariantMetric` it does. Where the
-    frames of one motion omit parts of the other, `VelocityTimeWarping` is nearer to 0.
+    Chiba. The triangle inequality does not hold, unlike for `RateInvariantMetric`. If the frames of
+    one motion omit parts of the other, `VelocityTimeWarping` gives smaller distances.
 
     Parameters
     ----------
@@ -228,19 +228,19 @@ class DynamicTimeWarping(FrameWarping):
         Metric on frames, with a closed form.
     centered : bool
         Whether to subtract the mean of each motion along its length. The changes remain; constant
-        habits of a person, such as how the arms are carried, do not.
+        habits of a person, such as how the arms are held, are removed.
     between_frames : bool
         Whether to match frames also with positions between frames. A motion is then nearer to its
-        own re-timing.
+        re-timings.
     heading : bool
-        Whether the direction in which bodies face counts. By default each frame is rotated about
-        the vertical axis, y, to its best fit with the template.
+        Whether to include the direction in which bodies face. By default each frame is rotated
+        about the vertical axis, y, to fit the template best.
     travel_weight : float
-        Weight of how fast the body travels, beside its pose: differences of the speed over the
-        ground, in units of the square root of g times the length of the leg, are multiplied by it
-        and count like distances of the metric. Frames must be in metres.
+        Weight of how fast the body travels, in addition to its pose. Differences in the speed over
+        the ground, in units of the square root of g times the leg length, are multiplied by this
+        weight and count like distances of the metric. Frames must be in metres.
     frames_per_second : float, optional
-        Frame rate of motions that are arrays, where speed counts; other motions have their own.
+        Frame rate of motions that are arrays, needed if speed counts; other motions have their own.
     n_components : int, optional
         Number of principal components of `metric.lower_bound_coordinates` that `dist_pairwise`
         compares in place of frames; no distance exceeds the exact one. By default distances are
@@ -343,7 +343,7 @@ class _Steps:
 
 
 class VelocityTimeWarping(FrameWarping):
-    r"""The distance of square root velocities, at the frames of the motion that has fewer of them.
+    r"""The distance of square root velocities, at the frames of the motion with fewer frames.
 
     The frames of one motion are matched with positions on the other, at frames or between them. The
     steps v from frame to frame are compared with the chords w between these positions:
@@ -353,13 +353,13 @@ class VelocityTimeWarping(FrameWarping):
 
     over positions that do not decrease, from the first frame to the last; negative products of v
     and w count as 0. Frames are points of the Euclidean space of the metric's
-    `lower_bound_coordinates`, if it has them: normals and rotations count by chords, not arcs. The
-    distance is the smaller of the two directions. It is 0 between motions that stand still, and 1
-    between a motion that moves and one that stands still.
+    `lower_bound_coordinates`, if it has them: normals and rotations are compared by chords, not
+    arcs. The distance is the smaller of the two directions. It is 0 between motions that stand
+    still, and 1 between a motion that moves and one that stands still.
 
     A motion is near all of its samplings, however few frames they have, and near a longer motion
-    that differs only in movements that one step can skip. The triangle inequality does not hold.
-    Noise counts in proportion to the steps; `RateInvariantMetric` smooths it away.
+    that differs only by movements that a single step can skip. The triangle inequality does not
+    hold. Noise counts in proportion to the steps; `RateInvariantMetric` smooths it away.
 
     Parameters
     ----------
@@ -369,8 +369,8 @@ class VelocityTimeWarping(FrameWarping):
     heading : bool
         As for `DynamicTimeWarping`.
     travel_weight : float
-        Weight of how far the body travels, beside its pose: the way over the ground, in lengths of
-        the leg, times this weight is one more coordinate of every frame.
+        Weight of how far the body travels, in addition to its pose: the distance over the ground,
+        in leg lengths, times this weight is an additional coordinate of every frame.
     frames_per_second, n_components, n_jobs
         As for `DynamicTimeWarping`; no frame rate is needed.
 

@@ -107,8 +107,8 @@ class DeformationBasis:
         ----------
         motions : iterable
             Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3). Both may be
-            generators. Of a motion that has a length and can be indexed, but is not an array, list
-            or tuple, only every τ-th frame is read.
+            generators. If a motion has a length and can be indexed, but is not an array, list or
+            tuple, only every τ-th frame is read.
         n_components : int
         step : int
             Number of frames τ from the first to the second frame of a deformation.
@@ -161,7 +161,7 @@ class DeformationBasis:
         Parameters
         ----------
         template : Template
-            The mesh; open and non-manifold meshes are legal.
+            The mesh; it may be open or non-manifold.
         n_components : int
             Number of components K. If it is not a multiple of 3, the last harmonic is used only
             along x, or along x and y.
@@ -265,7 +265,7 @@ class DeformationBasis:
         return self.combine(self.coefficients(deformation))
 
     def check_fits(self, template: Template | int) -> None:
-        """Raise an error unless a template has as many vertices as the basis.
+        """Raise an error unless a template has the same number of vertices as the basis.
 
         Parameters
         ----------

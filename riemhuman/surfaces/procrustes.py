@@ -45,10 +45,10 @@ def procrustes(
     to : array_like, shape (V, 3), optional
         The reference y; by default surfaces are aligned by `generalized_procrustes`.
     scale : bool or None
-        Whether surfaces are also scaled. With False, surfaces that are evidently in another unit
+        Whether surfaces are also scaled. With False, surfaces that are clearly in another unit
         raise an error; None accepts them unscaled.
     weights : array_like, shape (V,), optional
-        Weights w of the vertices, for instance ``template.vertex_areas``; equal by default.
+        Weights w of the vertices, for example ``template.vertex_areas``; equal by default.
 
     References
     ----------
@@ -91,10 +91,11 @@ def generalized_procrustes(
 ) -> tuple[Array, Array]:
     """Align surfaces in known correspondence with each other, and return their mean.
 
-    Surfaces are aligned with their mean and the mean is computed again, in turn: every step lowers
+    In turn, surfaces are aligned with their mean and the mean is recomputed; every step lowers
     sum_i sum_v w_v ‖s_i R_i x_iv + b_i - m_v‖² [1]_. With `scale`, the mean m keeps the root mean
-    square of the centroid sizes of the surfaces. In the end, the mean is aligned with the first
-    surface and all with it. It is no template: its limbs shrink where poses differ.
+    square of the centroid sizes of the surfaces. Finally, the mean is aligned with the first
+    surface, and all surfaces are aligned with the mean. Do not use it as a template: its limbs
+    shrink where poses differ.
 
     Parameters
     ----------

@@ -76,8 +76,8 @@ def spectrum(
     ----------
     vertices : array_like, shape (V, 3), in metres
     faces : array_like, shape (F, 3)
-        Vertex indices of each triangle, counted from 0. The mesh may be open. Vertices that a seam
-        doubles share their value and their area.
+        Vertex indices of each triangle, counted from 0. The mesh may be open. Vertices duplicated
+        along a seam share their value and their area.
     n_eigenvalues : int
     laplacian : {"cotangent", "robust"}
         The cotangent Laplacian, or the intrinsic Delaunay Laplacian of Sharp and Crane, "A

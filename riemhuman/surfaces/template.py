@@ -50,7 +50,7 @@ _ROUNDING = 4 * np.finfo(np.float64).eps
 
 
 class Template:
-    """A triangle mesh, which computes the quantities that depend only on it once.
+    """A triangle mesh; quantities that depend only on the mesh are computed once.
 
     Each triangle t carries an orthonormal frame in which its corners are (0, 0), (u2, 0) and
     (u3, v3). A surface f is linear on it, with derivatives
@@ -70,7 +70,7 @@ class Template:
     Raises
     ------
     DegenerateSurfaceError
-        If a triangle has no area. Slivers are allowed, collinear corners are not.
+        If a triangle has no area. Slivers are allowed; collinear corners are not.
 
     References
     ----------
@@ -116,15 +116,15 @@ class Template:
             raise type(error)(f"{os.fspath(path)}: {error}") from error
 
     def join_seams(self, points: ArrayLike | None = None) -> tuple[Template, Seams]:
-        """Return the template without the vertices that seams double, and the map to it and back.
+        """Return the template without vertices duplicated along seams, and the map to it and back.
 
-        Exporters double vertices where texture coordinates or normals jump. Distances ignore such
-        seams; solvers that move every vertex would tear them, and warn.
+        Exporters duplicate vertices where texture coordinates or normals jump. Distances ignore
+        such seams; solvers that move every vertex would tear them, and issue a warning.
 
         Parameters
         ----------
         points : array_like, shape (..., V, 3), optional
-            Surfaces in which the seams must coincide, too, to be joined.
+            Surfaces in which the seams must also coincide to be joined.
 
         Returns
         -------
@@ -267,12 +267,12 @@ class Template:
 
     @cached_property
     def heat(self) -> TriangleHeat:
-        """The flow of heat between the triangles, across seams, too."""
+        """The flow of heat between the triangles, also across seams."""
         return TriangleHeat(self.vertices, self.joined_faces, self.face_areas)
 
     @cached_property
     def vertex_heat(self) -> HeatFlow:
-        """The flow of heat between the vertices, of which seams leave the first copies alone."""
+        """The flow of heat between the vertices, with only the first copies along seams."""
         faces = self.joined_faces
         masses = np.bincount(faces.ravel(), np.repeat(self.face_areas / 3, 3), self.n_vertices)
         return HeatFlow(
