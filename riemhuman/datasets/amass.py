@@ -113,16 +113,16 @@ def load_amass(
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
     The data set is available from its authors. The subject of a motion is the name of its file's
-    folder; y points up, as z does in the files of AMASS. In files of others in its layouts, such as
-    Motion-X, y may: the axis along which people stand on a floor is taken. Files in the layouts of
-    SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are read: rotations of the 22
-    joints of SMPL's body, and of the 33 of hands and face if both model and file have them. Soft
-    tissue (``dmpls``) is not used.
+    folder. In the result y points up, in the files of AMASS z does. In other files with AMASS's
+    layouts, such as Motion-X, y may point up: the axis along which people stand on a floor is used.
+    Files in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are
+    read: rotations of the 22 joints of SMPL's body, and of the 33 joints of hands and face if both
+    model and file have them. Soft tissue (``dmpls``) is not used.
 
-    Another model, such as the open model, performs the motions as by `retarget`. Betas in the files
-    belong to SMPL's models: they are ignored then, with a warning, and an average adult performs;
-    ``motion.performed_by(betas)`` is the motion of another person. Files that `Motion.save` wrote
-    give back the motion of the open model itself.
+    Another model, such as the open model, performs the motions as with `retarget`. Betas in the
+    files belong to SMPL's models, so they are then ignored, with a warning, and an average adult
+    performs the motion; ``motion.performed_by(betas)`` gives the motion of another person. Files
+    written by `Motion.save` restore the motion of the open model exactly.
 
     Parameters
     ----------
@@ -131,14 +131,14 @@ def load_amass(
         names; ``shape.npz`` and ``*_stagei.npz`` hold no motion and are skipped.
     model : BodyModel or mapping of str to BodyModel, optional
         SMPL, SMPL-H or SMPL-X model, of 22, 24, 52 or 55 joints, or another with named joints; by
-        default the open model, "coarse". Or one for each gender in the files, all with the same
+        default the open model, "coarse". Or a model for each gender in the files, all with the same
         triangles.
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the files that points up; by default it is found in each file when its frames are
-        first used, with a warning where it is in doubt.
+        first used, with a warning if it is ambiguous.
 
     References
     ----------

@@ -72,7 +72,7 @@ def load_amc(
     *,
     frames_per_second: float = 120.0,
 ) -> SkeletonMotion:
-    """Read a motion capture recording in an Acclaim file (.amc), as of CMU or HDM05.
+    """Read a motion capture recording in an Acclaim file (.amc), such as those of CMU and HDM05.
 
     Lengths are in metres, whatever the unit of the skeleton. A joint has the name of the bone that
     starts there: "lfemur" is the left hip.
@@ -82,15 +82,15 @@ def load_amc(
     path : path_like
         The recording, ``.amc``.
     skeleton : path_like, optional
-        The skeleton, ``.asf``. By default the one in the same folder whose name begins the name of
-        the recording (``01.asf`` of ``01_01.amc``), or the only one there.
+        The skeleton, ``.asf``. By default the one in the same folder whose name is the beginning of
+        the recording's name (``01.asf`` for ``01_01.amc``), or the only one there.
     frames_per_second : float
-        Frame rate, which the files do not hold; it is 120 for CMU and HDM05.
+        Frame rate, which the files do not contain; it is 120 for CMU and HDM05.
 
     Raises
     ------
     FileError
-        If there is no skeleton, or more than one that could be meant.
+        If there is no skeleton, or more than one candidate.
     FileFormatError
         If a file is damaged, or the two do not belong together.
 

@@ -51,11 +51,11 @@ class AnnyParameters:
 
 
 def bodies_from_anny(vertices: ArrayLike) -> np.ndarray:
-    """Return the vertices that Anny computes as bodies of the open model at full resolution.
+    """Convert the vertices that Anny computes to bodies of the open model at full resolution.
 
-    The skin of Anny's default topology has the triangles of the open model, vertex by vertex: the
-    correspondence is exact. Eyes and the inside of the mouth are left out, and z up becomes y up.
-    This does not need the package.
+    The skin of Anny's default topology has the triangles of the open model, vertex by vertex, so
+    the correspondence is exact. Eyes and the inside of the mouth are left out, and z up becomes y
+    up. This does not need the package.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def anny_bodies(
 ) -> np.ndarray:
     """Return bodies of the open model at full resolution from Anny's parameters.
 
-    Needs the package ``anny`` (extra ``anny``), which needs PyTorch and takes about a minute at its
-    first use.
+    This needs the package ``anny`` (extra ``anny``), which needs PyTorch and takes about a minute
+    at first use.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def anny_bodies(
 
 
 def anny_parameters(points: ArrayLike) -> AnnyParameters:
-    """Return the parameters of Anny that fit bodies of the open model, by Anny's own inverter.
+    """Return the parameters of Anny that fit bodies of the open model, by Anny's inverter.
 
-    Needs the package ``anny`` (extra ``anny``), as `anny_bodies` does, and seconds a body.
+    Like `anny_bodies`, this needs the package ``anny`` (extra ``anny``). It takes seconds per body.
 
     Parameters
     ----------

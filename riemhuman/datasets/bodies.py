@@ -33,7 +33,7 @@ _STORED = ("points", "subject", "pose", "betas", "pose_vectors", "translations")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bodies:
-    """Registered body surfaces with the person and the pose of each.
+    """Registered body surfaces, with the person and the pose of each surface.
 
     ``bodies[3]`` is surface 3, shape (V, 3); ``bodies[2:8]``, ``bodies[mask]`` and
     ``bodies[[0, 5]]`` are `Bodies` with the chosen surfaces, and `select` chooses by person and
@@ -57,7 +57,7 @@ class Bodies:
     translations : array_like, shape (n, 3), optional
         In metres.
     ids : tuple of str
-        Name of each surface, for instance of its file; by default its number, from 0.
+        Name of each surface, for example that of its file; by default its number, from 0.
 
     Examples
     --------
@@ -154,8 +154,8 @@ class Bodies:
     def sex(self) -> np.ndarray:
         """The sex of each surface, shape (n,): "woman", "man" or "".
 
-        It is the last word of the name of its person, as of those of the open bodies; of other
-        names it is not known.
+        It is taken from the last word of the person's name, as in the open bodies; for other names
+        it is unknown.
 
         Examples
         --------
@@ -169,13 +169,14 @@ class Bodies:
         return np.array(sexes, dtype=str)[self.subject]
 
     def to_frame(self, distances: ArrayLike | None = None) -> pandas.DataFrame:
-        """Return the labels of the surfaces, or their distances with labels, as a table of pandas.
+        """Return the labels of the surfaces, or labelled distances, as a pandas table.
 
         Parameters
         ----------
         distances : array_like, shape (n, n), optional
-            Distances of the surfaces, as of `dist_pairwise`: rows and columns are then named after
-            person and pose, or after `ids` where two surfaces would have one name.
+            Distances between the surfaces, such as those of `dist_pairwise`. Rows and columns are
+            then named after person and pose, or after `ids` if two surfaces would have the same
+            name.
 
         Raises
         ------

@@ -35,9 +35,9 @@ def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -
     ----------
     path : path_like
     unit : str or number, optional
-        Unit of the file's lengths, which the format does not say: "m", "cm", "mm", "inch", "foot",
-        "yard", in words or abbreviated, or metres in a unit. Lengths are returned in metres then,
-        and in the unit of the file by default.
+        Unit of the file's lengths, which the format does not specify: "m", "cm", "mm", "inch",
+        "foot", "yard", in words or abbreviated, or the number of metres in a unit. Lengths are then
+        returned in metres; by default they are in the unit of the file.
 
     Examples
     --------

@@ -53,13 +53,13 @@ def load_trc(
 ) -> SkeletonMotion:
     """Read a recording of markers in a TRC file, as OpenSim, OpenCap and others write it.
 
-    The joints are at the centres that names of markers tell, of these the first that is there:
-    a centre (RHJC, RKJC, V_R.Knee_JC), the middle of two markers on the skin (r_knee and r_mknee,
-    RKNE and RKNEM, RWRA and RWRB), a joint of a video method (RKnee), or one marker on the skin
-    (RSHO), with a warning. Hips may also follow from the corners of the pelvis (RASI, LASI, RPSI,
-    LPSI), as in Bell, Pedersen and Brand (1990). Gaps of up to 0.2 seconds are interpolated, and
-    frames at the beginning and the end in which a needed joint is missing are left out, both with
-    a warning.
+    The names of the markers determine the joint centres. For each joint, the first of these that
+    exists is used: a centre (RHJC, RKJC, V_R.Knee_JC), the middle of two markers on the skin
+    (r_knee and r_mknee, RKNE and RKNEM, RWRA and RWRB), a joint of a video method (RKnee), or one
+    marker on the skin (RSHO), with a warning. Hips may also be estimated from the corners of the
+    pelvis (RASI, LASI, RPSI, LPSI), as in Bell, Pedersen and Brand (1990). Gaps of up to 0.2
+    seconds are interpolated, and frames at the beginning and the end are left out if a required
+    joint is missing, both with a warning.
 
     Parameters
     ----------
@@ -69,14 +69,15 @@ def load_trc(
         Unit of the file's lengths, as for `load_bvh`; by default the one that the file names.
         Lengths are returned in metres, or unchanged if neither names one.
     joints : mapping of str to str or to sequence of str, optional
-        Names of markers by those of joints in the open model, where they are not recognised, such
-        as ``{"left_hip": "LHJC", "left_knee": ("LK1", "LK2")}``: the mean of several.
+        Names of markers, by the names of joints in the open model, for joints that are not
+        recognised, such as ``{"left_hip": "LHJC", "left_knee": ("LK1", "LK2")}``; several markers
+        are averaged.
 
     Raises
     ------
     FileFormatError
-        If the file is damaged, a needed joint has no marker or a long gap; the error lists the
-        markers of the file. Needed are hips, knees, ankles, shoulders, elbows and wrists.
+        If the file is damaged, or if a required joint has no marker or a long gap; the error lists
+        the markers of the file. Hips, knees, ankles, shoulders, elbows and wrists are required.
 
     Examples
     --------
@@ -100,8 +101,8 @@ def load_c3d(
 ) -> SkeletonMotion:
     """Read a recording of markers in a C3D file, as motion capture laboratories write it.
 
-    Needs ezc3d: ``pip install '.[recordings]'``. It runs in a process of its own, which a damaged
-    file may end. Which joints are found, and what is done about gaps, is as for `load_trc`.
+    This needs ezc3d: ``pip install '.[recordings]'``. It runs in a separate process, because a
+    damaged file may crash it. Joints are found and gaps are treated as in `load_trc`.
 
     Parameters
     ----------

@@ -41,12 +41,12 @@ def motion_from_arrays(
     model: BodyModel | None = None,
     name: str = "",
 ) -> ArrayMotion | RetargetedMotion:
-    """Return a motion from poses in SMPL's joint order, as methods that watch videos print them.
+    """Return a motion from poses in SMPL's joint order, such as those of video methods.
 
-    A model of SMPL's family takes the poses as they are; another, such as the open model, performs
-    them as by `retarget`, as a person of its own: betas of SMPL mean nothing to it, and are ignored
-    with a warning. Videos see one person: betas that differ from frame to frame become their
-    weighted mean, and a warning says by how much they differ.
+    A model of SMPL's family uses the poses directly. Another model, such as the open model,
+    performs them as with `retarget`, with its own person: betas of SMPL have no meaning for it, and
+    are ignored with a warning. A video shows one person, so betas that differ between frames are
+    replaced by their weighted mean, and a warning says by how much they differ.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def motion_from_arrays(
         Translation of the body, ``trans`` or ``transl``, metres.
     frames_per_second : float
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up; "-y" in the axes of most cameras. By default it is found by where the
-        person stands and where the floor is, with a warning if that is in doubt.
+        Axis that points up; "-y" in the axes of most cameras. By default it is found from the
+        position of the person and the floor, with a warning if it is ambiguous.
     betas : array_like, shape (B,) or (n_frames, B), optional
         Shape coefficients of the person; by default zeros.
     weights : array_like, shape (n_frames,), optional
@@ -76,7 +76,7 @@ def motion_from_arrays(
     Raises
     ------
     ArgumentError
-        If shapes do not fit, or a matrix is no rotation.
+        If shapes do not match, or a matrix is not a rotation.
 
     Examples
     --------

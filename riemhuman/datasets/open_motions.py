@@ -90,14 +90,14 @@ def load_open_motions(
     sequences: Sequence[str] | str | None = None,
     frames_per_second: float = 60,
 ) -> Motions[OpenMotion]:
-    """Return the open motions: ten people in fourteen motions of some seconds each.
+    """Return the open motions: ten people in fourteen motions of a few seconds each.
 
     The motions resemble those of Dynamic FAUST and have their names; they are defined by joint
-    angles over a cycle (data/open_motions.json). Every person performs them with
-    slightly different tempo, start, amplitude and habit. The five women and five men are not those
-    of `load_open_bodies`, so that a basis learnt from these motions can be tested there on other
-    people. All calls return the same motions, and both resolutions show the same performances:
-    all motions of the first person, then of the second, and so on. Frames are computed on access.
+    angles over a cycle (data/open_motions.json). Every person performs them with a slightly
+    different tempo, start, amplitude and habit. The five women and five men are not those of
+    `load_open_bodies`, so a basis learned from these motions can be tested on other people there.
+    All calls return the same motions, and both resolutions show the same performances: all motions
+    of the first person, then of the second, and so on. Frames are computed on access.
 
     Parameters
     ----------

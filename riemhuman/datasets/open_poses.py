@@ -58,8 +58,8 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarra
     ----------
     angles : mapping of str to sequence
         Axes and angles of some joints, degrees: ("xz", 30, -70) rotates by 30 about x, then by -70
-        about z. In the T-pose, x points to the body's left, y up and z forward. A joint without a
-        side stands for both, the right one mirrored. Other joints do not rotate.
+        about z. In the T-pose, x points to the body's left, y up and z forward. A joint named
+        without a side means both, the right one mirrored. Other joints do not rotate.
     model : BodyModel
         The open model.
 

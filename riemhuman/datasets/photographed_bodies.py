@@ -38,14 +38,15 @@ class PhotographedBodies:
     Attributes
     ----------
     points : array, shape (n, V, 3)
-        Surfaces, metres, y up. Their size is the method's guess: a photograph does not show it.
+        Surfaces, metres, y up. Their size is a guess of the method, because a photograph does not
+        show it.
     faces : array of int, shape (F, 3)
     names : tuple of str
         The name of the file of each surface.
     keypoints : array, shape (n, K, 3), or None
         Positions of keypoints in the same axes.
     translations : array, shape (n, 3), or None
-        Positions before the camera, metres, in its axes: x right, y down, z forward.
+        Positions in front of the camera, metres, in its axes: x right, y down, z forward.
     shapes : array, shape (n, S), or None
         Shape parameters of the method's own model, which riemhuman does not use.
     missing : tuple of str
@@ -69,7 +70,7 @@ class PhotographedBodies:
 
     @property
     def places(self) -> np.ndarray:
-        """Surfaces where the camera saw them, metres, y up; if unknown, those of `points`."""
+        """Surfaces in the camera's view, metres, y up; those of `points` if it is unknown."""
         if self.translations is None:
             return self.points
         return self.points + turn_upright(self.translations, self.up)[:, np.newaxis]
@@ -99,21 +100,21 @@ def load_photographed_bodies(
     Parameters
     ----------
     paths : path_like or sequence of path_like
-        ``.npz`` files with ``pred_vertices``, shape (V, 3) or (n, V, 3), metres. A folder stands
-        for all its ``.npz`` files.
+        ``.npz`` files with ``pred_vertices``, shape (V, 3) or (n, V, 3), metres. A folder means all
+        ``.npz`` files in it.
     faces : array_like of int, shape (F, 3), or path_like
-        Triangles, which the files lack: the output ``faces`` of the method, or a mesh file with
-        its vertices in their order, such as the one of the tools of its body model.
+        Triangles, which the files lack: the output ``faces`` of the method, or a mesh file with the
+        vertices in the same order, such as the one in the tools of its body model.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up. The method writes y down, others turn its bodies: by default, whether
-        "-y" or "y" points up is seen from the feet of the bodies; where it cannot be seen, in
-        people who lie, it is "-y", and a warning says so.
+        Axis that points up. The method writes bodies with y down, but other tools turn them. By
+        default, the feet show whether "-y" or "y" points up. If this is ambiguous, because people
+        are lying, "-y" is assumed, and a warning says so.
 
     Raises
     ------
     FileFormatError
-        If a file holds no such bodies, if their number of vertices is another, if they are not
-        finite, or if they are mirrored.
+        If a file holds no such bodies, or if the bodies have another number of vertices, are not
+        finite, or are mirrored.
 
     Examples
     --------

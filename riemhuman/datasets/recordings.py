@@ -98,8 +98,9 @@ class RecordingContents:
     Attributes
     ----------
     used, left_out : tuple of str
-        Names of fields that `load_recording` uses and leaves out, in alphabetical order. Where the
-        open model has no part for it, such as a face or single fingers, what it is in parentheses.
+        Names of fields that `load_recording` uses and ignores, in alphabetical order. If the open
+        model has no corresponding part, such as a face or single fingers, the meaning is given in
+        parentheses.
 
     Examples
     --------
@@ -115,12 +116,12 @@ class RecordingContents:
 def recording_contents(
     path: str | os.PathLike[str], *, person: str | None = None
 ) -> RecordingContents:
-    """Return which fields of a file `load_recording` uses, and which it leaves out.
+    """Return which fields of a file `load_recording` uses, and which it ignores.
 
     Parameters
     ----------
     path : path_like
-        A file of AMASS, a ``.smpl`` file, or one of a method that watches videos.
+        A file of AMASS, a ``.smpl`` file, or one from a method that tracks people in videos.
     person : str, optional
         Which person, as for `load_recording`.
 
@@ -198,14 +199,16 @@ def load_recording(
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
-    - ``.bvh`` and ``.amc`` (Acclaim, with its ``.asf`` beside it), see `load_bvh`, `load_amc`;
-    - ``.trc`` and ``.c3d``, markers that tell the centres of joints, see `load_trc`, `load_c3d`;
+    - ``.bvh`` and ``.amc`` (Acclaim, with its ``.asf`` next to it), see `load_bvh`, `load_amc`;
+    - ``.trc`` and ``.c3d``, markers from which the centres of joints are found, see `load_trc`,
+      `load_c3d`;
     - ``.npz`` in AMASS's layout, see `load_amass`;
     - ``.smpl``, avatars of Meshcapade's codec, with frames or in the rest pose;
-    - ``.npz``, ``.pkl`` and ``.pt`` of methods that watch videos, see `motion_from_arrays`: those
-      of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose fields have the same
-      names. Nothing in a file runs; a file that holds other objects is refused;
-    - ``.npz`` of SAM 3D Body, with `faces`: its bodies are taken for moments of one person's
+    - ``.npz``, ``.pkl`` and ``.pt`` of methods that track people in videos, see
+      `motion_from_arrays`: those of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose
+      fields have the same names. No code in a file is run; a file that holds other objects is
+      refused;
+    - ``.npz`` of SAM 3D Body, with `faces`: its bodies are treated as frames of one person's
       motion, see `load_photographed_bodies`.
 
     Parameters
@@ -215,29 +218,30 @@ def load_recording(
         By default the open model, "coarse".
     frames_per_second : float, optional
         Frame rate of the motion, at most that of the recording: the frames nearest in time are
-        used. Where a file of a video holds no rate, this is the rate of the video, by default 30.
+        used. If a file from a video contains no rate, this is the rate of the video, by default 30.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the recording that points up; by default the one along which people stand.
     betas : array_like, shape (B,), or "recorded", optional
-        Coefficients of the person, of `model`; by default those of the file if they are of this
-        model, else as for `retarget`, which finds a person with recorded bones for "recorded".
+        Shape coefficients of the person, for `model`; by default those of the file if they are for
+        this model, otherwise as for `retarget`, which finds a person with the recorded bones for
+        "recorded".
     joints : mapping of str to str, optional
         Names of joints of a skeleton, see `retarget`, or of markers, see `load_trc`.
     person : str, optional
-        Which person, in files of several; by default the one seen in the most frames, which a
-        warning says.
+        Which person, in files with several people; by default the one seen in the most frames, with
+        a warning.
     unit : str or number, optional
-        Unit of the lengths of a skeleton, which are kept then, see `retarget`; .amc files are read
+        Unit of the lengths of a skeleton, which are then kept, see `retarget`; .amc files are read
         in metres, and .trc and .c3d files name their unit.
     faces : array_like of int, shape (F, 3), or path_like, optional
-        Triangles of bodies of SAM 3D Body. `model` must have them: `transfer_model` makes one. It
-        is fitted to every frame, and the person has the mean of the betas; a warning says by how
-        much they differ.
+        Triangles of bodies of SAM 3D Body. `model` must have the same triangles; `transfer_model`
+        creates such a model. It is fitted to every frame, and the person has the mean of the betas;
+        a warning says by how much they differ.
 
     Raises
     ------
     FileFormatError
-        If the file holds no motion; it says which fields it holds.
+        If the file holds no motion; the error lists its fields.
 
     Examples
     --------

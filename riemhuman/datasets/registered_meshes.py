@@ -44,9 +44,9 @@ _COLUMNS = ("file", "subject", "pose")
 class RegisteredMeshes:
     """Registered surfaces in files, which are read on access and not kept.
 
-    ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3). A file
-    that differs from the reference in its triangles or evidently in its unit raises
-    `FileFormatError`.
+    ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3). If the
+    triangles of a file differ from those of the reference, or its unit clearly does,
+    `FileFormatError` is raised.
 
     Parameters
     ----------
@@ -56,16 +56,16 @@ class RegisteredMeshes:
         The template, or a mesh file, whose triangles all files must have; by default the first
         file.
     scale : {"template"} or None
-        With "template", a mesh more than eight times as large or as small as the reference raises
-        an error, because it is evidently in another unit.
+        With "template", a mesh that is more than eight times larger or smaller than the reference
+        raises an error, because it must be in another unit.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the files, converted to metres; by default coordinates are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up in the files, rotated to y; by default meshes are not rotated.
     seams : {"join", "keep"}
-        Exporters of OBJ and GLB files double vertices along seams. "join" makes one vertex of
-        copies that coincide in all files, which are then read at once; "keep" keeps the files'
-        vertices, as does a reference that is a `Template`.
+        Exporters of OBJ and GLB files duplicate vertices along seams. "join" joins copies that
+        coincide in all files, for which all files are read at once. "keep" keeps the vertices of
+        the files, and so does a reference that is a `Template`.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class RegisteredMeshes:
 def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the mesh files of a folder in natural order: body_2 comes before body_10.
 
-    Subfolders and hidden files are ignored, and GLB files beside meshes of other formats.
+    Subfolders and hidden files are ignored, and so are GLB files next to meshes of other formats.
 
     Parameters
     ----------
@@ -293,13 +293,13 @@ def load_bodies(
         As for `RegisteredMeshes`.
     allow_missing : bool
         Whether to leave out meshes without a row or with an empty cell for a label, and rows
-        without a mesh; else they are errors, as missing labels are everywhere, see
+        without a mesh; otherwise they raise errors, as missing labels always do, see
         `rh.retrieval.scores`.
     progress : bool
     faces : array_like of int, shape (F, 3), or path_like, optional
-        Triangles of bodies of SAM 3D Body, see `load_photographed_bodies`: the folder, or the one
-        file, holds their .npz files. Without a table, each file is a subject, and each body in it
-        a pose.
+        Triangles of bodies of SAM 3D Body, see `load_photographed_bodies`; the folder then contains
+        their .npz files, or the path is one such file. Without a table, each file is a subject, and
+        each body in it is a pose.
 
     Examples
     --------

@@ -47,16 +47,16 @@ class RetargetedMotion(ModelMotion):
     betas : array, shape (B,), optional
         Shape coefficients of the person; by default zeros.
     joints : mapping of str to int, optional
-        Numbers of joints in the recording by names of the open model.
+        Indices of joints in the recording, by their names in the open model.
     up : str, or function that returns it, optional
         As for `retarget`.
     size : float
-        Bodies of the model are larger by this factor.
+        Factor by which bodies of the model are enlarged.
 
     Attributes
     ----------
     message : str
-        What was assumed about lengths: the person, and the unit of the recording.
+        Assumptions about lengths: the person, and the unit of the recording.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class RetargetedMotion(ModelMotion):
 
     @property
     def message(self) -> str:
-        """What was done with the lengths of the recording."""
+        """How the lengths of the recording were treated."""
         scale, person = (
             self.errors.scale,
             "an average adult" if not self.betas.any() else "a person",
@@ -118,7 +118,7 @@ class RetargetedMotion(ModelMotion):
         )
 
     def performed_by(self, betas: ArrayLike) -> RetargetedMotion:
-        """Return the motion of another person, who does the same in his or her proportions.
+        """Return the same motion performed by another person, with that person's proportions.
 
         Parameters
         ----------
@@ -150,17 +150,17 @@ def retarget(
     scale: str | None = None,
     frames_per_second: float | None = None,
 ) -> RetargetedMotion:
-    """Return the motion of a body that does what a recorded skeleton does.
+    """Return the motion of a body that moves as a recorded skeleton does.
 
-    Rest poses, axes, units and proportions of the recording may be any: axes of joints are found
-    from the positions of joints over the frames, so that what positions do not tell, such as how
-    far the head is lowered, is measured from its mean. Limbs follow the recorded directions within
-    3.8 degrees, the trunk almost exactly; feet are level while they stand still, stay in place, and
-    nothing sinks by more than 5 mm. A warning says if pelvis, chest, head, a bone or a line is off
-    by more than 15 degrees, or a joint by more than 7 cm, in the mean.
+    The recording may have any rest pose, axes, units and proportions. The axes of joints are found
+    from their positions over the frames; what positions do not determine, such as how far the head
+    is lowered, is measured relative to its mean. Limbs follow the recorded directions within 3.8
+    degrees, the trunk almost exactly. Feet that stand still are level and stay in place, and
+    nothing sinks into the floor by more than 5 mm. A warning says if pelvis, chest, head, a bone or
+    a line is off by more than 15 degrees on average, or a joint by more than 7 cm.
 
-    A recording of the model's own skeleton, as `Motion.save` writes it, is played as it is, by the
-    person whose bones it has.
+    A recording of the model's own skeleton, as written by `Motion.save`, is played unchanged, by
+    the person whose bones it has.
 
     Parameters
     ----------
@@ -169,24 +169,26 @@ def retarget(
     model : BodyModel, optional
         Model with named joints, or with those of SMPL; by default the open model, "coarse".
     betas : array_like, shape (B,), or "recorded", optional
-        Shape coefficients of the person; by default zeros, an average adult. "recorded" is a person
-        whose bones have the recorded lengths. Those do not tell the body shape, and makers place
-        joints differently: girths and mass may not belong to any real person.
+        Shape coefficients of the person; by default zeros, an average adult. "recorded" chooses a
+        person whose bones have the recorded lengths. These do not determine the body shape, and
+        joints may be placed differently in the recording, so girths and mass may not belong to any
+        real person.
     joints : mapping of str to str, optional
-        Names of joints in the recording by those of the open model, such as
-        ``{"left_hip": "LeftUpLeg"}``, where they are not recognised. Where names do not tell, the
-        shape of the skeleton does, with a warning that lists the joints.
+        Names of joints in the recording by those of the open model, such as ``{"left_hip":
+        "LeftUpLeg"}``, for joints that are not recognised. If names do not identify the joints,
+        they are inferred from the shape of the skeleton, with a warning that lists them.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis of the recording that points up; by default it is found, with a warning where people
-        may as well lie on the floor as stand along another axis.
+        Axis of the recording that points up; by default it is found, with a warning if people might
+        as well be lying on the floor as standing along another axis.
     unit : str or number, optional
         Unit of the recording's lengths: "m", "cm", "mm", "inch", "foot", in words or abbreviated,
-        or the metres in one. By default that of the recording, if it is known.
+        or the number of metres in a unit. By default that of the recording, if it is known.
     scale : {"adult", "recorded"}, optional
         Whether the recording is scaled to the legs of the person ("adult"), or the person to the
         recorded legs: a child, an adult and a giant keep their lengths. By default "recorded" if
-        the unit is given to `retarget` or the reader, or the file names it, else "adult". Without
-        a unit, "recorded" takes the one in which legs are most like an adult's, with a warning.
+        the unit is given to `retarget` or the reader, or if the file names it, otherwise "adult".
+        Without a unit, "recorded" uses the unit in which legs are most like an adult's, with a
+        warning.
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
 

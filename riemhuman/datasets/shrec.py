@@ -79,7 +79,7 @@ def load_shrec14(
     classes : path_like, optional
         The class file, in the format of the Princeton Shape Benchmark [2]_. By default the only
         file in the folder, or below it, that ends in ``.cla``. Its ids are names of mesh files,
-        with or without suffix. An id that is a number may also stand for the file whose name has
+        with or without suffix. An id that is a number may also refer to the file whose name has
         this number as its last.
     scale : float
         Factor from the files' unit to metres.

@@ -22,14 +22,14 @@ _STRUCTURE, _FIELDS = "Shape_df", ("VERT", "TRIV", "smpl_matches")
 
 @dataclass(frozen=True, eq=False)
 class MatchedMesh:
-    """A mesh, and the places of a template's vertices on it.
+    """A mesh, and the positions of a template's vertices on it.
 
     Attributes
     ----------
     vertices : array, shape (V, 3)
     faces : array of int, shape (F, 3)
     places : array of int, shape (6890,)
-        For each vertex of SMPL's template the vertex of the mesh that matches it.
+        For each vertex of SMPL's template, the matching vertex of the mesh.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class MatchedMeshes(Record):
     pairs : array of int, shape (P, 2)
         The pairs of the benchmark: two indices into `files`.
     match_files : dict of (str, str) to Path
-        Files of matches between two meshes, by their names.
+        Files of matches between two meshes, by the names of the meshes.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class MatchedMeshes(Record):
         return _read_mesh(self.files[index])
 
     def matches(self, first: int, second: int) -> np.ndarray:
-        """Return for every vertex of one mesh the vertex of another that matches it, shape (V,).
+        """Return the matching vertex of another mesh for every vertex of one mesh, shape (V,).
 
         Parameters
         ----------
@@ -122,10 +122,10 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     Raises
     ------
     FileError
-        If there are no meshes, or two of the same number, or the list of pairs names one that is
-        not there.
+        If there are no meshes, or two with the same number, or if the list of pairs names one that
+        does not exist.
     FileFormatError
-        If a file does not hold what is expected.
+        If a file does not have the expected contents.
 
     References
     ----------

@@ -271,9 +271,9 @@ class Contributions(Record):
     Attributes
     ----------
     metric : array, shape (..., F)
-        m_t, by the change of the first fundamental form.
+        m_t, from the change of the first fundamental form.
     normal : array, shape (..., F)
-        n_t, by the change of the normals.
+        n_t, from the change of the normals.
 
     Examples
     --------
@@ -286,12 +286,12 @@ class Contributions(Record):
 
     @property
     def total(self) -> ndarray:
-        """Their sum m_t + n_t, shape (..., F); summed over triangles, the squared distance."""
+        """Their sum m_t + n_t, shape (..., F); the sum over triangles is the squared distance."""
         return np.add(self.metric, self.normal)
 
 
 def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> Contributions:
-    """Return what every triangle adds to the squared distance of two surfaces.
+    """Return the contribution of every triangle to the squared distance between two surfaces.
 
     Parameters
     ----------

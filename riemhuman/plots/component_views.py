@@ -25,7 +25,7 @@ def view_components(
     Sliders go from −3 to 3 standard deviations. The page computes the body
     :math:`\bar x + \sum_k c_k a_k + c_k^2 b_k`, where :math:`a_k` and :math:`b_k` make the bodies
     at −2 and 2 standard deviations of each component exact (`TangentPCA.inverse_transform`). The
-    page says how far that is from the exact body where all components are 1.
+    page says how far that is from the exact body if all components are 1.
 
     Parameters
     ----------

@@ -114,7 +114,7 @@ def view_map(
     note: str = "",
     title: str = "Map of bodies",
 ) -> Viewer:
-    """Return a page with a map of bodies, on which the pointer on a point shows its body.
+    """Return a page with a map of bodies, on which pointing at a point shows its body.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def view_map(
     labels : array_like of int, shape (n,)
         Class of each body, counted from 0.
     names : sequence of str, optional
-        Names of the classes, which stand beside their points if there are twelve or fewer.
+        Names of the classes, shown next to their points if there are at most twelve.
     points : array_like, shape (n, V, 3)
         The bodies, metres, y up.
     faces : array_like, shape (F, 3)

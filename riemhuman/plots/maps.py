@@ -67,9 +67,9 @@ def embed(
     Parameters
     ----------
     distances : array_like, shape (n, n), or RiemannianMetric
-        Distances, or the metric that gives those of the bodies.
+        Distances, or the metric that computes those of the bodies.
     bodies : Bodies or array, shape (n, V, 3), optional
-        What the metric compares; none for distances.
+        The bodies that the metric compares; not for distances.
     method : {"t-sne", "mds"}
         t-distributed stochastic neighbour embedding [1]_, which preserves neighbourhoods, or
         classical multidimensional scaling (Torgerson 1952), which approximates distances.
@@ -150,7 +150,7 @@ def stress(distances: ndarray, positions: ndarray) -> float:
 
 
 def describe_stress(stress: float) -> str:
-    """Return in words by how much an embedding misses the distances.
+    """Return in words how far an embedding is from the distances.
 
     Parameters
     ----------
@@ -190,10 +190,10 @@ def plot_embedding(
     names : sequence of str, optional
         Names of the classes.
     item_names : sequence of str, length n, optional
-        Names of the items, written beside them instead of a legend of the classes.
+        Names of the items, written next to them instead of a legend of the classes.
     points : array_like, shape (n, V, 3), optional
-        Bodies of the items; the middle one of each class is drawn, of the twelve largest classes
-        if there are more, which then have a legend too.
+        Bodies of the items; the middle one of each class is drawn. If there are more than twelve
+        classes, the twelve largest are drawn, with a legend.
     faces : array_like, shape (F, 3), optional
     unit : str, optional
         Unit of the positions, for a scale bar; both axes then have the same scale.

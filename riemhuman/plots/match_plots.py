@@ -27,12 +27,12 @@ _HEIGHT = 640  # pixels
 
 
 def position_colors(points: ndarray) -> ndarray:
-    """Return colours of places by how far left and how high they are, shape (N, 3).
+    """Return colours of points by how far left and how high they are, shape (N, 3).
 
     Parameters
     ----------
     points : array, shape (N, 3)
-        Places in upright axes, x to the left and y up; NaN for grey.
+        Points in upright axes, x to the left and y up; NaN gives grey.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def plot_match(
     Parameters
     ----------
     result_a, result_b : RegisteredScan
-        Registrations of the scans by the same model.
+        Registrations of the scans with the same model.
     names : tuple of str
         Titles of the scans.
 

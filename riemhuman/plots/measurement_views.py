@@ -180,7 +180,7 @@ def view_measurements(
 ) -> Viewer:
     """Return a page with a body, its measurements in a list, and their lines.
 
-    The pointer on a row shows its line on the body, and the pointer on a line its row. For two
+    Pointing at a row shows its line on the body, and pointing at a line shows its row. For two
     visits of one person, see `view_difference`.
 
     Parameters
@@ -236,8 +236,8 @@ def plot_measurements(
 ) -> Figure:
     """Draw the lines of measurements in small pictures, with a table of their values.
 
-    Each picture has at most fifteen lines of one kind, with numbers, from the side on which most
-    of them are seen; what is behind the body is pale. The table below gives their names and values.
+    Each picture has at most fifteen numbered lines of one kind, seen from the side on which most of
+    them are visible; lines behind the body are pale. The table below gives their names and values.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def plot_measurements(
     pose : {"standard", "as is"}
         Whether to measure in the standard pose, which needs a body model.
     axes : {"space", "body"}
-        Axes of a body as it stands, see `Measurements.measure`.
+        Axes of a body in its own pose, see `Measurements.measure`.
     system : {"cm", "in"}
         Units, see `readable_unit`.
     height : int

@@ -72,7 +72,7 @@ def view_motions(
     """Return an interactive view of two motions side by side, aligned in time or as recorded.
 
     The first motion plays at its own pace, the second at the corresponding times; a diagram shows
-    which times correspond, and the moment that is shown.
+    which times correspond, and the current moment.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def view_motions(
     Raises
     ------
     ArgumentError
-        If faces are missing, the motions differ in their rates, or the warp is not one of motions
-        of these lengths.
+        If faces are missing, if the motions have different rates, or if the warp does not belong to
+        motions of these lengths.
 
     Examples
     --------

@@ -111,8 +111,8 @@ def view_scan(
 ) -> Viewer:
     """Return a page with a scan over its body, coloured by its distance from it.
 
-    The page has sliders for how opaque both are and for a plane that cuts them, and hatches what
-    the scan does not show of the body. Of larger scans, about 60,000 corners of triangles or
+    The page has sliders for the opacity of both and for a plane that cuts them. Parts of the body
+    that the scan does not show are hatched. Of larger scans, about 60,000 corners of triangles or
     40,000 loose points are drawn.
 
     Parameters
@@ -206,7 +206,7 @@ def plot_scan(
         See `riemhuman.registration.lay_over_body`.
     view : View, optional
     limit : float, optional
-        End of the colour scale, millimetres; by default a round number that most are within.
+        End of the colour scale, millimetres; by default a round number that exceeds most distances.
     height : int
         Pixels.
 

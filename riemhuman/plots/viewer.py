@@ -140,8 +140,8 @@ class ViewedBody:
     ----------
     label : str
     frames : array, shape (n_times, V, 3), or motion of a body model
-        Surfaces at equally spaced times, metres. The page poses a motion of a body model, such
-        as `ArrayMotion`, by its bones: it is tens of times smaller.
+        Surfaces at equally spaced times, metres. The page poses a motion of a body model, such as
+        `ArrayMotion`, by its bones, which makes it tens of times smaller.
     color : tuple of float
         Red, green and blue between 0 and 1.
     values : array, shape (F,) or (V,), optional
@@ -157,8 +157,8 @@ class ViewedBody:
     components : ComponentChanges, optional
         What the sliders of `view_components` change about the only surface in `frames`.
     times : array, shape (n,), optional
-        Numbers of frames, also between two, that are shown at equally spaced times, such as those
-        of a motion that is aligned with another; by default each frame once.
+        Frame numbers, possibly fractional, that are shown at equally spaced times, such as those of
+        a motion that is aligned with another; by default each frame once.
 
     Examples
     --------
@@ -202,7 +202,7 @@ class ViewedBody:
 
     @property
     def signed(self) -> bool:
-        """Whether some values are negative, and the first colour is that of minus the limit."""
+        """Whether some values are negative; the first colour then belongs to minus the limit."""
         return self.values is not None and has_sign(self.values)
 
 
@@ -219,17 +219,17 @@ class Viewer:
     legend, title, description : str
         Label of the choices, title of the view, and text below the title of the page.
     seconds : float
-        Duration of paths at speed 1, unless `frames_per_second` tells it.
+        Duration of paths at speed 1, unless it follows from `frames_per_second`.
     below : str
         HTML below the bodies on the page.
     frames_per_second : float, optional
-        Rate of recordings: the page then shows seconds and numbers of frames, and at speed 1 plays
-        them as long as they took. Without it, paths are shown from t = 0 to 1.
+        Rate of recordings: the page then shows seconds and frame numbers, and plays them in real
+        time at speed 1. Without it, paths are shown from t = 0 to 1.
     parts : mapping of str to array of int, optional
-        Triangles of each part of the body, whose name is shown beside the pointer; by default
-        those of `MeasurementSet.parts` where the triangles are those of the open body model.
+        Triangles of each part of the body, whose name is shown next to the pointer; by default
+        those of `MeasurementSet.parts` if the triangles are those of the open body model.
     panel : Panel, optional
-        What else is drawn on the bodies, with controls beside them, such as a scan.
+        Something else drawn on the bodies, such as a scan, with controls next to them.
 
     Examples
     --------
@@ -327,14 +327,14 @@ class Viewer:
         return str(page)
 
     def save(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:
-        """Write the page to a file for any browser, without a network connection, or a picture.
+        """Write a page that works in any browser without a network connection, or a picture.
 
         Parameters
         ----------
         path : path_like
-            ``x.html`` is the page; ``x.png`` is a picture of the first choice, twice as high
-            as the one that the page shows without WebGL; ``x.gif`` and ``x.mp4`` (extra
-            ``video``) are films of it, in which bodies that do not move turn once.
+            ``x.html`` is the page; ``x.png`` is a picture of the first choice, twice as high as the
+            one that the page shows without WebGL; ``x.gif`` and ``x.mp4`` (extra ``video``) are
+            films of it, in which still bodies turn once.
         progress : bool
             Whether to show a progress bar while a film is drawn.
 
@@ -496,13 +496,13 @@ def view_path(
     faces : array_like, shape (F, 3), optional
         Triangles; none for mesh objects and motions.
     side_by_side : bool
-        Whether to play several paths beside each other instead.
+        Whether to play several paths side by side instead.
     legend, title, description : str
         As for `Viewer`.
     seconds : float, optional
         Duration of the path at speed 1, by default 2.4.
     frames_per_second : float, optional
-        Rate of a recording, instead of `seconds`: the page shows seconds and numbers of frames.
+        Rate of a recording, instead of `seconds`; the page shows seconds and frame numbers.
 
     Examples
     --------
@@ -606,7 +606,7 @@ def save_picture(
     Returns
     -------
     str
-        A sentence on the bodies that the picture shows: a PNG shows at most eight.
+        A sentence about the bodies shown in the picture; a PNG shows at most eight.
 
     Examples
     --------

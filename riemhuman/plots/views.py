@@ -32,7 +32,7 @@ _MOST_BODIES = 10
 
 @singledispatch
 def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
-    """Return an interactive view of anything that has surfaces.
+    """Return an interactive view of any object that has surfaces.
 
     A notebook shows the view; ``.save("x.html")`` writes it as a page, ``.save("x.png")`` as a
     picture. Functions of `riemhuman.plots` such as `view_bodies` and `view_path` have more options.
@@ -46,12 +46,12 @@ def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
         registered scan, over its body; a fitted `TangentPCA`, with a slider for each component; a
         template or body model; or the path of a mesh or recording.
     faces : array_like, shape (F, 3), optional
-        Triangles, metres and y up as everywhere; needed for arrays, paths and means.
+        Triangles; needed for arrays, paths and means (in metres, with y up).
 
     Raises
     ------
     ArgumentError
-        If faces are missing, or nothing of `shown` is a surface.
+        If faces are missing, or `shown` contains no surface.
 
     Examples
     --------

@@ -44,7 +44,7 @@ class RetargetingErrors(Record):
     bones : tuple of (str, str)
         Joints at the ends of the B bones and lines: upper arms, forearms, thighs and shanks; the
         trunk, from the middle of the hips to the middle of the shoulders; the lines of hips and
-        shoulders; and the neck, if both have one.
+        shoulders; and the neck, if both skeletons have one.
     directions : array, shape (n_frames, B)
         Angles between the bone or line and the recorded one, degrees.
     joints : tuple of str
@@ -54,8 +54,9 @@ class RetargetingErrors(Record):
     parts : tuple of str
         Parts whose rotations are compared: "pelvis", "chest" and "head", if there is one.
     rotations : array, shape (n_frames, P)
-        Angles of the rotations of pelvis and chest to those that the positions of hips and
-        shoulders show, degrees; and of the head to the recorded one, which looks ahead in the mean.
+        Angles between the rotations of pelvis and chest and those derived from the positions of
+        hips and shoulders, degrees; and between the head and the recorded head, which on average
+        looks straight ahead.
     scale : float
         Metres in the unit of the recording: lengths of the recording were multiplied by it.
 

@@ -30,12 +30,12 @@ class SkeletonMotion(Record):
     rotations : array, shape (n_frames, J, 3, 3)
         Rotation matrices relative to the parents; identities in the rest pose.
     translations : array, shape (n_frames, J, 3)
-        Positions relative to the parents: the offsets, where the file has no others.
+        Positions relative to the parents: the offsets, unless the file has others.
     frames_per_second : float
     name : str
         Name of the file without its ending.
     unit : str, number or None
-        Unit of lengths, as for `load_bvh`, or None where it is not known.
+        Unit of lengths, as for `load_bvh`, or None if it is unknown.
 
     Examples
     --------

@@ -83,7 +83,7 @@ class BenchmarkRecord:
     scores : RetrievalScores or None
         None if the representation failed.
     seconds_per_body, seconds_per_pair : float
-        Wall-clock time to describe a body, 0 for a metric, and of a distance.
+        Wall-clock time to describe a body (0 for a metric), and to compute a distance.
     problem : str or None
         The error, if the representation failed.
 
@@ -110,13 +110,13 @@ def benchmark(
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
 
-    Of a representation that cannot be used on the data, the records hold the error instead.
+    If a representation cannot be used on the data, its records contain the error instead.
 
     Parameters
     ----------
     bodies : Bodies or LabelledMeshes
         Surfaces with the labels ``subject`` and ``pose``; a task is left out if its labels are
-        None, or no two surfaces share a label. A label of single surfaces may not be missing, see
+        None, or no two surfaces share a label. Labels of single surfaces may not be missing, see
         `rh.retrieval.scores`.
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
@@ -215,8 +215,8 @@ def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
 def representations(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
     """Return all representations that apply to a data set, in the order of tables.
 
-    The model of the open bodies also generated them: its fits recover the vectors almost exactly,
-    which is why model vectors rank first on these bodies.
+    The model of the open bodies also generated them, so its fits recover the vectors almost
+    exactly. This is why model vectors rank first on these bodies.
 
     Parameters
     ----------

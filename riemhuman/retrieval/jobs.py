@@ -85,10 +85,10 @@ def pairwise_job(
     r"""Compute all distances within a set of points into a file, or resume an earlier run.
 
     The distances, a read-only memory map of shape (n, n), are those of `metric.dist_pairwise`, bit
-    for bit, for sets that do not fit in memory. An interrupted or killed job resumes, with its
-    finished tiles, when it is called again with the same arguments. When it is complete, the folder
-    holds the distances as `D.npy`, and another call opens them. Either computes some distances
-    again and refuses the folder if they differ.
+    for bit, also for sets that do not fit in memory. An interrupted or killed job continues, with
+    its finished tiles, when it is called again with the same arguments. When it is complete, the
+    folder contains the distances as `D.npy`, and another call opens them. Both recompute some
+    distances, and refuse the folder if they differ.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def pairwise_job(
         Points: an array, a memory map, or any object that has a length and whose slices are arrays
         of points. Every call reads each point once, and a few twice.
     folder : path_like
-        Folder of the job, made if need be.
+        Folder of the job, created if necessary.
     precision : {"single", "double"}
         See `RiemannianMetric.dist_pairwise`.
     memory : int
@@ -115,7 +115,7 @@ def pairwise_job(
     ArgumentError
         If the folder holds a job on other points or with another metric, or anything but a job.
     FileError
-        If another process is at work in the folder, or the disk is too small.
+        If another process is working in the folder, or the disk is too small.
     ClusterError
         If a cluster has had no worker for a minute.
 
@@ -185,10 +185,10 @@ def path_job(
 ) -> PathDistances:
     r"""Find paths between all pairs of a set of points, or resume an earlier run.
 
-    The numbers are those of `rh.solvers.path_distances`. An interrupted or killed job resumes when
-    it is called again with the same arguments; finished paths are kept, and two of them are solved
-    again and compared. Where the solver refuses a pair, all blocks of sixteen pairs without such a
-    pair are solved and kept before the error is raised.
+    The numbers are those of `rh.solvers.path_distances`. An interrupted or killed job continues
+    when it is called again with the same arguments; finished paths are kept, and two of them are
+    solved again and compared. If the solver refuses a pair, all blocks of sixteen pairs without
+    such a pair are solved and kept before the error is raised.
 
     Parameters
     ----------

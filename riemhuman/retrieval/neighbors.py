@@ -43,12 +43,12 @@ _FEW, _LEAST_EXCLUDED, _TRIALS = 1000, 0.5, 8
 class NearestNeighbors(Estimator):
     r"""Exact nearest neighbours under a Riemannian metric, without computing all distances.
 
-    Few points are compared with each query, all of them. Many points get an index: each query is
-    compared with them in the order of lower bounds of their distances, until no other point can be
-    as near as those found. The bounds are Euclidean distances of the metric's
-    `lower_bound_coordinates`, projected to the principal components of a sample, with the norm of
-    the residual as one more coordinate. Where bounds exclude too little, as under the shape metric,
-    all points are compared.
+    If there are few points, every query is compared with all of them. If there are many, an index
+    is built: each query is compared with points in the order of lower bounds of their distances,
+    until no other point can be as near as those found. The bounds are Euclidean distances between
+    the metric's `lower_bound_coordinates`, projected to the principal components of a sample, with
+    the norm of the residual as an additional coordinate. If the bounds exclude too few points, as
+    under the shape metric, all points are compared.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ class NearestNeighbors(Estimator):
         A metric with a closed-form distance.
     n_neighbors : int
     algorithm : {"auto", "brute", "index"}
-        "index" uses bounds whatever the number of points, and "brute" none; by default, bounds are
-        used for a thousand points or more, if they exclude most of them.
+        "index" always uses bounds, and "brute" never does; by default, bounds are used for a
+        thousand points or more, if they exclude most of them.
     n_components : int
         Largest number of principal components. If points form groups that are far from each other,
         there should be more components than groups.
@@ -152,16 +152,16 @@ class NearestNeighbors(Estimator):
             By default that of the estimator.
         return_distance : bool
         candidates : array of int, shape (n_queries, m), optional
-            Points of the index that each query is compared with first, such as the nearest codes of
-            `riemhuman.learned.MetricCodes`. Good candidates save comparisons and do not change the
-            result.
+            Points of the index with which each query is compared first, such as the nearest codes
+            of `riemhuman.learned.MetricCodes`. Good candidates save comparisons, but do not change
+            the result.
 
         Returns
         -------
         distances : array, shape (n_queries, n_neighbors)
             Ascending; left out if `return_distance` is false.
         indices : array of int, shape (n_queries, n_neighbors)
-            Numbers of the points; at equal distances, the lower number comes first.
+            Indices of the points; at equal distances, the lower index comes first.
         """
         if not hasattr(self, "_tables"):
             raise ArgumentError("kneighbors needs points: call fit first")

@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError
 
 @dataclass(frozen=True)
 class RetrievalScores:
-    """Scores of rankings by distance: how well they find items of the query's class.
+    """Scores of rankings by distance, which say how well they find items of the query's class.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def scores(
         Class of each item. Missing labels (None, NaN, NaT, pandas' NA, masked entries, empty text)
         are refused, as in tables of labels: leave out the items without a label.
     groups : sequence of hashable, length n, optional
-        Group of each item, such as the person: items of the query's group are then not ranked. With
-        poses as labels and people as groups, the scores are those among other people only.
+        Group of each item, such as the person: items of the query's group are not ranked. With
+        poses as labels and people as groups, the scores are only among other people.
 
     References
     ----------
@@ -136,7 +136,7 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     .. math:: d'_{ij} = d_{ij} / \sqrt{\sigma_i \sigma_j}
 
     with σ the distance of an item from its n-th nearest neighbour [1]_. Items far from all others,
-    and items near to many, then no longer dominate rankings. No labels are used.
+    and items near many others, then no longer dominate rankings. No labels are used.
 
     Parameters
     ----------
@@ -216,8 +216,8 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     """Return the confusion matrix of nearest neighbours.
 
     Of n neighbours at exactly the same distance, each counts 1/n, so that the share of the diagonal
-    does not depend on the order of the input; it is the NN of `scores` where no item is alone in
-    its class.
+    does not depend on the order of the input; it is the NN of `scores` if no item is alone in its
+    class.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     -------
     array, shape (n_classes, n_classes)
         Number of queries by their class (row) and the class of their nearest neighbour (column),
-        ascending, or in the order of first items where labels cannot be compared.
+        ascending, or in the order of first items if labels cannot be compared.
 
     Examples
     --------

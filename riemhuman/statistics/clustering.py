@@ -123,15 +123,15 @@ class KMedoids(_Clustering):
 
 
 class HierarchicalClustering(_Clustering):
-    """Clusters joined one after the other, the two nearest first, by SciPy.
+    """Clusters that are joined one after the other, the two nearest first, by SciPy.
 
     Parameters
     ----------
     n_clusters : int
     linkage : {"ward", "average", "complete", "single", "weighted"}
         Distance of clusters, see `scipy.cluster.hierarchy.linkage`. "ward" joins the two clusters
-        that increase the sum of squares least; its recursion needs distances alone, not Euclidean
-        ones, and it does not lump far points together as "average" does.
+        that increase the sum of squares least; its recursion needs only distances, which need not
+        be Euclidean, and it does not merge far points as "average" does.
 
     Attributes
     ----------

@@ -34,8 +34,8 @@ class LearnedMetric(Transformer):
 
     on the span of the fitted points: directions in which bodies of one class differ count little,
     as in linear discriminant analysis [1]_. Fitted to poses of several people, it ignores how
-    people differ; fitted to people in several poses, how poses differ. It also compares points of
-    other classes.
+    people differ; fitted to people in several poses, it ignores how poses differ. It can also
+    compare points of other classes.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class LearnedMetric(Transformer):
         Parameters
         ----------
         X : array, shape (n, \*shape)
-            Points, or rows of as many numbers as a point has.
+            Points, or flattened points as rows.
         y : sequence of hashable, length n
             Class of each point, such as its pose or its person. Missing labels are refused, see
             `rh.retrieval.scores`.
@@ -138,11 +138,12 @@ class LearnedMetric(Transformer):
     ) -> Array:
         r"""Return distances of all pairs in metrics fitted without the groups of both points.
 
-        Groups are dealt to folds. For every two folds, a metric is fitted to all others: it gives
-        the distances between points of the two folds. A distance within a fold is the mean over
-        its pairs with the other folds. All metrics thus learn from equally many folds, and neither
-        a query nor what it is compared with was seen. Scores of these distances, see
-        `rh.retrieval.scores`, say how well the metric does on people to whom it was not fitted.
+        Groups are distributed over folds. For every two folds, a metric is fitted to all others,
+        and gives the distances between points of the two folds. A distance within a fold is the
+        mean over its pairs with the other folds. All metrics thus learn from the same number of
+        folds, and have seen neither the query nor the points with which it is compared. Scores of
+        these distances, see `rh.retrieval.scores`, say how well the metric does on people to whom
+        it was not fitted.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ from riemhuman.solvers import GeodesicRegression, NearestSurface
 
 @dataclass(frozen=True, eq=False)
 class ShapeRegression:
-    """Regression of bodies on a number, with its significance.
+    """Regression of bodies on a number, with a test of significance.
 
     Attributes
     ----------

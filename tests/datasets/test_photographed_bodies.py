@@ -77,7 +77,7 @@ def test_files_of_either_axis_become_upright(bodies, photograph, turn, tmp_path)
 def test_people_who_lie_are_y_down_unless_told(bodies, photograph):
     lying = bodies[0][:, [1, 2, 0]]
     path = photograph(lying)
-    with pytest.warns(UserWarning, match="may lie"):
+    with pytest.warns(UserWarning, match="may be lying"):
         found = rh.datasets.load_photographed_bodies(path, bodies.template.faces)
     assert found.up == "-y"
     found = rh.datasets.load_photographed_bodies(path, bodies.template.faces, up="x")
@@ -106,7 +106,7 @@ def test_frames_of_one_person_have_one_shape(bodies, photograph):
     betas = motion.betas + 0.3 * rng.standard_normal((len(frames), model.n_betas))
     seen = np.stack([model(own, pose) for own, pose in zip(betas, frames, strict=True)])
     path = photograph(seen * TURNED)
-    with pytest.warns(UserWarning, match="differ from frame to frame"):
+    with pytest.warns(UserWarning, match="differ between frames"):
         found = rh.datasets.load_recording(path, model, faces=model.faces, frames_per_second=10)
     assert len(found) == len(frames)
     assert found.frames_per_second == 10

@@ -108,7 +108,7 @@ def test_folders(tmp_path, data):
         load_shrec14(tmp_path / "empty")
     write_meshes(data / "other", ["T4"])
     (data / "Data" / "4.obj").rename(data / "Data" / "S4.obj")
-    with pytest.raises(FileFormatError, match="the id 4 fits several meshes, Data.S4, other.T4"):
+    with pytest.raises(FileFormatError, match="the id 4 matches several meshes, Data.S4, other.T4"):
         load_shrec14(data, data / "test.cla")
 
 

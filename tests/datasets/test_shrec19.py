@@ -43,7 +43,7 @@ def test_numbers_of_files_count_as_numbers(folder, bodies):
     meshes = load_shrec19(folder)
     assert meshes.names == ("1", "10")
     np.testing.assert_array_equal(meshes.pairs, [[1, 0]])
-    with pytest.raises(FileError, match="no matches of the meshes 1 and 10"):
+    with pytest.raises(FileError, match="no matches between the meshes 1 and 10"):
         meshes.matches(0, 1)
 
 
@@ -58,9 +58,9 @@ def shape(**changes):
         ({"other": 1}, "it holds no structure Shape_df"),
         ({"Shape_df": 3.0}, "must be one structure with VERT, TRIV, smpl_matches; found"),
         ({"Shape_df": {"VERT": np.eye(3)}}, "must be one structure with .*; found VERT"),
-        (shape(TRIV=[[0.0, 1.0, 2.0]]), r"TRIV must number vertices from 1 to 3; found 0 to 2"),
+        (shape(TRIV=[[0.0, 1.0, 2.0]]), r"TRIV must hold vertex numbers from 1 to 3; found 0 to 2"),
         (shape(TRIV=[[1.0, 2.5, 3.0]]), "TRIV must hold whole numbers"),
-        (shape(smpl_matches=[1, 4]), "smpl_matches must number vertices from 1 to 3"),
+        (shape(smpl_matches=[1, 4]), "smpl_matches must hold vertex numbers from 1 to 3"),
         (shape(smpl_matches="abc"), "smpl_matches must hold numbers"),
         (shape(VERT=np.eye(3)[:, :2]), "vertices must have shape"),
         (shape(VERT=np.full((3, 3), np.nan)), "vertices"),
