@@ -76,11 +76,11 @@ class StretchInvarianceWarning(UserWarning):
 
 
 class ReparametrizationInvarianceWarning(UserWarning):
-    """A path over all vertices is searched with a metric that ignores motions along surfaces."""
+    """A path over all vertices is sought under a metric that ignores motions along surfaces."""
 
 
 class SeamWarning(UserWarning):
-    """Vertices that a seam doubles are moved without each other: the surface will tear.
+    """Vertices duplicated along a seam are moved separately, so the surface will tear.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class SeamWarning(UserWarning):
 
 
 class MixedPosesWarning(UserWarning):
-    """Principal components are computed of surfaces in several poses.
+    """Principal components are computed from surfaces in several poses.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class MixedPosesWarning(UserWarning):
 
 
 class PrecisionWarning(UserWarning):
-    """Coordinates hold few digits of the shape, as far from the origin in single precision.
+    """Coordinates keep few digits of the shape, as in single precision far from the origin.
 
     Examples
     --------

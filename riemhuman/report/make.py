@@ -82,14 +82,14 @@ def make_report(
 ) -> Path:
     """Repeat the experiments of the paper's sections 5 and 6, and write a report.
 
-    The folder contains ``index.html``, a page for any browser without a network connection, the
-    figures as SVG and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``.
-    A new run computes only what has changed, and an interrupted run continues.
+    The folder contains ``index.html``, a page that needs no network connection, the figures as SVG
+    and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``. A new run
+    computes only what has changed, and an interrupted run continues.
 
     Parameters
     ----------
     output : path_like
-        The folder: new, empty, or of an earlier report.
+        The folder: new, empty, or with an earlier report.
     bodies : Bodies, optional
         Registered bodies; by default the open bodies, at full resolution or, if `quick`, coarse.
         Those whose `pose_names` are empty texts are of unknown people and poses. Sections appear
@@ -99,7 +99,7 @@ def make_report(
         Deformations for geodesics and means; by default the principal components of the open
         motions for the open bodies, mesh harmonics for others.
     quick : bool
-        Whether to make a smaller report, in half a minute instead of minutes.
+        Whether to write a smaller report, in half a minute instead of minutes.
     scans : path_like, optional
         Output folder of `riemhuman.registration.register_folder`; the page shows its scans, the
         worst first.

@@ -31,7 +31,7 @@ _UNMATCHED, _MATCHED = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
-    """Write a page that shows the registered scans of a folder, ``index.html`` in it.
+    """Write a page, ``index.html``, that shows the registered scans of a folder.
 
     Each scan also has a page on which it can be turned and cut over its body, in the folder
     ``views``.

@@ -58,9 +58,9 @@ def make_sheets(
 ) -> Path:
     """Write the sheets of people into a folder, and return their index page.
 
-    For each body there is a page and, where Chromium or matplotlib is installed, a PDF of two
-    sides; ``index.html`` lists all, ``measurements.csv`` and, with openpyxl, ``measurements.xlsx``
-    hold their numbers in SI units. All files appear together.
+    For each body there is a page and, if Chromium or matplotlib is installed, a two-page PDF.
+    ``index.html`` lists all of them; ``measurements.csv`` and, with openpyxl, ``measurements.xlsx``
+    contain the numbers in SI units. All files appear at the same time.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def make_sheets(
         Folder to write.
     labels : path_like, optional
         Table with the column ``file`` and any of ``person`` (or ``subject``), ``sex`` (woman or
-        man), ``visit`` and ``date`` (as 2026-03-31); by default ``labels.csv`` beside the bodies.
-        Bodies of one person are compared with the visit before, if all have different dates, or
+        man), ``visit`` and ``date`` (as 2026-03-31); by default ``labels.csv`` next to the bodies.
+        Each body of a person is compared with the previous visit, if all have different dates or
         visits.
     measurements : Measurements, optional
         Measurements of the body model; by default those of the open one.
@@ -80,14 +80,14 @@ def make_sheets(
     unit, up : str, optional
         Unit of the mesh files, and their axis that points up.
     replace_output : bool
-        Whether to replace the sheets that a folder holds.
+        Whether to replace existing sheets in the folder.
     progress : callable
         Takes the name of a task; returns a context manager that is open during the task.
 
     Raises
     ------
     FileError
-        If there are no bodies, or the output holds something.
+        If there are no bodies, or the output folder is not empty.
 
     Examples
     --------

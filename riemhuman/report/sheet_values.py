@@ -101,7 +101,7 @@ class SheetRow:
     Attributes
     ----------
     name, title : str
-        Its name in the library, and as people call it.
+        Its name in the library, and the name shown to people.
     unit : str
         "m", "m²", "m³" or "kg".
     value : float
@@ -109,7 +109,7 @@ class SheetRow:
     uncertainty : float
         Two standard deviations over poses of simulated people, registered from scans.
     percentile : float
-        Percentage of simulated adults of the same sex and stature who are smaller, see
+        Percentage of simulated adults of the same sex and stature with smaller values, see
         `rh.measurements.percentiles`.
     why_missing : str
         Why the value is NaN.

@@ -39,7 +39,7 @@ _MOST_POINTS = 12_000  # of a scan that are drawn
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sheet:
-    """The sheet of a person: a page, or a PDF of two sides.
+    """The sheet of a person: an HTML page, or a two-page PDF.
 
     A notebook shows it.
 
@@ -57,7 +57,7 @@ class Sheet:
     changes : VisitComparison or None
         Changes since the earlier visit, if one was given.
     content : Content
-        The words and drawings of its page.
+        The text and drawings of the page.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Sheet:
         return sheet_page(self.content, library_version())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page (.html), or the PDF of two sides (.pdf).
+        """Write the page (.html), or the two-page PDF (.pdf).
 
         Parameters
         ----------
@@ -113,23 +113,23 @@ def sheet(
 ) -> Sheet:
     """Make the sheet of a person.
 
-    It shows the scan and the body from three sides, whether and where to trust them,
-    measurements in the standard pose with uncertainties and percentiles among adults of the same
-    sex and stature (see `rh.measurements.percentiles`), the silhouette over that of the average,
-    the posture, and changes since an earlier visit.
+    It shows the scan and the body from three sides, whether and where to trust them, measurements
+    in the standard pose with uncertainties and percentiles among adults of the same sex and stature
+    (see `rh.measurements.percentiles`), the silhouette over that of the average body, the posture,
+    and changes since an earlier visit.
 
     Parameters
     ----------
     body : RegisteredScan, ScanRecord, or array_like, shape (V, 3)
         A registered scan, its record, or a body of the model, metres, y up.
     model : BodyModel or Measurements, optional
-        The body model, or measurements of it; by default the open one of these triangles.
+        The body model, or measurements of it; by default the open model with these triangles.
     name : str
         Name of the person.
     sex : {"adult", "woman", "man"}
-        With whom to compare; "adult" for women and men together.
+        Population for comparison; "adult" means women and men together.
     visit : str
-        Which visit this is, or when.
+        Number or date of the visit.
     before : RegisteredScan, ScanRecord, or array_like, optional
         The same person at an earlier visit.
     units : {"cm", "in"}

@@ -1,7 +1,6 @@
-"""Checks that a metric, manifold, solver or data set of one's own has the properties it needs.
+"""Checks that your own metric, manifold, solver or data set has the properties it needs.
 
-In a test of your own, ``report = check_metric(metric, points)`` is followed by
-``assert report.passed, report``.
+In a test, write ``report = check_metric(metric, points)`` and ``assert report.passed, report``.
 """
 
 from riemhuman.testing.datasets import check_dataset

@@ -19,12 +19,13 @@ _NEEDED = ("points", "template", "subject", "pose")
 
 
 def check_dataset(dataset: Any) -> PropertyReport:  # Any: it may lack what is checked
-    """Check that a data set has what tables, reports and estimators read.
+    """Check that a data set has what tables, reports and estimators need.
 
-    That is its length; ``points``, surfaces of shape (n, V, 3), an array or an object whose slices
-    and items are arrays; ``template``; and labels ``subject`` and ``pose``, of shape (n,), none of
-    them missing, or None; it may also have ``model``, the body model that the surfaces come from.
-    `check_dataset` reads a few surfaces. `riemhuman.datasets.Bodies` is such a data set.
+    It needs a length; ``points``, surfaces of shape (n, V, 3), as an array or an object whose
+    slices and items are arrays; ``template``; and the labels ``subject`` and ``pose``, each None or
+    of shape (n,) without missing labels. It may also have ``model``, the body model from which the
+    surfaces come. `check_dataset` reads a few surfaces. `riemhuman.datasets.Bodies` is such a data
+    set.
 
     Parameters
     ----------

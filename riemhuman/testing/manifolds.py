@@ -32,7 +32,7 @@ def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) ->
     space : Manifold
         The manifold.
     rng : int or numpy.random.Generator, optional
-        Seed, or the generator that points are drawn from.
+        Seed, or the generator from which points are drawn.
     tolerance : float
         Largest relative error.
 

@@ -34,7 +34,7 @@ def check_metric(
     *,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
-    r"""Check on a few points that a metric is a metric, and that its methods agree.
+    r"""Check on a few points that a metric satisfies its axioms, and that its methods agree.
 
     Short distances must be norms: d²(x, x + εv) = ε²⟨v, v⟩ + O(ε³) for tangent vectors v. The
     gradient of the energy of the path through the points must be exact: E(γ + εv) − E(γ) − ε⟨∇E, v⟩
@@ -48,8 +48,8 @@ def check_metric(
     tangent_vecs : array, shape (n, \*shape), optional
         A tangent vector at each; by default towards the next point.
     tolerance : float
-        Largest relative error of an equation or inequality. That of the limit above is its square
-        root, and orders may lie 0.1 below 2.
+        Largest relative error of an equation or inequality. For the limit above, the tolerance is
+        its square root, and orders may be as low as 1.9.
 
     Examples
     --------

@@ -27,8 +27,8 @@ class PropertyCheck:
     name : str
         Name of the property.
     error : float
-        By how much it is violated, relative to the size of the compared values; NaN where the
-        object returns NaN.
+        Size of the violation, relative to the size of the compared values; NaN if the object
+        returns NaN.
     tolerance : float
         Largest error that passes.
 
@@ -54,14 +54,14 @@ class PropertyCheck:
 
 @dataclass(frozen=True, repr=False)
 class PropertyReport(Record):
-    """The properties of an object that were checked; it prints as a table.
+    """The checked properties of an object; it prints as a table.
 
     Attributes
     ----------
     name : str
         Class of the object.
     checks : tuple of PropertyCheck
-        One for every property.
+        One check for every property.
 
     Examples
     --------

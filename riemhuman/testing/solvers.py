@@ -39,7 +39,7 @@ def check_solver(
     *,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
-    r"""Check on a few points that a solver fulfils the contract of its kind.
+    r"""Check on a few points that a solver satisfies the contract of its kind.
 
     The kind follows from the argument names of `solve`: geodesics, exponentials, logarithms,
     transport or means; `riemhuman.geometry.strategies` has the contracts.
@@ -49,11 +49,11 @@ def check_solver(
     solver : object
         The solver.
     metric : RiemannianMetric
-        A metric that the solver is made for.
+        A metric for which the solver is made.
     points : array, shape (n, \*shape)
         Two points or more, all different.
     tolerance : float
-        Largest relative error; that of first-order terms is 0.01.
+        Largest relative error; for first-order terms it is 0.01.
 
     Examples
     --------

@@ -197,7 +197,7 @@ def test_changes_since_a_visit(bodies, own):
     np.testing.assert_allclose(sheet.changes.changes, expected.changes, atol=1e-9)
     assert "Changes since" in sheet.html
     assert f"{int(expected.is_significant.sum())} of 85 measurements changed" in sheet.html
-    assert "hardly one person" not in sheet.html
+    assert "hardly the same person" not in sheet.html
     assert rh.report.sheet(after).changes is None
 
 

@@ -172,7 +172,7 @@ def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
 
 
 def test_one_process_at_a_time(tmp_path):
-    message = "another process is at work"
+    message = "another process is working"
     with JobFolder(tmp_path).locked(), pytest.raises(FileError, match=message):
         pairwise_job(METRIC, POINTS, tmp_path)
     assert not (tmp_path / "manifest.json").exists()
