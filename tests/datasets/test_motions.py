@@ -62,9 +62,7 @@ def test_iteration_gives_every_frame_once_and_asks_for_few_at_a_time(motion):
 
 def test_wrong_indices(motion):
     for number in (37, -38):
-        message = (
-            rf"<Counted 'waving' of 'anna', 37 frames at 25 a second> has no frame {number}$"
-        )
+        message = rf"<Counted 'waving' of 'anna', 37 frames at 25 a second> has no frame {number}$"
         with pytest.raises(FrameIndexError, match=message):
             motion[number]
     for index in (1.0, "0", None, [0]):
