@@ -331,7 +331,7 @@ def _use_as_template(vertices: ndarray, faces: ndarray, seams: rh.io.Seams) -> s
     except ArgumentError as error:
         return f"no: {error}"
     if seams:
-        return f"yes, once its seams are joined: {seams.n_copies:,} duplicated vertices"
+        return f"yes, once its seams are joined: {seams.n_copies} duplicated vertices"
     return "yes"
 
 

@@ -320,7 +320,7 @@ def _check_value(name: str, value: float, usual: float, unit: str) -> None:
                 units.append(suspected)
     question = f": is it in {' or '.join(units)}?" if units else ""
     raise ArgumentError(
-        f"{name} must be in {unit}, in which the mean of women is {usual:g}; found {value:g}, "
+        f"{name} must be in {unit}, in which the mean of women is {usual:.3g}; found {value:g}, "
         f"which nobody has{question}"
     )
 

@@ -143,10 +143,10 @@ def test_the_page_of_two_bodies(run, scans, tmp_path):
 def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     only = ("--only", "stature")
     one = run("compare", scans / "body_0.ply", scans / "body_2.ply", *only)
-    assert "hardly one person" not in one.err
+    assert "hardly the same person" not in one.err
     save_mesh(tmp_path / "other.ply", bodies.points[50], bodies.template.faces)
     two = run("compare", scans / "body_0.ply", tmp_path / "other.ply", *only, "--json")
-    assert "warning: these are hardly one person" in two.err
+    assert "warning: these are hardly the same person" in two.err
     record = json.loads(two.out)
     usual = record["usual_area_distances"]
     assert usual["one_person"] < usual["two_people"] < 10 * usual["one_person"]

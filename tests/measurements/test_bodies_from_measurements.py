@@ -129,7 +129,7 @@ def test_single_values_and_misses_are_named():
     assert "the body misses stature by" in person.message
     child = {"stature": 1.2, "body mass": 22.0}
     person = model_from_measurements(child, resolution="coarse", max_iter=1)
-    assert "agree with each other, but at most 1 of 1000 adults" in person.message
+    assert "agree with each other, but at most 1 in 1000 adults" in person.message
 
 
 def test_the_message_says_which_waist(woman_of_four):
@@ -210,7 +210,7 @@ def test_wrong_values():
         (({"waist girth": -0.8},), "waist girth must be a finite number above 0"),
         (({},), "must map names"),
         (({"stature": "tall"},), "stature must be a"),
-        (({"stature": 170},), "stature must be in m, where women have 1.63"),
+        (({"stature": 170},), "stature must be in m, in which the mean of women is 1.63"),
         (({"body mass": 70000},), "body mass must be in kg"),
     ):
         with pytest.raises((ArgumentError, ArgumentTypeError), match=message):

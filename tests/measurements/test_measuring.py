@@ -327,5 +327,7 @@ def test_a_table_of_pandas(bodies, own):
     table = sizes.to_frame(bodies.ids[:2])
     assert table.loc["1", "stature"] == sizes["stature"][1]
     assert sizes.to_frame().shape == (2, len(own.names))
-    with pytest.raises(ArgumentError, match="names must be those of the 2 bodies; found 1"):
+    with pytest.raises(
+        ArgumentError, match="names must hold one name for each of the 2 bodies; found 1"
+    ):
         sizes.to_frame(["anna"])

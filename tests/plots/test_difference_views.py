@@ -75,7 +75,7 @@ def test_what_was_not_seen_is_grey(compared):
     unseen[:100] = np.nan
     some = replace(compared, displacements=unseen)
     viewer = view_difference(some, measurements=MEASUREMENTS)
-    assert "8 % was not seen of both and is grey" in viewer.description
+    assert "8 % was not seen in both scans and is grey" in viewer.description
     colors = rh.plots.figures.value_colors(1000.0 * unseen, 50.0, signed=True)
     assert np.ptp(colors[:100], axis=0).max() == 0
     assert np.ptp(colors[0]) < 0.1

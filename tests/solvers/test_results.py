@@ -41,8 +41,8 @@ def test_a_solver_that_has_not_converged_warns_its_caller_once():
         result = PathStraightening(max_iter=1).solve(case.metric, *case.points[:2])
     (warning,) = caught
     assert str(warning.message) == (
-        "PathStraightening stopped without converging after 1 iteration: the most iterations were "
-        "made"
+        "PathStraightening stopped without converging after 1 iteration: the maximum "
+        "number of iterations was reached"
     )
     assert warning.filename == __file__
     assert (result.converged, result.n_iterations) == (False, 1)
@@ -138,7 +138,7 @@ def test_what_is_given_in_place_of_the_metric_is_refused():
         TangentPCA(metric, nearest=3).fit(points)
     for pair, found in (
         (solvers.LinearPath(), "a pair"),
-        ((solvers.LinearPath, "m"), "a strategy"),
+        ((solvers.LinearPath, "m"), "an object with a method"),
     ):
         with pytest.raises(ArgumentTypeError, match=rf"solvers\['one'\].* must be {found}"):
             solvers.compare_paths({"m": metric}, *points[:2], {"one": pair})

@@ -177,7 +177,7 @@ def test_a_pose_or_its_change():
 def test_bad_input(space, motion):
     with pytest.raises(ArgumentError, match="transfer must be one of 'change', 'pose'"):
         MotionTransfer(transfer="both")
-    with pytest.raises(ArgumentError, match='axes must be "world" where transfer="pose"'):
+    with pytest.raises(ArgumentError, match='axes must be "world" if transfer="pose"'):
         MotionTransfer("body", "pose")
     with pytest.raises(ArgumentError, match="reference must be left out"):
         MotionTransfer(transfer="pose").solve(space, motion, motion[0], reference=motion[1])
