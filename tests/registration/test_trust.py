@@ -51,7 +51,7 @@ def test_good_evidence_and_limbs_out_of_sight_leave_no_doubt(change):
         ({"margin": 0.05}, "faces or stands another way"),
         ({"betas": 4.5}, "far from all people"),
         ({"far": 0.04}, "5 % of the scan lies more than 4.0 cm from the model's surface"),
-        ({"overlap": 0.04}, "4.0 % of the body overlaps another part of the body"),
+        ({"overlap": 0.04}, "4.0 % of the body lies where another part of it is"),
     ],
 )
 def test_every_doubt_has_its_reason(change, reason):
