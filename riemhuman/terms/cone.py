@@ -87,7 +87,7 @@ class ConeTerm(Term):
         self.angle_per_turn = math.sqrt(self.c / (16.0 * self.b))
 
     @property
-    def is_rotation_invariant(self) -> bool:  # type: ignore[override]
+    def is_rotation_invariant(self) -> bool:  # type: ignore[override]  # read only
         return self.c == 0.0
 
     @property
