@@ -15,19 +15,19 @@ from autograd.extend import defjvp, defvjp, primitive
 from autograd.numpy.numpy_vjps import unbroadcast_f
 from autograd.tracer import isbox
 
-from riemhuman.arrays import Array, Integers
+from riemhuman.arrays import Array, Integers, Points, TangentVectors
 from riemhuman.kernels.compilation import compiled
 
 
 class Followers(NamedTuple):
     """Which joints each vertex follows, vertex by vertex: those of v from starts[v]."""
 
-    starts: onp.ndarray  # (V + 1,)
-    joints: onp.ndarray  # (K,)
+    starts: Integers  # (V + 1,)
+    joints: Integers  # (K,)
     n_joints: int
 
     @property
-    def vertices(self) -> onp.ndarray:
+    def vertices(self) -> Integers:
         """The vertex of each pair of vertex and joint, shape (K,)."""
         return onp.repeat(onp.arange(len(self.starts) - 1), onp.diff(self.starts))
 
@@ -62,14 +62,14 @@ def move(points: Array, motions: Array, values: Array, followers: Followers) -> 
 
 @compiled
 def _move(
-    points: onp.ndarray,
-    of_points: onp.ndarray,
-    motions: onp.ndarray,
-    of_motions: onp.ndarray,
-    values: onp.ndarray,
-    starts: onp.ndarray,
-    joints: onp.ndarray,
-    moved: onp.ndarray,
+    points: Points,
+    of_points: Integers,
+    motions: Array,
+    of_motions: Integers,
+    values: Array,
+    starts: Integers,
+    joints: Integers,
+    moved: Array,
 ) -> None:
     for i in range(len(moved)):
         body, motion = points[of_points[i]], motions[of_motions[i]]
@@ -97,14 +97,14 @@ def moments(vectors: Array, points: Array, values: Array, followers: Followers) 
 
 @compiled
 def _add_moments(
-    vectors: onp.ndarray,
-    of_vectors: onp.ndarray,
-    points: onp.ndarray,
-    of_points: onp.ndarray,
-    values: onp.ndarray,
-    starts: onp.ndarray,
-    joints: onp.ndarray,
-    totals: onp.ndarray,
+    vectors: TangentVectors,
+    of_vectors: Integers,
+    points: Points,
+    of_points: Integers,
+    values: Array,
+    starts: Integers,
+    joints: Integers,
+    totals: Array,
 ) -> None:
     for i in range(len(totals)):
         vector, body = vectors[of_vectors[i]], points[of_points[i]]

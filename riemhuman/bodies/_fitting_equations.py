@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import linalg, sparse
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers, Points
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.rotations import nearest_rotations, rotation_derivative, rotation_matrix
 
@@ -18,7 +18,7 @@ _PATCH = 512
 # points leave open, too little to matter elsewhere.
 _PULL = 1e-3
 
-Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+Loss = Callable[[Array], tuple[Array, Array]]
 """Maps squared distances to their loss and its derivative."""
 
 # _CROSS_WITH_AXES[c] @ x is the cross product of the axis c with x.
@@ -28,7 +28,7 @@ _CROSS_WITH_AXES = np.cross(np.eye(3)[:, np.newaxis], np.eye(3)).transpose(0, 2,
 class _Patch:
     """Some points, the vertices that they combine, and the joints on which these depend."""
 
-    def __init__(self, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray) -> None:
+    def __init__(self, skeleton: Skeleton, combine: sparse.csr_array, numbers: Integers) -> None:
         model, rows = skeleton.model, combine[numbers]
         vertices = np.unique(rows.indices)
         self.points, self.combine = numbers, rows[:, vertices]
@@ -52,20 +52,18 @@ class _Patch:
         rest = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
         self.columns = np.concatenate([rotations.ravel(), rest])
 
-    def combined(self, values: np.ndarray) -> np.ndarray:
+    def combined(self, values: Array) -> Array:
         """Map values at vertices, (n_vertices, ...), to values at points."""
         if self.combine is None:
             return values
-        flat = self.combine @ values.reshape(len(values), -1)
+        flat: Array = self.combine @ values.reshape(len(values), -1)
         return flat.reshape(-1, *values.shape[1:])
 
-    def surface(self, motions: JointMotions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def surface(self, motions: JointMotions) -> tuple[Array, Array, Array]:
         """Return the shaped vertices, their blended rotations and the moved vertices."""
         return motions.skin(self.rest, self.shapedirs, self.posedirs, self.weights, self.bones)
 
-    def derivatives(
-        self, motions: JointMotions, shaped: np.ndarray, rotations: np.ndarray
-    ) -> np.ndarray:
+    def derivatives(self, motions: JointMotions, shaped: Array, rotations: Array) -> Array:
         """Return derivatives (n, 3, c) of the points by rotations in space, betas and trans."""
         rows = skinning_derivatives(
             motions,
@@ -99,10 +97,10 @@ class Equations:
         self,
         skeleton: Skeleton,
         combine: sparse.csr_array,
-        shares: np.ndarray,
-        numbers: np.ndarray,
+        shares: Array,
+        numbers: Integers,
         loss: Loss,
-        prior: np.ndarray,
+        prior: Array,
     ) -> None:
         self.skeleton, self._loss, self._prior = skeleton, loss, prior
         self._shares = shares / shares[numbers].sum()
@@ -113,12 +111,12 @@ class Equations:
         self._numbers = numbers
         self._weights = (combine @ skeleton.model.weights)[numbers]
 
-    def _motions(self, parameters: np.ndarray) -> JointMotions:
+    def _motions(self, parameters: Array) -> JointMotions:
         """Return the motions for parameters: axis-angle vectors of the joints, betas, trans."""
         pose, betas = np.split(parameters[:-3], [3 * self.skeleton.n_joints])
         return JointMotions(self.skeleton, rotation_matrix(pose.reshape(-1, 3)), betas)
 
-    def cost(self, parameters: np.ndarray, target: np.ndarray) -> float:
+    def cost(self, parameters: Array, target: Points) -> float:
         """Return the mean loss of the distances from the points to their targets, and the prior."""
         motions = self._motions(parameters)
         parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
@@ -126,7 +124,7 @@ class Equations:
         losses, _ = self._loss(np.sum(gaps**2, axis=-1))
         return float(self._shares[self._numbers] @ losses + self._prior @ parameters**2)
 
-    def normal(self, parameters: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def normal(self, parameters: Array, target: Points) -> tuple[Array, Array]:
         """Return the normal equations: the matrix, and half the negative gradient of the cost."""
         motions = self._motions(parameters)
         n_angles, n_columns = 3 * self.skeleton.n_joints, len(parameters)
@@ -147,7 +145,7 @@ class Equations:
         matrix, right = change.T @ matrix @ change, change.T @ right
         return matrix + np.diag(self._prior), right - self._prior * parameters
 
-    def closed_form_rotations(self, target: np.ndarray, betas: np.ndarray) -> np.ndarray:
+    def closed_form_rotations(self, target: Points, betas: Array) -> Array:
         """Return each joint's rotation in space by Kabsch's solution with the skinning weights."""
         shaped = [patch.combined(patch.rest + patch.shapedirs @ betas) for patch in self._patches]
         points, goal = np.concatenate(shaped), target[self._numbers]
@@ -158,7 +156,7 @@ class Equations:
         spread = (weights.T @ products / mass).reshape(-1, 3, 3)
         spread -= goals[:, :, np.newaxis] * centres[:, np.newaxis]
         size = weights.T @ np.sum(points**2, axis=-1) / mass[:, 0] - np.sum(centres**2, axis=-1)
-        rotations = np.empty_like(spread)
+        rotations: Array = np.empty_like(spread)
         for joint in self.skeleton.order:
             parent = self.skeleton.parents[joint]
             # The rotation of the parent, where the points do not determine the joint's own.
@@ -168,7 +166,7 @@ class Equations:
         return rotations
 
 
-def least_squares_step(matrix: np.ndarray, right: np.ndarray, damping: float) -> np.ndarray:
+def least_squares_step(matrix: Array, right: Array, damping: float) -> Array:
     """Return the step that solves damped normal equations."""
     scale = np.sqrt(np.diag(matrix))
     # A parameter without effect on the points does not change.

@@ -105,9 +105,9 @@ class BodyModel(Unchanging):
         kintree_table: ArrayLike,
         *,
         posedirs: ArrayLike | None = None,
-        joint_names: Sequence[str] | onp.ndarray | None = None,
+        joint_names: Sequence[str] | Array | None = None,
         hand_directions: ArrayLike | None = None,
-        hand_poses: Sequence[str] | onp.ndarray = (),
+        hand_poses: Sequence[str] | Array = (),
         dtype: DTypeLike = onp.float64,
     ) -> None:
         self.dtype = _precision(dtype)
@@ -121,7 +121,7 @@ class BodyModel(Unchanging):
         self.weights = _copy(weights, "weights", (n_vertices, n_joints))
         self.parents = read_only(joint_parents(kintree_table, n_joints))
         self.joint_order = parents_first(self.parents)
-        self.posedirs: onp.ndarray | None = None
+        self.posedirs: Array | None = None
         if posedirs is not None:
             n_entries = 9 * (n_joints - 1)
             self.posedirs = _copy(posedirs, "posedirs", (n_vertices, 3, n_entries))
@@ -266,7 +266,7 @@ class BodyModel(Unchanging):
             _, joints = joint_motions(joints, rotations, self.parents, self.joint_order)
         return self._translated(joints, trans)
 
-    def hand_pose(self, left: str, right: str | None = None) -> onp.ndarray:
+    def hand_pose(self, left: str, right: str | None = None) -> Array:
         """Return the coefficients of named hand poses, shape (2 K,).
 
         Parameters
@@ -350,25 +350,25 @@ class BodyModel(Unchanging):
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
         return self._offsets(feature, self._pose_rows)
 
-    def _offsets(self, coefficients: Array, rows: onp.ndarray) -> Array:
+    def _offsets(self, coefficients: Array, rows: Array) -> Array:
         """Return sums of the directions that are rows of a matrix."""
         shape = (*np.shape(coefficients)[:-1], self.n_vertices, 3)
         return np.reshape(np.dot(coefficients, rows), shape)
 
-    def _rows(self, directions: onp.ndarray) -> onp.ndarray:
+    def _rows(self, directions: Array) -> Array:
         rows = directions.reshape(-1, directions.shape[-1]).T
         return onp.ascontiguousarray(rows, dtype=self.dtype)
 
     @cached_property
-    def _shape_rows(self) -> onp.ndarray:
+    def _shape_rows(self) -> Array:
         return self._rows(self.shapedirs)
 
     @cached_property
-    def _hand_rows(self) -> onp.ndarray:
+    def _hand_rows(self) -> Array:
         return self._rows(self.hand_directions)
 
     @cached_property
-    def _pose_rows(self) -> onp.ndarray:
+    def _pose_rows(self) -> Array:
         return self._rows(onp.asarray(self.posedirs))  # of models that have them
 
     def _translated(self, points: Array, trans: ArrayLike | None) -> Array:
@@ -377,7 +377,7 @@ class BodyModel(Unchanging):
         return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
 
     @cached_property
-    def _joint_shapes(self) -> tuple[onp.ndarray, onp.ndarray]:
+    def _joint_shapes(self) -> tuple[Array, Array]:
         """The joints at rest, and how they move with each of the betas, shape (B, 3 J)."""
         rest = self.joint_regressor @ self.template.vertices
         shapes = onp.tensordot(self.shapedirs, self.joint_regressor, axes=(0, 1))
@@ -422,11 +422,11 @@ def convert_model(
     return model
 
 
-def _copy(array: ArrayLike, name: str, shape: tuple[int | str, ...]) -> onp.ndarray:
+def _copy(array: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Array:
     return read_only(onp.array(real_array(array, name, shape, batched=False)))
 
 
-def _check_sums(rows: onp.ndarray, name: str) -> None:
+def _check_sums(rows: Array, name: str) -> None:
     """Raise an error if a row of a matrix does not sum to one."""
     error = onp.abs(rows.sum(axis=1) - 1.0)
     if error.size and error.max() > _SUM_TOLERANCE:
@@ -436,8 +436,9 @@ def _check_sums(rows: onp.ndarray, name: str) -> None:
         )
 
 
-def _precision(dtype: DTypeLike) -> onp.dtype[onp.generic]:
+def _precision(dtype: DTypeLike) -> onp.dtype[onp.float64]:
     with suppress(TypeError):
-        if onp.dtype(dtype) in (onp.float64, onp.float32):
-            return onp.dtype(dtype)
+        precision: onp.dtype[onp.float64] = onp.dtype(dtype)  # type: ignore[assignment]  # or single
+        if precision in (onp.float64, onp.float32):
+            return precision
     raise ArgumentError(f"dtype must be float64 or float32; found {dtype!r}")

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers, Points
 from riemhuman.bodies._fitting_equations import Equations, Loss, least_squares_step
 from riemhuman.bodies.skinning import Skeleton, SkinnedModel
 from riemhuman.checks import (
@@ -79,18 +79,19 @@ class ModelFit(Record):
     True
     """
 
-    betas: np.ndarray
-    pose: np.ndarray
-    trans: np.ndarray
-    distances: np.ndarray
-    converged: np.ndarray
-    n_iterations: np.ndarray
-    hands: np.ndarray | None = None
+    betas: Array
+    pose: Array
+    trans: Array
+    distances: Array
+    converged: Array
+    n_iterations: Array
+    hands: Array | None = None
 
     @property
-    def mean_distance(self) -> np.ndarray:
+    def mean_distance(self) -> Array:
         """Mean distance of the points of each surface, metres, shape (...)."""
-        return self.distances.mean(axis=-1)
+        means: Array = self.distances.mean(axis=-1)
+        return means
 
 
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
@@ -193,7 +194,7 @@ def fit_model(
 
 def _surfaces_of(
     model: SkinnedModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
-) -> np.ndarray:
+) -> Array:
     """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
     surfaces = real_array(points, "points", ("n_points", 3))
     n_points = combine.shape[0]
@@ -212,7 +213,7 @@ def _surfaces_of(
 
 def _priors(
     model: SkinnedModel, betas_prior: float, pose_prior: float, hands_prior: float | None
-) -> np.ndarray:
+) -> Array:
     """Return the weight of the prior of each parameter: pose, betas, hands and translation."""
     in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
     in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
@@ -282,7 +283,7 @@ def correspondence_matrix(
     return matrix
 
 
-def _refuse_outside(numbers: np.ndarray, count: int, name: str) -> None:
+def _refuse_outside(numbers: Integers, count: int, name: str) -> None:
     if not numbers.size or numbers.min() < 0 or numbers.max() >= count:
         numbered = f"numbers from {numbers.min()} to {numbers.max()}" if numbers.size else "none"
         raise ArgumentError(
@@ -292,7 +293,7 @@ def _refuse_outside(numbers: np.ndarray, count: int, name: str) -> None:
 
 
 def _stages(
-    skeleton: Skeleton, combine: sparse.csr_array, shares: np.ndarray, loss: Loss, prior: np.ndarray
+    skeleton: Skeleton, combine: sparse.csr_array, shares: Array, loss: Loss, prior: Array
 ) -> list[Equations]:
     """Return the equations of some of the points, unless that is most, and those of all."""
     # By the joint that moves them most, so that neighbours depend on few joints.
@@ -307,7 +308,7 @@ def _stages(
 def _fit_after(
     stages: list[Equations],
     combine: sparse.csr_array,
-    target: np.ndarray,
+    target: Points,
     tolerance: float,
     max_iter: int,
     before: ModelFit | None,
@@ -323,7 +324,7 @@ def _fit_after(
 def _fit(
     stages: list[Equations],
     combine: sparse.csr_array,
-    target: np.ndarray,
+    target: Points,
     tolerance: float,
     max_iter: int,
     before: ModelFit | None = None,
@@ -355,7 +356,7 @@ def _fit(
     )
 
 
-def _start(equations: Equations, target: np.ndarray) -> np.ndarray:
+def _start(equations: Equations, target: Points) -> Array:
     """Return the closed-form start of a fit."""
     skeleton = equations.skeleton
     n_angles = 3 * skeleton.n_joints
@@ -376,11 +377,11 @@ def _start(equations: Equations, target: np.ndarray) -> np.ndarray:
 
 def _descend(
     equations: Equations,
-    target: np.ndarray,
-    parameters: np.ndarray,
+    target: Points,
+    parameters: Array,
     tolerance: float,
     max_iter: int,
-) -> tuple[np.ndarray, int, bool]:
+) -> tuple[Array, int, bool]:
     """Return the last parameters, the number of steps and whether they have converged."""
     damping = _LEAST_DAMPING
     cost = equations.cost(parameters, target)
@@ -403,7 +404,7 @@ def _descend(
     return parameters, max_iter, False
 
 
-def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
+def _spread_out(numbers: Integers, n_points: int) -> Integers:
     """Return a joint's share of the points of the first stage."""
     wanted = max(_FEWEST_OF_A_JOINT, len(numbers) * _FEW_POINTS // max(n_points, 1))
     if wanted >= len(numbers):
@@ -415,7 +416,7 @@ def _loss(name: str, scale: float) -> Loss:
     if one_of(name, "loss", _LOSSES) == "squared":
         return lambda squares: (squares, np.ones_like(squares))
 
-    def huber(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def huber(squares: Array) -> tuple[Array, Array]:
         distances = np.sqrt(squares)
         far = distances > scale
         factor = np.divide(scale, distances, out=np.ones_like(squares), where=far)

@@ -11,13 +11,14 @@ from typing import TypeAlias
 import numpy as np
 from scipy import sparse
 
+from riemhuman.arrays import Array
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.pickles import load_pickled_arrays
 
-Stored: TypeAlias = np.ndarray | sparse.coo_array
-"""An array or, of SMPL's joint regressor, a sparse matrix."""
+Stored: TypeAlias = Array | sparse.coo_array
+"""An array, also of text, or, of SMPL's joint regressor, a sparse matrix."""
 
 # Fields of a file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
 _REQUIRED = ("v_template", "f", "shapedirs", "J_regressor", "weights", "kintree_table")
@@ -182,10 +183,10 @@ def _contents(fields: Mapping[str, Stored], n_betas: int | None) -> ModelContent
 
 def _last_length(array: Stored) -> int:
     """Return the length of the last axis of an array, or 0 for a number."""
-    return (0, *np.shape(array))[-1]
+    return int((0, *np.shape(array))[-1])
 
 
-def _posedirs(posedirs: np.ndarray, n_vertices: int, n_entries: int) -> np.ndarray:
+def _posedirs(posedirs: Array, n_vertices: int, n_entries: int) -> Array:
     """Return pose-dependent displacements as (V, 3, entries), from any published layout."""
     whole, rows = (n_vertices, 3, n_entries), (3 * n_vertices, n_entries)
     if posedirs.shape == rows:

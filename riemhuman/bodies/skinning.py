@@ -38,14 +38,14 @@ class SkinnedModel(Protocol):
 
     template: Template
     faces: Triangles
-    shapedirs: onp.ndarray
-    joint_regressor: onp.ndarray
-    weights: onp.ndarray
+    shapedirs: Array
+    joint_regressor: Array
+    weights: Array
     parents: Integers
     joint_order: tuple[int, ...]
-    posedirs: onp.ndarray | None
+    posedirs: Array | None
     joint_names: tuple[str, ...]
-    hand_directions: onp.ndarray
+    hand_directions: Array
     n_vertices: int
     n_joints: int
     n_betas: int
@@ -58,7 +58,7 @@ class SkinnedModel(Protocol):
         hands: ArrayLike | None = None,
     ) -> Array: ...
 
-    def hand_pose(self, left: str, right: str | None = None) -> onp.ndarray: ...
+    def hand_pose(self, left: str, right: str | None = None) -> Array: ...
 
 
 def joint_motions(
@@ -165,9 +165,9 @@ class Skeleton:
             if self.parents[joint] >= 0:
                 self.below[joint] += self.below[self.parents[joint]]
 
-    def from_parents(self, values: onp.ndarray) -> onp.ndarray:
+    def from_parents(self, values: Array) -> Array:
         """Return the differences of values of joints from those of their parents."""
-        differences: onp.ndarray = values.copy()
+        differences: Array = values.copy()
         differences[self.limbs] -= values[self.parents[self.limbs]]
         return differences
 
@@ -175,7 +175,7 @@ class Skeleton:
 class JointMotions:
     """The rigid motions of joints: joint k moves x to rotations[k] x + shifts[k]."""
 
-    def __init__(self, skeleton: Skeleton, local: onp.ndarray, betas: onp.ndarray) -> None:
+    def __init__(self, skeleton: Skeleton, local: Array, betas: Array) -> None:
         self.skeleton, self.local, self.betas = skeleton, local, betas
         joints = skeleton.rest_joints + skeleton.joint_shapes @ betas
         # The axes of a joint's own rotation are those of its parent.
@@ -189,18 +189,18 @@ class JointMotions:
         self.shifts = self.positions - _apply(self.rotations, joints)
 
     @property
-    def pose_feature(self) -> onp.ndarray:
+    def pose_feature(self) -> Array:
         """The entries of R - I, by which pose-dependent displacements are multiplied."""
         return (self.local[self.skeleton.limbs] - onp.eye(3)).ravel()
 
     def skin(
         self,
-        rest: onp.ndarray,
-        shapedirs: onp.ndarray,
-        posedirs: onp.ndarray | None,
-        weights: onp.ndarray,
-        bones: Integers | slice = slice(None),
-    ) -> tuple[onp.ndarray, onp.ndarray, onp.ndarray]:
+        rest: Array,
+        shapedirs: Array,
+        posedirs: Array | None,
+        weights: Array,
+        bones: Integers | slice[None, None, None] = slice(None),
+    ) -> tuple[Array, Array, Array]:
         """Return points before the joints rotate, their blended rotations, and where they move."""
         shaped = rest + shapedirs @ self.betas
         if posedirs is not None:
@@ -209,25 +209,27 @@ class JointMotions:
         return shaped, blended, _apply(blended, shaped) + weights @ self.shifts[bones]
 
     @property
-    def shift_shapes(self) -> onp.ndarray:
+    def shift_shapes(self) -> Array:
         """Derivatives of the shifts with respect to the betas, shape (J, 3 B)."""
         n_joints, below = self.skeleton.n_joints, self.skeleton.below
         bones = (self.axes @ self.skeleton.bone_shapes).reshape(n_joints, -1)
-        return below @ bones - (self.rotations @ self.skeleton.joint_shapes).reshape(n_joints, -1)
+        rotated = (self.rotations @ self.skeleton.joint_shapes).reshape(n_joints, -1)
+        shapes: Array = below @ bones - rotated
+        return shapes
 
 
 # More than eight arguments: the arrays of one patch of points, each of its own shape.
 def skinning_derivatives(
     motions: JointMotions,
-    shaped: onp.ndarray,
-    blended: onp.ndarray,
-    weights: onp.ndarray,
-    shapedirs: onp.ndarray,
-    below: onp.ndarray,
-    bones: Integers | slice = slice(None),
-    active: Integers | slice = slice(None),
+    shaped: Array,
+    blended: Array,
+    weights: Array,
+    shapedirs: Array,
+    below: Array,
+    bones: Integers | slice[None, None, None] = slice(None),
+    active: Integers | slice[None, None, None] = slice(None),
     real: DTypeLike = float,
-) -> onp.ndarray:
+) -> Array:
     """Return derivatives (n, 3, c) of points by rotations in space, betas and trans."""
     # First all rotations about x, then y, then z. The points have weights for the joints `bones`,
     # and `below` says which of these move with the joints `active`. Sums are in double precision,
@@ -252,16 +254,16 @@ def skinning_derivatives(
 # More than eight arguments: a compiled loop takes plain arrays.
 @compiled(fastmath=FUSED)
 def _fill_derivatives(
-    shaped: onp.ndarray,
-    blended: onp.ndarray,
-    weights: onp.ndarray,
-    shapedirs: onp.ndarray,
-    below: onp.ndarray,
-    rotations: onp.ndarray,
-    shifts: onp.ndarray,
-    positions: onp.ndarray,
-    shift_shapes: onp.ndarray,
-    rows: onp.ndarray,
+    shaped: Array,
+    blended: Array,
+    weights: Array,
+    shapedirs: Array,
+    below: Array,
+    rotations: Array,
+    shifts: Array,
+    positions: Array,
+    shift_shapes: Array,
+    rows: Array,
 ) -> None:
     n_active, n_betas = below.shape[1], shapedirs.shape[2]
     of_betas, levers = onp.empty((3, n_betas)), onp.empty((3, n_active))
@@ -338,7 +340,7 @@ def usual_joint_names(model: SkinnedModel) -> tuple[str, ...]:
     return (*SMPL_JOINTS, *names[n_body:])
 
 
-def joint_parents(kintree_table: ArrayLike, n_joints: int) -> onp.ndarray:
+def joint_parents(kintree_table: ArrayLike, n_joints: int) -> Integers:
     """Return the index of each joint's parent, -1 for the root, from SMPL's table (2, J)."""
     table = integer_array(kintree_table, "kintree_table", (2, n_joints))
     index = {int(number): j for j, number in enumerate(table[1])}
@@ -361,7 +363,7 @@ def joint_parents(kintree_table: ArrayLike, n_joints: int) -> onp.ndarray:
     return parents
 
 
-def parents_first(parents: onp.ndarray) -> tuple[int, ...]:
+def parents_first(parents: Integers) -> tuple[int, ...]:
     """Return the joints ordered so that parents precede children."""
     order = onp.flatnonzero(parents < 0).tolist()
     for joint in order:
