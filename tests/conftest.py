@@ -49,6 +49,9 @@ def undrawn(monkeypatch):
     pixels = np.zeros((2, 2, 4))
     monkeypatch.setattr("riemhuman.plots.body_plots.render", lambda *given, **settings: pixels)
     monkeypatch.setattr(
+        "riemhuman.report._body_sections._draw_lines", lambda *given, **settings: None
+    )
+    monkeypatch.setattr(
         "riemhuman.report._page.figure_files",
         lambda figure, dots_an_inch: ('<svg viewBox="0 0 4 3"></svg>', b""),
     )

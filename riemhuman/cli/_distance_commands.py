@@ -13,6 +13,7 @@ from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -509,6 +510,10 @@ def _map_page(
     UNITS,
 )
 def _report(options: argparse.Namespace) -> cli.Answer:
+    for place in (options.bodies, options.faust, options.dfaust, options.scans):
+        if place is not None and not place.exists():
+            raise FileError(f"there is no file or folder {place}")
+    import_matplotlib(extra="report")  # before the work, not after it
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
     with options.task("Loading the bodies"):
         if _is_unlabelled(options):

@@ -211,7 +211,8 @@ def test_sheets_of_a_folder_of_scans(run, refused, scan, tmp_path, monkeypatch):
     scans.mkdir()
     (scans / "labels.csv").touch()
     command = ("register", scans, "-o", tmp_path / "bodies", "--coarse", "--sheet")
-    finished = run(*command)
+    finished = run(*command, "--units", "in")
+    assert given["units"] == "in"
     assert f"sheets of all people: {tmp_path / 'bodies' / 'sheets' / 'index.html'}" in finished.out
     assert given["labels"] == scans / "labels.csv"
     assert given["replace_output"]

@@ -300,8 +300,14 @@ def chosen_bodies(bodies, numbers, *, labelled=True):
 
 
 def test_one_or_two_bodies_have_what_they_can_say(undrawn, nine_bodies, tmp_path):
-    one = make_report(tmp_path / "one", bodies=chosen_bodies(nine_bodies, [0]), quick=True)
+    single = chosen_bodies(nine_bodies, [0])
+    one = make_report(tmp_path / "one", bodies=single, quick=True, units="in")
     text = one.read_text(encoding="utf-8")
+    (row,) = rows_of(tmp_path / "one", "measurements")
+    assert "stature, in</th>" in text
+    assert f">{float(row['stature (m)']) / 0.0254:.1f}</data>" in text
+    with pytest.raises(ArgumentError, match="units must be one of"):
+        make_report(tmp_path / "none", bodies=single, units="feet")
     assert sections_of(text) == ["measurements", "making"]
     assert "One person in several poses" not in text  # a table of names without values
     two = make_report(tmp_path / "two", bodies=chosen_bodies(nine_bodies, [0, 3]), quick=True)
