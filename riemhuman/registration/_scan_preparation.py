@@ -29,11 +29,11 @@ from riemhuman.registration.settings import (
 )
 from riemhuman.surfaces.measures import vertex_components
 
-# Number of bodies that are fitted at once.
+# Number of bodies that are fitted at once; like the next, it changes no result.
 N_THREADS = 2
 # Fewer points are matched sooner than threads start.
 _MANY_POINTS = 1000
-# The median of |x| for a standard normal x.
+# The median of |x| for a standard normal x, a constant of mathematics.
 _MEDIAN = 0.6745
 
 
@@ -328,7 +328,7 @@ def _find_plane(
         best, support = None, settings.floor_share * len(points)
         for start in starts:
             near = _near_plane(points, normals, start, settings) & (
-                np.abs(normals @ normals[start]) > 0.9
+                np.abs(normals @ normals[start]) > settings.same_way
             )
             if near.sum() > support:
                 best, support = start, near.sum()
@@ -357,7 +357,7 @@ def _as_plane(points: np.ndarray, near: np.ndarray, settings: PreparationSetting
     heights = (points - centre) @ axes[2]
     sign = -1.0 if np.median(heights[~near]) < 0 else 1.0
     above = sign * heights[~near] > -settings.near_floor_metres
-    is_wide = np.sort(points[near].std(axis=0))[1] > 0.2
+    is_wide = np.sort(points[near].std(axis=0))[1] > settings.least_width
     higher = sign * heights > settings.near_floor_metres
     if above.mean() < settings.above_floor or not is_wide or higher.sum() < FEWEST_POINTS:
         return None

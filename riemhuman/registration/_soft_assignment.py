@@ -29,7 +29,8 @@ from riemhuman.surfaces.measures import triangle_areas
 # outliers, and still smaller ones become denormal numbers, which are slow.
 _NEGLIGIBLE = 30.0
 # Concentration κ of the normals, and the expected share of scan points that do not belong to the
-# body, spread over a cubic metre. They are compiled in.
+# body, spread over a cubic metre. They are no settings, because the compiler folds them into the
+# loops: as arguments, they change the last digits of every result.
 KAPPA, OUTLIERS = 2.0, 0.05
 
 

@@ -31,10 +31,8 @@ _DEGREES = _TABLE["degrees"]
 _OTHER_DEGREES = 15.0
 
 _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")
-# Joints that move a smaller share of the vertices are ignored.
+# Joints that move a smaller share of the vertices are ignored: it is about models, not scans.
 _LIMB = 0.01
-# Arms whose rotations differ by less are alike.
-_ALIKE = 0.05
 
 
 def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
@@ -127,11 +125,11 @@ class BodyParts:
 
 
 def other_arms(
-    arm: np.ndarray, current: np.ndarray, poses: dict[str, np.ndarray]
+    arm: np.ndarray, current: np.ndarray, poses: dict[str, np.ndarray], same: float
 ) -> Iterator[np.ndarray]:
     """Yield the rotations of an arm's joints in some poses, without those that are alike."""
     seen = [current[arm]]
     for pose in poses.values():
-        if all(np.abs(pose[arm] - rotations).max() > _ALIKE for rotations in seen):
+        if all(np.abs(pose[arm] - rotations).max() > same for rotations in seen):
             seen.append(pose[arm])
             yield pose[arm]

@@ -104,8 +104,8 @@ def search_starts(
     """Return the bodies from the likeliest starts."""
     # A search that is done again starts from the headings between, and follows more starts. A
     # quick one follows fewer, and tries no arms.
-    offset = 0.5 if again else 0.0
-    more = 0.5 if quick else 2.0 if again else 1.0
+    retries, offset = body.settings.retries, 0.5 if again else 0.0
+    more = retries.fewer_starts if quick else retries.more_starts if again else 1.0
     first, *later = body.settings.search.rounds
     rounds = [
         replace(first, n_best=int(max(more, 1.0) * first.n_best)),
@@ -166,7 +166,7 @@ def _with_likeliest_arm(
     settings = body.settings.search
     first, last = settings.arm_rounds
     others = []
-    for rotations in other_arms(arm, best.prior.local, body.poses):
+    for rotations in other_arms(arm, best.prior.local, body.poses, settings.same_rotations):
         local, expected = best.pose.local.copy(), best.prior.local.copy()
         local[arm] = expected[arm] = rotations
         pose, prior = best.pose._replace(local=local), best.prior._replace(local=expected)

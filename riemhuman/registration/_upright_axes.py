@@ -11,7 +11,7 @@ from riemhuman.registration._scan_preparation import PreparedScan
 _SIDES = ("left", "right")
 # Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
 _LEAST_LEVEL = 0.3
-# Points of the model whose joints alone are looked at.
+# Points of the model whose joints alone are looked at, so that their number changes no result.
 _N_FEW = 1000
 
 

@@ -31,7 +31,8 @@ from riemhuman.registration.scans import as_scan
 from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
 from riemhuman.surfaces.procrustes import AXES
 
-# Fits are in single precision; a scanner's stage is nearer to the origin than this.
+# Fits are in single precision; a scanner's stage is nearer to the origin than this. It follows
+# from the precision, so that it is no setting.
 _FAR_METRES_AWAY = 100.0
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 # A landmark farther from the scan's median point is in another unit, or of another scan.

@@ -61,6 +61,10 @@ class PreparationSettings:
         Points within this distance of a plane support it, metres.
     near_floor_metres : float
         Points within this distance of a floor or wall belong to it, metres.
+    same_way : float
+        Cosine between normals of points of one floor or wall, of either sign.
+    least_width : float
+        Standard deviation of a floor's points in the narrower direction, metres.
     floor_share : float
         A floor or wall holds at least this share of the points.
     above_floor : float
@@ -120,6 +124,8 @@ class PreparationSettings:
     stray: float = 0.004
     floor_metres: float = 0.01
     near_floor_metres: float = 0.02
+    same_way: float = 0.9
+    least_width: float = 0.2
     floor_share: float = 0.04
     above_floor: float = 0.97
     n_planes: int = 200
@@ -158,6 +164,7 @@ class PreparationSettings:
             widest_cell=self.widest_cell,
             floor_metres=self.floor_metres,
             near_floor_metres=self.near_floor_metres,
+            least_width=self.least_width,
             outline_metres=self.outline_metres,
             resting_metres=self.resting_metres,
             normal_metres=self.normal_metres,
@@ -175,4 +182,4 @@ class PreparationSettings:
             mixed=self.mixed,
         )
         check_lists(more_neighbours=self.more_neighbours)
-        check_cosines(least_level_floor=self.least_level_floor)
+        check_cosines(same_way=self.same_way, least_level_floor=self.least_level_floor)

@@ -25,6 +25,10 @@ class RetrySettings:
         If a body is refused and a smaller share of one half matches, the other half alone is tried.
     near_of_half : float
         A whole body fitted to the scan of half a body is near at least this share of the scan.
+    more_starts : float
+        A second search follows so many times more starts, from the headings between.
+    fewer_starts : float
+        A quick one follows this share of them, and tries no arms.
     retry_gain : float
         Gain of the log-likelihood from which the result of another search is preferred.
     warm_loss : float
@@ -44,12 +48,16 @@ class RetrySettings:
     n_near: int = 500
     most_matched_half: float = 0.6
     near_of_half: float = 0.9
+    more_starts: float = 2.0
+    fewer_starts: float = 0.5
     retry_gain: float = 0.05
     warm_loss: float = 0.25
     agreement: float = 0.85
 
     def __post_init__(self) -> None:
-        check_amounts(retry_gain=self.retry_gain, warm_loss=self.warm_loss)
+        check_amounts(
+            more_starts=self.more_starts, retry_gain=self.retry_gain, warm_loss=self.warm_loss
+        )
         check_counts(n_near=self.n_near)
         check_shares(
             least_matched_half=self.least_matched_half,
@@ -57,4 +65,5 @@ class RetrySettings:
             most_matched_half=self.most_matched_half,
             near_of_half=self.near_of_half,
             agreement=self.agreement,
+            fewer_starts=self.fewer_starts,
         )

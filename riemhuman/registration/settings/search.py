@@ -73,6 +73,8 @@ class SearchSettings:
         An up direction is tried fully if its log-likelihood is at most this much below the best.
     same_metres : float
         Candidates nearer to a better one, in root mean square distance, are dropped, metres.
+    same_rotations : float
+        Arms of two start poses are the same if no entry of their rotations differs by more.
     arm_gain : float
         Gain of the log-likelihood from which another arm is preferred: more than the difference
         between fits.
@@ -109,6 +111,7 @@ class SearchSettings:
     n_shifts: int = 8
     up_margin: float = 0.15
     same_metres: float = 0.03
+    same_rotations: float = 0.05
     arm_gain: float = 0.02
     warm_betas_precision: float = 4.0
     still_hands: float = 1e6
@@ -118,6 +121,7 @@ class SearchSettings:
         check_amounts(
             up_margin=self.up_margin,
             same_metres=self.same_metres,
+            same_rotations=self.same_rotations,
             arm_gain=self.arm_gain,
             warm_betas_precision=self.warm_betas_precision,
             still_hands=self.still_hands,
