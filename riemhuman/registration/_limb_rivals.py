@@ -3,6 +3,9 @@
 Distances from the scan cannot tell a right hand from a wrong one: both are small, because a hand
 that is turned over still lies within the surface of the right one. What tells is the next best
 explanation of the same points. If it is nearly as near to them, either may be right.
+
+Limbs in a wrong place are another matter: after the elastic step the scan is farther from them than
+from the rest of the same body, whatever its noise and flesh.
 """
 
 from __future__ import annotations
@@ -84,7 +87,7 @@ class ShownLimbs(NamedTuple):
 
 
 def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return the limbs of a fitted body that something else explains, or almost as well."""
+    """Return the limbs that fit badly, or that something else explains almost as well."""
     touching = _touching_hands(body, settings)
     others = _ill_fitting_limbs(body, shown, settings)
     for arm, poses in body.doubtful_arms.items():
