@@ -48,6 +48,7 @@ from riemhuman.measurements.measuring import (
     values_and_slopes,
     values_of_bodies,
 )
+from riemhuman.memory import enough_memory
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 SEXES = ("woman", "man")
@@ -130,6 +131,7 @@ class ProbableBody:
     message: str
 
 
+@enough_memory("a body from measurements", 'ask for resolution="coarse"')
 def model_from_measurements(
     values: Mapping[str, float],
     sex: str = "adult",
@@ -596,6 +598,7 @@ class NearestBody:
         return {name: value - self.before[name] for name, value in self.after.items()}
 
 
+@enough_memory("the nearest body with these measurements", "take coarser bodies")
 def nearest_body(
     measurements: Measurements,
     metric: RiemannianMetric,

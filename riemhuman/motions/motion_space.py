@@ -15,7 +15,9 @@ from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
+    FEWER_FRAMES,
     Motion,
     face_forward,
     frame_count,
@@ -76,6 +78,7 @@ class MotionSpace(Manifold):
     def check_point(self, point: object, name: str = "point") -> ndarray:
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
+    @enough_memory("motions at other times", FEWER_FRAMES)
     def resample(
         self,
         motion: Motion,

@@ -12,7 +12,9 @@ from numpy import ndarray
 from riemhuman.checks import real_array, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
+from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
+    FEWER_FRAMES,
     Motion,
     angles_to,
     check_motions,
@@ -38,6 +40,7 @@ def _even_times(warp: Warp, n_times: int) -> ndarray:
     return (1.0 - _EVEN) * times + _EVEN * even
 
 
+@enough_memory("the alignment of these motions", FEWER_FRAMES)
 def align_motions(
     space: MotionSpace,
     m1: Motion,
@@ -125,6 +128,7 @@ class MotionGeodesic:
     def __post_init__(self) -> None:
         whole_number(self.n_nodes, "n_nodes", minimum=2)
 
+    @enough_memory("a path between these motions", FEWER_FRAMES)
     def solve(self, space: MotionSpace, m1: Motion, m2: Motion) -> MotionPath:
         """Return the path.
 
@@ -206,6 +210,7 @@ class MotionMean(Estimator):
         self.n_iterations = n_iterations
         self.progress = progress
 
+    @enough_memory("the mean of these motions", FEWER_FRAMES)
     def fit(self, X: Sequence[Motion], y: object = None) -> Self:
         """Compute the mean of motions.
 
@@ -308,6 +313,7 @@ class MotionComponents(Estimator):
         self.mean = mean
         self.n_components = n_components
 
+    @enough_memory("the components of these motions", FEWER_FRAMES)
     def fit(self, X: Sequence[Motion], y: object = None) -> Self:
         """Compute the mean and the components.
 
