@@ -136,7 +136,7 @@ class TestVectors:
     def test_deviation_is_told(self, basis):
         skewed = basis.vectors.copy()
         skewed[0] *= 1.25
-        with pytest.raises(ArgumentError, match=r"up to 0\.562 away .* orthonormalize=True"):
+        with pytest.raises(ArgumentError, match=r"up to 0\.562: .* orthonormalize=True"):
             DeformationBasis(skewed)
         nearly = basis.vectors.copy()
         nearly[0] *= 1 + 2e-9

@@ -139,7 +139,7 @@ def test_points_on_a_line_are_refused(reference, length, offset, scale):
             "points must have vertices",
         ),
         ({"points": np.ones((4, 3))}, ArgumentError, "n_surfaces"),
-        ({"points": np.ones((0, 4, 3))}, ArgumentError, "no surface"),
+        ({"points": np.ones((0, 4, 3))}, ArgumentError, "points must hold at least one surface"),
         ({"points": np.full((4, 3), np.nan), "to": np.ones((4, 3))}, ArgumentError, "points .*NaN"),
         ({"weights": [1, 1, -2.0, 1]}, ArgumentError, "the smallest is -2, the largest 1"),
         ({"weights": np.zeros(4)}, ArgumentError, "weights must be at least 0 and not all 0"),
