@@ -59,7 +59,8 @@ def test_single_precision_far_away_is_refused(bodies, dtype):
 def test_few_digits_are_warned_of_or_refused(bodies, convert, digits):
     # Warnings are errors here; hundredths at full resolution are refused at any rate.
     with pytest.raises(
-        (rh.PrecisionWarning, ArgumentError), match=rf"points are up to .*: {digits} digits"
+        (rh.PrecisionWarning, ArgumentError),
+        match=rf"points are up to .*: this leaves {digits} digits",
     ):
         check_resolution(convert(bodies[0]), "points")
 

@@ -133,8 +133,11 @@ DOORS = {
 @pytest.mark.parametrize(
     ("factor", "message"),
     [
-        (3.2808, r"5\.\d+ m long and encloses \d+ litres, .* but a body in feet; .*in metres"),
-        (0.3, r"0\.\d+ m long and encloses 1\.\d+ litres, the which no human body is; "),
+        (
+            3.2808,
+            r"5\.\d+ m long and encloses \d+ litres, .* but a body in feet would be; .*in metres",
+        ),
+        (0.3, r"0\.\d+ m long and encloses 1\.\d+ litres, which no human body is; "),
         (0.2, "which no human body is"),
         (2.5, "which no human body is"),
     ],

@@ -274,11 +274,11 @@ BAD = {
     ),
     "no such vertex": (
         {"correspondence": np.arange(1, 1203)},
-        "correspondence must hold indices of vertices of the model, from 0 to 1201; found numbers from 1 ",
+        "must hold indices of vertices of the model, from 0 to 1201; found numbers from 1 ",
     ),
     "no such triangle": (
         {"correspondence": ([2400], [[1, 0, 0]])},
-        "must hold indices of triangles of the model, from 0 to 2399; found numbers from 2400 to 2400",
+        "hold indices of triangles of the model, from 0 to 2399; found numbers from 2400 to 2400",
     ),
     "coordinates off one": (
         {"correspondence": ([0, 1], [[1, 0, 0], [0.5, 0.2, 0.2]])},

@@ -340,7 +340,7 @@ def _changed(change):
         (lambda j, p: p.update(mode=9), "primitive 0: there is no mode 9"),
         (lambda j, p: p.update(indices=0), "indices must be unsigned"),
         (lambda j, p: p["attributes"].update(POSITION=1), "VEC3 numbers expected, found SCALAR"),
-        (lambda j, p: j["accessors"][0].update(count=5), "5 rows need 60 bytes, and 48 are there"),
+        (lambda j, p: j["accessors"][0].update(count=5), "5 rows need 60 bytes; found 48"),
         (lambda j, p: j["accessors"][0].update(count=3), "refers to vertex 3 of 3"),
         (lambda j, p: j["accessors"][0].update(count=-1), "-1 rows"),
         (lambda j, p: j["accessors"][0].update(componentType=5124), "found VEC3 of 5124"),

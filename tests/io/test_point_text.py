@@ -98,7 +98,7 @@ def test_landmarks_of_every_separator(tmp_path, separator, header):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("left_wrist;0,62;1,31;0,05\n", "'0,62' is not a number; decimals need a point"),
+        ("left_wrist;0,62;1,31;0,05\n", "'0,62' is not a number; write decimals with a point"),
         ("left_wrist\t0,62\t1,31\t0,05\n", "'0,62' is not a number"),
         ("left_wrist,0,62,1,31,0,05\n", "commas may be decimals or separate 6 whole numbers"),
         ("x,y,z,name\n1.0,2.0,3.0,left_wrist\n", "'left_wrist' is not a number"),

@@ -429,7 +429,9 @@ def test_without_openpyxl_the_table_is_there(folder, tmp_path, monkeypatch):
 
 def test_other_bodies_are_refused(bodies, tmp_path):
     rh.save_mesh(tmp_path / "mm.ply", 1000.0 * bodies[0], bodies.template.faces)
-    with pytest.raises(ArgumentError, match=r"mm\.ply is .* of a body in millimetres; .* --unit"):
+    with pytest.raises(
+        ArgumentError, match=r"mm\.ply is .* but a body in millimetres would be; .* --unit"
+    ):
         rh.report.make_sheets(tmp_path / "mm.ply", tmp_path / "sheets")
     rh.save_mesh(tmp_path / "box.ply", np.random.default_rng(0).random((4, 3)), [[0, 1, 2]])
     with pytest.raises(FileError, match=r"box\.ply has .* register it first"):
