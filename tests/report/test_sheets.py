@@ -180,7 +180,7 @@ def test_a_body_that_is_not_trusted_is_not_measured(record):
     assert all(np.isnan(row.value) for row in sheet.measurements)
     assert sheet.posture == {}
     assert "Do not rely on this body" in sheet.html
-    assert "The body fits badly." in sheet.html
+    assert "The body fits poorly." in sheet.html
     failed = replace(record, trusted=False, message="too few points", arrays={})
     with pytest.raises(ArgumentError, match="was not registered: too few points"):
         rh.report.sheet(failed)
