@@ -112,9 +112,9 @@ def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[P
     """Return a body with one arm as in other poses, fitted again, where that is elsewhere."""
     scales = task.body.settings.dense.scales[arm.settings.n_first_steps :]
     starts = []
-    for other in poses:
+    for candidate in poses:
         local = pose.local.copy()
-        local[arm.joints[1:]] = other.local[arm.joints[1:]]
+        local[arm.joints[1:]] = candidate.local[arm.joints[1:]]
         starts.append(pose._replace(local=local))
     fitted = fit_starts(task, arm.joints[1:], arm.samples, starts, scales)
     return _different(arm, fitted, [pose])
@@ -136,12 +136,14 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
         fitted = _different(arm, fitted, known)
     likelihoods = find_likelihoods(task.body, fitted, task.scan, task.up)
     least = max(likelihoods, default=0.0) - settings.least_likely
-    likely = [other for other, value in zip(fitted, likelihoods, strict=True) if value > least]
+    likely = [
+        candidate for candidate, value in zip(fitted, likelihoods, strict=True) if value > least
+    ]
     # The elastic step takes longest, and hardly changes which arms are near.
     few = points[:: max(len(points) // settings.n_compared, 1)]
-    costs = [_cost(arm, few, other) for other in (pose, *likely)]
+    costs = [_cost(arm, few, candidate) for candidate in (pose, *likely)]
     most = settings.most_farther * min(costs)
-    return [other for other, cost in zip(likely, costs[1:], strict=True) if cost < most]
+    return [candidate for candidate, cost in zip(likely, costs[1:], strict=True) if cost < most]
 
 
 def elastic_arms(
@@ -164,7 +166,9 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
     different = []
     for pose in poses:
         surface = pose_body(arm.skin, pose).points
-        gaps = (np.linalg.norm(surface - other, axis=1).mean() for other in surfaces)
+        gaps = (
+            np.linalg.norm(surface - known_surface, axis=1).mean() for known_surface in surfaces
+        )
         if min(gaps, default=np.inf) > arm.settings.different_metres:
             surfaces.append(surface)
             different.append(pose)
@@ -187,7 +191,7 @@ def pose_hands(
     n_betas, scales = task.body.model.n_betas, task.body.settings.dense.scales
     # Twice, because the wrist moves with the first change, if there is one.
     tried: dict[ArmSurface, Pose] = {}
-    found: dict[ArmSurface, list[HandFit]] = {}
+    hand_fits: dict[ArmSurface, list[HandFit]] = {}
     for arm in (*task.body.arm_surfaces, *task.body.arm_surfaces):
         if tried.get(arm) is pose:
             continue
@@ -201,13 +205,13 @@ def pose_hands(
         # The arm alone may fit worse than with the body around it.
         unmoved = _hand_as_it_is(task.prior, pose, arm, points)
         current = min(unmoved, current, key=lambda fit: fit.cost)
-        found[arm] = [current, *fits]
+        hand_fits[arm] = [current, *fits]
         nearest = min(fits, key=lambda fit: fit.cost)
         is_explained = nearest.cost < arm.settings.unexplained_metres
         if is_explained and are_less(nearest.distances, current.distances, arm.settings):
             task = replace(task, prior=nearest.prior)
             pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, scales)
-    return task, pose, found
+    return task, pose, hand_fits
 
 
 def _fit_hand(

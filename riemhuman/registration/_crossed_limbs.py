@@ -40,7 +40,7 @@ class Crossing:
 
     def gap(self, task: DenseTask, pose: Pose, other: Pose) -> float:
         """Return how far apart the limbs are in two poses, in the mean, metres."""
-        first, second = (task.body.surface(each)[self.vertices] for each in (pose, other))
+        first, second = (task.body.surface(compared)[self.vertices] for compared in (pose, other))
         return float(np.linalg.norm(first - second, axis=1).mean())
 
     def distances(self, task: DenseTask, pose: Pose) -> np.ndarray:
@@ -107,8 +107,8 @@ def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
         if crossing is None:
             continue
         fits = exchanged_limbs(task, pose, joint)
-        distances = [crossing.distances(task, other) for other, _ in fits]
-        nearest = int(np.argmin([each.mean() for each in distances]))
+        distances = [crossing.distances(task, exchanged) for exchanged, _ in fits]
+        nearest = int(np.argmin([strained.mean() for strained in distances]))
         start, prior = fits[nearest]
         is_elsewhere = crossing.gap(task, pose, start) > settings.arms.different_metres
         is_nearer = are_less(distances[nearest], crossing.distances(task, pose), settings.arms)

@@ -167,9 +167,9 @@ def _turned_arm(
         return []
     surface = pose_body(arm.skin, pose).points
     elsewhere = [
-        other
-        for other in other_arms_again(task, pose, arm, poses)
-        if _displaced(surface, pose_body(arm.skin, other).points, settings).any()
+        candidate
+        for candidate in other_arms_again(task, pose, arm, poses)
+        if _displaced(surface, pose_body(arm.skin, candidate).points, settings).any()
     ]
     if not elsewhere:
         return []
@@ -306,14 +306,15 @@ def _displaced_in_rivals(
     faces = faces_among(task.body.model.faces, vertices)
 
     def surfaces_of(poses: list[Pose]) -> list[np.ndarray]:
-        return [pose_body(skin, each).points for each in poses]
+        return [pose_body(skin, candidate).points for candidate in poses]
 
     def costs_of(poses: list[Pose], points: np.ndarray) -> np.ndarray:
         farthest = settings.exchanged_metres
         distances = [
-            limited_distances(points, each, faces, farthest).mean() for each in surfaces_of(poses)
+            limited_distances(points, candidate, faces, farthest).mean()
+            for candidate in surfaces_of(poses)
         ]
-        return np.array(distances) * [limb.strain(each) for each in poses]
+        return np.array(distances) * [limb.strain(candidate) for candidate in poses]
 
     def fit(starts: list[Pose], scales: tuple[float, ...]) -> list[Pose]:
         return fit_starts(task, limb.joints, limb.samples, starts, scales)
@@ -325,7 +326,7 @@ def _displaced_in_rivals(
     near = np.flatnonzero(costs[2:] < settings.most_farther * min(costs[:2]))
     poses = [pose, *fit([first[0], *(first[1 + k] for k in near)], scales[n_first:])]
     costs, surfaces = costs_of(poses, seen), surfaces_of(poses)
-    joints = [limb.joint_positions(each) for each in poses]
+    joints = [limb.joint_positions(candidate) for candidate in poses]
     for k, surface, cost, rival in zip(near, surfaces[2:], costs[2:], joints[2:], strict=True):
         joint = starts[k].joint
         moved = np.inf if joint is None else np.linalg.norm(rival[joint] - joints[0][joint])

@@ -173,10 +173,10 @@ def find_excess(
         if name.split("_")[-1] not in _LIMB_PARTS:
             continue
         limb = next((arm for arm in arms if k in arm), np.array([k]))
-        own, rest = owners == k, ~np.isin(owners, limb) & ~on_hands
-        if own.sum() >= _LEAST_POINTS and rest.any():
+        on_joint, rest = owners == k, ~np.isin(owners, limb) & ~on_hands
+        if on_joint.sum() >= _LEAST_POINTS and rest.any():
             usual = np.hypot(max(far[rest].mean(), settings.least_rest_metres), facets[k])
-            excess[k] = far[own].mean() / usual
+            excess[k] = far[on_joint].mean() / usual
     return excess
 
 

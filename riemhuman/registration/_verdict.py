@@ -64,22 +64,22 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     places, distances = nearest_points(whole.points, fit.points, body.model.faces)
     background = scan.background | find_hair(body, fit.model_points, whole.points)
     visible = body.find_visible(fit.model_points, scan.points, search.candidates[0].up)
-    found = _find_parts(search, fitted, visible)
+    vertices = _find_parts(search, fitted, visible)
     likelihood = find_likelihood_of_area(body, fit.pose, scan, search.candidates[0].up, visible)
-    quality = _measure(search, fitted, found, likelihood)
+    quality = _measure(search, fitted, vertices, likelihood)
     doubts, limb_doubts = find_doubts(quality, settings)
     # Of what looks like no body, nothing is said about parts.
     is_body = min(quality.near - settings.least_near, likelihood - settings.least_likelihood) >= 0
     doubts += _landmark_doubts(body, fit.pose, scan.landmarks)
     if doubts and not unit_is_known:
         doubts = [*_other_units(whole, background), *doubts]
-    trusted_vertices = found.seen & (not doubts)
+    trusted_vertices = vertices.seen & (not doubts)
     if limb_doubts:
-        limb = int(np.argmin(parts.shares(found.matched)))
+        limb = int(np.argmin(parts.shares(vertices.matched)))
         trusted_vertices &= ~parts.limb_vertices(limb)
     # Of a body that is refused no vertex is trusted, so that its limbs need no rivals.
     shown = ShownLimbs(
-        found.matched, _find_excess(search, fit.points, places, distances, background)
+        vertices.matched, _find_excess(search, fit.points, places, distances, background)
     )
     limb_rivals = [] if doubts else find_limb_doubts(fitted, shown, body.settings.rivals)
     rivals: list[LimbDoubt] = []
@@ -91,14 +91,14 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         *doubts,
         *limb_doubts,
         *(f"{doubt.reason} (not trusted); {doubt.remedy}" for doubt in rivals),
-        *(_unseen_parts(body, found, up_is_known=scan.up is not None) if is_body else []),
+        *(_unseen_parts(body, vertices, up_is_known=scan.up is not None) if is_body else []),
     ]
     return Verdict(
         trusted=not doubts and not limb_doubts,
         trusted_vertices=trusted_vertices,
         message=join_reasons(reasons),
         likelihood=likelihood,
-        matched=found.matched,
+        matched=vertices.matched,
         correspondence=places,
         distances=distances,
         background=background,
@@ -136,7 +136,7 @@ def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
     return _Parts(matched, overlaps.around, lost, seen)
 
 
-def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) -> FitQuality:
+def _measure(search: Search, fitted: BodyFit, vertices: _Parts, likelihood: float) -> FitQuality:
     """Return what tells whether a body is right."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, model = body.settings.trust, body.model
@@ -145,7 +145,7 @@ def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) 
     _, gaps = nearest_points(some, fit.points, model.faces)
     _, model_distances = nearest_points(some, fit.model_points, model.faces)
     betas = fit.pose.betas[: model.n_betas]
-    shares = body.parts.shares(found.matched)
+    shares = body.parts.shares(vertices.matched)
     limb = int(np.argmin(shares))
     return FitQuality(
         likelihood=likelihood,
@@ -153,7 +153,7 @@ def _measure(search: Search, fitted: BodyFit, found: _Parts, likelihood: float) 
         near=float(np.mean(gaps < settings.near_metres)),
         betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
         far=float(np.quantile(model_distances, settings.far_share)),
-        overlap=float(found.overlaps.sum() / max(found.matched.sum(), 1)),
+        overlap=float(vertices.overlaps.sum() / max(vertices.matched.sum(), 1)),
         limb=part_in_words(body.parts.names[limb]),
         limb_matched=float(shares[limb]),
     )
@@ -191,13 +191,13 @@ def _landmark_doubts(
     ]
 
 
-def _unseen_parts(body: RegistrationModel, found: _Parts, *, up_is_known: bool) -> list[str]:
+def _unseen_parts(body: RegistrationModel, vertices: _Parts, *, up_is_known: bool) -> list[str]:
     """Return what to say about the parts that a scan does not show."""
     areas, settings = body.model.template.vertex_areas, body.settings.trust
-    share = 1.0 - areas @ found.seen / areas.sum()
-    if share < settings.least_unseen and not found.lost.any():
+    share = 1.0 - areas @ vertices.seen / areas.sum()
+    if share < settings.least_unseen and not vertices.lost.any():
         return []
-    unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(found.seen) < 0.5)]
+    unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(vertices.seen) < 0.5)]
     guessed_up = bool(share > settings.guessed_up and not up_is_known)
     return [say_unseen(unseen, share, guessed_up=guessed_up)]
 

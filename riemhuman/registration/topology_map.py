@@ -716,10 +716,10 @@ def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> 
     for candidate in candidates if model is None else [model]:
         if candidate.n_vertices == n_vertices and np.array_equal(candidate.faces, faces):
             return candidate
-    found = "the model given" if model is not None else "the open models"
+    expected = "the model given" if model is not None else "the open models"
     raise FileFormatError(
         f"its map is for a model with {n_vertices:,} vertices and {len(faces):,} triangles, "
-        f"unlike {found}: pass the model of the map"
+        f"unlike {expected}: pass the model of the map"
     )
 
 
@@ -787,7 +787,7 @@ def _read_parts(
         raise ArgumentError(f"{name}_part_numbers must hold indices of vertices below {n_vertices}")
     parts = []
     for number, part_name in enumerate(arrays[f"{name}_part_names"].tolist()):
-        own = rows[rows[:, 0] == number]
-        vertices, anchors = (own[own[:, 2] == flag, 1] for flag in (0, 1))
+        part_rows = rows[rows[:, 0] == number]
+        vertices, anchors = (part_rows[part_rows[:, 2] == flag, 1] for flag in (0, 1))
         parts.append(FilledPart(str(part_name), vertices, anchors))
     return tuple(parts)
