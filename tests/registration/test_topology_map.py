@@ -318,7 +318,7 @@ def test_frames_of_a_person_become_a_motion(to_coarse, full, tmp_path):
     shift = np.array([0.3, 0.0, 0.1])
     frames = to_coarse.to_template(np.stack([coarse(betas, pose, shift) for pose in poses]))
     seen = frames * [1, -1, -1]
-    with pytest.warns(UserWarning, match="knees: betas differ from frame to frame"):
+    with pytest.warns(UserWarning, match="knees: betas differ between frames"):
         motion = to_coarse.to_motion(seen, 25.0, name="knees", up="-y")
     assert (len(motion), motion.frames_per_second) == (4, 25.0)
     assert np.linalg.norm(motion[:] - to_coarse.to_model(seen, up="-y"), axis=-1).mean() < 0.003
