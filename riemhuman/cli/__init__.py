@@ -74,6 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         terminal.discard_output()
         return _BROKEN_PIPE
+    except RiemhumanError as error:  # of an argument that cannot be a path
+        terminal.note(str(error))
+        return _NOT_DONE
     except OSError as error:  # of standard output: `_run` tells all others
         terminal.discard_output()
         terminal.note(f"standard output cannot be written: {error.strerror or error}")

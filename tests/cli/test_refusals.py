@@ -108,3 +108,10 @@ def test_pictures_without_matplotlib_are_refused_before_the_work(refused, place,
     monkeypatch.chdir(place)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert "[plot]'" in refused(*line.split())
+
+
+def test_a_name_that_no_file_system_allows_is_no_fault_of_the_output(refused):
+    name = 300 * "a" + ".ply"
+    for arguments in (["info", name], ["dist", name, name], ["view", name, "-o", "page.html"]):
+        said = refused(*arguments)
+        assert said.startswith("riemhuman: path must be the path of a file; found a name of 304")
