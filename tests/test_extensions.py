@@ -80,14 +80,14 @@ def test_commands_take_a_metric_of_another_package(installed, tmp_path, capsys):
     assert record["metric"] == {"name": "VertexOffsets"}
     assert main(["dist", *paths, "--metric", "unknown"]) == 2
     assert (
-        "'unknown' is none of the metrics that packages register: 'offsets'"
+        "'unknown' is not among the metrics that packages register: 'offsets'"
         in capsys.readouterr().err
     )
     assert main(["dist", *paths, "--metric", "offsets", "-a", "1"]) == 2
     assert "--metric offsets sets all weights" in capsys.readouterr().err
     assert main(["tables", "--reader", "nobody", "20"]) == 2
     assert (
-        "'nobody' is none of the readers that packages register: 'crowd'" in capsys.readouterr().err
+        "'nobody' is not among the readers that packages register: 'crowd'" in capsys.readouterr().err
     )
 
 

@@ -33,7 +33,7 @@ geodesic body_0.ply body_1.ply -o p --basis basis.npz       | belongs to another
 components body_0.ply body_1.ply -o out -n 2                 | -n 2 must be below the number
 components alone -o alone                                   | holds something else
 components alone -o out --shape                             | λ of --shape is too small
-components body_0.ply body_0.ply -o out -n 1                | all coincide
+components body_0.ply body_0.ply -o out -n 1                | all points of X coincide
 disentangle body_0.ply body_0.ply -o b.ply --pose-weight -1 | pose_weight must be
 align other.ply alone/other.ply -o aligned                  | the same name
 fit tetrahedron.ply -o fit.npz                              | --model FILE
@@ -45,7 +45,7 @@ basis --open -o b.npz --subjects nobody                     | lean runner
 convert-model absent.pkl -o model.npz                       | absent.pkl
 measure body_0.ply --only statur                            | did you mean 'stature'
 measure body_0.ply --definitions d.json                     | needs --model
-measure tetrahedron.ply                                     | not those of the open body model
+measure tetrahedron.ply                                     | unlike the open body model
 measure mm.ply --as-is                                      | a body in millimetres
 motions dist a.npz b.npz --up z                             | --unit and --up are for folders
 register scan.xyz -o body.ply --sequence                    | --sequence is for a folder

@@ -70,7 +70,7 @@ def test_conventions_of_scikit_learn(descriptor, motions):
 def test_refusals(pose, motions):
     with pytest.raises(rh.RiemhumanError, match="must be fitted first"):
         MotionDescriptor(pose).transform(motions)
-    with pytest.raises(rh.RiemhumanError, match=r"speed of motions\[0\] needs its frame rate"):
+    with pytest.raises(rh.RiemhumanError, match=r"speed of motions\[0\] depends on the frame rate"):
         MotionDescriptor(pose).fit(motions)
     with pytest.raises(rh.RiemhumanError, match="pass it in a list"):
         MotionDescriptor(pose, frames_per_second=30.0).fit(motions[0])

@@ -48,7 +48,7 @@ def test_all_pairs_are_the_single_distances(pose, motions):
 def test_recordings_have_their_rate(pose, open_motions):
     warping = DynamicTimeWarping(pose, travel_weight=1.0)
     assert warping.dist(open_motions[0], open_motions[0]) == 0.0
-    with pytest.raises(rh.RiemhumanError, match="speed of m1 needs its frame rate"):
+    with pytest.raises(rh.RiemhumanError, match="speed of m1 depends on the frame rate"):
         warping.dist(open_motions[0][:10], open_motions[0])
 
 

@@ -230,7 +230,7 @@ def test_samples_that_are_not_accepted_are_drawn_anew():
     drawn = pca.sample(50, rng=3)
     kept = drawn[[is_ahead(point) for point in drawn]]
     np.testing.assert_array_equal(ahead[: len(kept)], kept)
-    with pytest.raises(ArgumentError, match="one point in 100; it did 0 of 200"):
+    with pytest.raises(ArgumentError, match="one point in 100; it accepted 0 of 200"):
         pca.sample(2, accept=lambda point: False)
 
 
@@ -281,7 +281,7 @@ def test_refusals():
     with pytest.raises(ArgumentError, match="mean must have shape"):
         TangentPCA(space, mean=points).fit(points)
     pca = TangentPCA(space, 2).fit(points)
-    with pytest.raises(ArgumentError, match="3 coordinates a point; there are 2"):
+    with pytest.raises(ArgumentError, match="3 coordinates per point; there are 2"):
         pca.inverse_transform(np.zeros((1, 3)))
     with pytest.raises(ArgumentError, match="n_samples"):
         pca.sample(0)
