@@ -87,7 +87,8 @@ def test_commands_take_a_metric_of_another_package(installed, tmp_path, capsys):
     assert "--metric offsets sets all weights" in capsys.readouterr().err
     assert main(["tables", "--reader", "nobody", "20"]) == 2
     assert (
-        "'nobody' is not among the readers that packages register: 'crowd'" in capsys.readouterr().err
+        "'nobody' is not among the readers that packages register: 'crowd'"
+        in capsys.readouterr().err
     )
 
 
