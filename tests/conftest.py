@@ -49,7 +49,7 @@ def undrawn(monkeypatch):
     pixels = np.zeros((2, 2, 4))
     monkeypatch.setattr("riemhuman.plots.body_plots.render", lambda *given, **settings: pixels)
     monkeypatch.setattr(
-        "riemhuman.report._body_sections._draw_lines", lambda *given, **settings: None
+        "riemhuman.report._body_sections.draw_measurement_lines", lambda *given, **settings: None
     )
     monkeypatch.setattr(
         "riemhuman.report._page.figure_files",

@@ -74,9 +74,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         terminal.discard_output()
         return _BROKEN_PIPE
-    except RiemhumanError as error:  # of an argument that cannot be a path
-        terminal.note(str(error))
-        return _NOT_DONE
     except OSError as error:  # of standard output: `_run` tells all others
         terminal.discard_output()
         terminal.note(f"standard output cannot be written: {error.strerror or error}")
@@ -87,7 +84,11 @@ def _run(given: Sequence[str]) -> int:
     parser = make_parser(__version__, _DESCRIPTION, _EPILOG)
     if "_ARGCOMPLETE" in os.environ:  # set by the shell while it completes a line
         import_optional("argcomplete", "completion").autocomplete(parser)
-    options = parser.parse_args(given)
+    try:
+        options = parser.parse_args(given)
+    except RiemhumanError as error:  # an argument that cannot be a path
+        terminal.note(str(error))
+        return _NOT_DONE
     if not hasattr(options, "run"):
         parser.print_help()
         return _DONE

@@ -59,12 +59,17 @@ _BODY_SET = cli.several(
 )
 
 
-def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
-    """Return the bodies that the options choose, the open bodies at a resolution."""
+def _check_body_set(options: argparse.Namespace) -> None:
+    """Refuse options that do not belong to the bodies that are chosen."""
     cli.check_needs(options, "--labels --unit --up", "--bodies FOLDER")
     cli.check_needs(options, "--template --allow-missing", "--faust FOLDER", "--bodies FOLDER")
     if options.people is not None and (options.bodies or options.faust or options.reader):
         raise ArgumentError("--people SEED is for the open bodies")
+
+
+def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
+    """Return the bodies that the options choose, the open bodies at a resolution."""
+    _check_body_set(options)
     template, allow_missing = options.template, options.allow_missing
     bodies: Bodies
     if options.faust is not None:
@@ -513,6 +518,7 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     for place in (options.bodies, options.faust, options.dfaust, options.scans):
         if place is not None and not place.exists():
             raise FileError(f"there is no file or folder {place}")
+    _check_body_set(options)
     import_matplotlib(extra="report")  # before the work, not after it
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
     with options.task("Loading the bodies"):

@@ -299,7 +299,11 @@ def measurement_section(report: Report) -> Section | None:
         people=output.table("measurements", means, si_units),
         columns=[("person", "Person" if report.has_poses else "Body"), *shown],
         lines=output.figure(
-            "measurement-lines", _draw_lines, step.arrays["straight"][0], faces, system=system
+            "measurement-lines",
+            draw_measurement_lines,
+            step.arrays["straight"][0],
+            faces,
+            system=system,
         ),
         person=means[0]["person"],
         spread=spread,
@@ -370,7 +374,7 @@ def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: l
     return figure
 
 
-def _draw_lines(surface: ndarray, faces: ndarray, *, system: str) -> Figure:
+def draw_measurement_lines(surface: ndarray, faces: ndarray, *, system: str) -> Figure:
     return plot_measurements(
         Measurements(Template(surface, faces)), surface, pose="as is", system=system
     )

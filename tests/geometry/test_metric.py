@@ -583,7 +583,7 @@ def test_stacks_of_different_lengths_are_refused(case):
 @pytest.mark.parametrize("name", ["geodesic", "exp", "log", "transport"])
 def test_what_is_no_strategy_is_refused(name):
     for wrong, found in ((SimpleNamespace, "the class SimpleNamespace"), (CASES, "dict")):
-        message = f"{name}_solver must be a strategy with a method solve, .*; found {found}"
+        message = f"{name}_solver must be an object with a method solve, .*; found {found}"
         with pytest.raises(ArgumentTypeError, match=message):
             ElasticMetric(CASES["mixed open"].space, **{f"{name}_solver": wrong})
 

@@ -61,7 +61,7 @@ def compute(package, **environment):
 def test_nowhere_to_keep_compiled_functions(package, named):
     below_a_file = str(package / "riemhuman" / "__init__.py" / "cache")
     said = compute(package, **({"NUMBA_CACHE_DIR": below_a_file} if named else {}))
-    assert said.count("UserWarning: compiled functions cannot be kept on disk") == 1
+    assert said.count("UserWarning: compiled functions cannot be stored on disk") == 1
     assert "NUMBA_CACHE_DIR" in said
     assert "Traceback" not in said
 

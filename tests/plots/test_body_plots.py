@@ -135,7 +135,7 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
     ("call", "message"),
     [
         (lambda: plot_body(PATH[0], TEMPLATE.faces, [1.0]), r"triangle \(80\) or vertex \(42\)"),
-        (lambda: plot_body(PATH[0], TEMPLATE.faces, np.zeros((2, 80))), "one row"),
+        (lambda: plot_body(PATH[0], TEMPLATE.faces, np.zeros((2, 80))), "a single row"),
         (lambda: plot_path(PATH, TEMPLATE.faces, np.zeros(80)), "one row for each of the"),
         (lambda: plot_path(PATH, TEMPLATE.faces, n_shown=1), "n_shown"),
         (lambda: per_area([1.0], np.zeros((3, 3)), [[0, 1, 2]]), "triangles without area"),

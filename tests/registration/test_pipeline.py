@@ -341,7 +341,7 @@ def test_impossible_points_are_named(registration_from_t, bodies):
 
 
 def test_landmarks_are_a_mapping_to_places_in_the_scan(registration_from_t, bodies):
-    with pytest.raises(rh.errors.ArgumentError, match=r"left_wrist'\] must be in the scan"):
+    with pytest.raises(rh.errors.ArgumentError, match=r"left_wrist'\] must lie in the scan"):
         registration_from_t.solve(bodies[0], landmarks={"left_wrist": [0.0, 1e200, 0.0]})
     with pytest.raises(rh.errors.ArgumentTypeError, match="must be a mapping of joints"):
         registration_from_t.solve(bodies[0], landmarks=[[0.0, 1.0, 0.0]])

@@ -338,6 +338,7 @@ def test_maps_open_as_pages_with_bodies(page, folder):
         assert 'data-part="map"' in text
 
 
+@pytest.mark.slow
 def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     template = sphere_template()
     points = surfaces(template, 4, size=0.1)

@@ -175,7 +175,7 @@ def test_refusals():
     with pytest.raises(ArgumentError, match="2 numbers and y 6 points"):
         regression.fit(TIMES, points).score(TIMES[:2], points)
     surface_space = AlignedSurfaces(sphere_template())
-    with pytest.raises(ArgumentError, match="max_iter must be 0 where ElasticMetric"):
+    with pytest.raises(ArgumentError, match="max_iter must be 0 because ElasticMetric"):
         GeodesicRegression(surface_space, image="points").fit(
             TIMES, np.repeat(sphere_template().vertices[None], 6, axis=0)
         )

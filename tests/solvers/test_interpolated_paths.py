@@ -142,8 +142,8 @@ def test_message_says_how_far_the_surfaces_are(metric):
         ({"betas": "tall"}, r"betas of parameters\(end\) must be an array of real numbers"),
         ({"trans": np.zeros((1, 3))}, r"trans of parameters\(end\) must have shape"),
         ({"betas": np.zeros((1, 3))}, r"betas of parameters\(end\) must have shape"),
-        ({"pose": np.zeros((3, 3))}, "pose of one shape"),
-        ({"betas": np.zeros(1)}, "betas of one shape"),
+        ({"pose": np.zeros((3, 3))}, "pose of the same shape"),
+        ({"betas": np.zeros(1)}, "betas of the same shape"),
     ],
 )
 def test_malformed_parameters_are_refused(metric, change, message):

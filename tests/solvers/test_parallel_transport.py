@@ -174,7 +174,7 @@ def test_says_when_an_equation_was_not_solved():
     case = CASES["mixed sphere"]
     path = np.stack([case.points[0], 0.8 * case.points[0] + 0.2 * case.points[1]])
     ladder = PoleLadder(max_iter=2)
-    with pytest.warns(ConvergenceWarning, match="1 rungs; an equation is solved to"):
+    with pytest.warns(ConvergenceWarning, match="1 rungs; an equation was solved only to"):
         result = ladder.solve(case.metric, case.tangent_vecs[0], path[0], path=path)
     assert not result.converged
 

@@ -102,7 +102,7 @@ def test_refusals():
             two_sample_test(distances, wrong)
     with pytest.raises(ArgumentError, match=r"in_first must hold a label for each of 6.*found 5"):
         two_sample_test(distances, first[:5])
-    with pytest.raises(ArgumentError, match="both groups"):
+    with pytest.raises(ArgumentError, match="each group"):
         two_sample_test(distances, np.ones(6, dtype=bool))
     with pytest.raises(ArgumentError, match="units: 1 has points in both"):
         two_sample_test(distances, first, units=[0, 1, 1, 1, 2, 2])
