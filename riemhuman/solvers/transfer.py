@@ -71,7 +71,7 @@ class MotionTransfer:
     The target moves as the source does, rather than as the target would. On FAUST, compared with
     people's own performances, the error is 0.96 of that of adding the source's vertex offsets for
     whole bodies, and 0.58 for patches of 10 cm. On simulated people, compared with the same motion
-    performed by the body model that generated them, it is 0.31 (tests/benchmarks/test_transfer.py).
+    performed by the body model that generated them, it is 0.65 (tests/benchmarks/test_transfer.py).
 
     Parameters
     ----------

@@ -188,9 +188,13 @@ def test_motion_transfer(benchmark):
         f"{ratios[:, 1].max():.2f}"
     )
     benchmark.pedantic(MotionTransfer().solve, (space, seen, own[0]), rounds=1)
-    assert means[1] < 0.75 * means[0]
+    # If nothing at rest stayed there, the mean would be 0.79; about the axes of the body, 0.87.
+    # Before the people of the open motions had builds of ANSUR II, it was 0.31: pairs differed by
+    # up to 0.29 m in stature, now 0.12 m, so offsets erred by 17.9 mm, now by 10.7; the transfer
+    # erred by 5.5 mm, now by 7.0.
+    assert means[1] < 0.7 * means[0]
     assert means[3] < 0.5 * means[2]
-    assert np.median(ratios[:, 0]) < 0.5
+    assert np.median(ratios[:, 0]) < 0.75
 
 
 def test_disentangling(benchmark):
@@ -223,6 +227,8 @@ def test_disentangling(benchmark):
         )
     print()
     better, ours = np.array(rows).mean(axis=0)
+    # If heat flowed across joints, it would be 0.57. Before the open bodies had builds of ANSUR II,
+    # it was 0.31: the better input erred by 67.0 mm, now by 44.0, and the result by 20.6, now 19.8.
     assert ours < better / 2
 
 
