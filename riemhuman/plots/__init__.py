@@ -27,7 +27,6 @@ from riemhuman.plots.viewer import (
     ViewedBody,
     Viewer,
     save_picture,
-    view_alignment,
     view_bodies,
     view_path,
 )
@@ -61,7 +60,6 @@ __all__ = [
     "stress",
     "surfaces_html",
     "view",
-    "view_alignment",
     "view_bodies",
     "view_components",
     "view_difference",

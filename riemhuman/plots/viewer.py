@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -56,9 +56,6 @@ from riemhuman.plots.rendering import (
 )
 from riemhuman.plots.windows import View, window_around
 
-if TYPE_CHECKING:
-    from riemhuman.motions import Warp
-
 SAVED_VIEWS = (".html", ".htm", ".png", *FILM_ENDINGS)
 """Endings of the files that `save` of a viewer writes."""
 
@@ -83,8 +80,6 @@ _SCRIPTS = (
     "viewer_gestures.js",
     "viewer.js",
 )
-_N_MATCHES = 8  # pairs of frames on the page of two motions
-_MATCH_HEIGHT = 200
 _NO_PART = 255
 _STEP = 1e-4  # metres, of coordinates
 _AS_LARGE_AS_BODIES = 0.2  # metres
@@ -220,8 +215,6 @@ class Viewer:
         Label of the choices, title of the view, and text below the title of the page.
     seconds : float
         Duration of paths at speed 1, unless it follows from `frames_per_second`.
-    below : str
-        HTML below the bodies on the page.
     frames_per_second : float, optional
         Rate of recordings: the page then shows seconds and frame numbers, and plays them in real
         time at speed 1. Without it, paths are shown from t = 0 to 1.
@@ -242,7 +235,6 @@ class Viewer:
     title: str = "Bodies"
     description: str = ""
     seconds: float = _SECONDS
-    below: str = ""
     frames_per_second: float | None = None
     parts: Mapping[str, ndarray] | None = None
     panel: Panel | None = None
@@ -320,7 +312,6 @@ class Viewer:
             title=self.title,
             description=self.description,
             viewer=self.fragment("viewer"),
-            below=Markup(self.below),
             scripts=Markup(page_scripts()),
             styles=Markup(page_styles()),
         )
@@ -639,56 +630,3 @@ def save_picture(
     save_figure(figure, path)
     count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
     return ", ".join(labels) + count * (n_shown < n_others)
-
-
-def view_alignment(
-    first: ArrayLike, second: ArrayLike, faces: ArrayLike, warp: Warp, names: Sequence[str]
-) -> Viewer:
-    """Return a view of two motions, the second aligned in time with the first.
-
-    Parameters
-    ----------
-    first, second : array_like, shape (n_times, V, 3)
-        The motions at corresponding times, metres, y up.
-    faces : array_like, shape (F, 3)
-    warp : Warp
-        The matched times of both motions.
-    names : sequence of str
-
-    Examples
-    --------
-    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
-    >>> space = rh.motions.MotionSpace(rh.AlignedSurfaces(knees.template), 5)
-    >>> measure = rh.motions.DynamicTimeWarping(space.frames.metric)
-    >>> aligned = rh.motions.align_motions(space, knees[:20:4], other[:20:4], measure)
-    >>> page = rh.plots.view_alignment(*aligned[:2], knees.faces, aligned[2], ["Anna", "Ben"])
-    """
-    one = real_array(first, "first", ("n_times", "n_vertices", 3), batched=False)
-    motions = [one, real_array(second, "second", one.shape, batched=False)]
-    # Both first frames stand at the same place.
-    motions = [m - m[0].mean(axis=0) * [1.0, 0.0, 1.0] for m in motions]
-    # The re-timing as a line in a square of side 100.
-    x, y = (100 * t / max(float(t[-1]), 1.0) for t in (warp.first, warp.second))
-    last = len(motions[0]) - 1
-    pictures = {
-        f"{100 * k / max(last, 1):.0f} %": image_source(
-            strip_picture([m[k] for m in motions], np.asarray(faces), height=_MATCH_HEIGHT)
-        )
-        for k in np.linspace(0, last, min(_N_MATCHES, last + 1)).round().astype(int)
-    }
-    below = fill(
-        "alignment.html",
-        first=names[0],
-        second=names[1],
-        curve=" ".join(f"{a:.2f},{100 - b:.2f}" for a, b in zip(x, y, strict=True)),
-        pictures=pictures,
-    )
-    viewer = view_path(
-        dict(zip(names, motions, strict=True)),
-        faces,
-        side_by_side=True,
-        title=f"{names[0]} and {names[1]} aligned in time",
-        description=f"{names[1]} is re-timed to {names[0]}. Distance after the best re-timing: "
-        f"{warp.dist:.4g}.",
-    )
-    return replace(viewer, below=below)
