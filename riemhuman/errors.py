@@ -54,7 +54,21 @@ class FileFormatError(RiemhumanError, ValueError):
 
 
 class OutOfMemoryError(RiemhumanError, MemoryError):
-    """There is too little memory to read a file, which need not be damaged, or to compute."""
+    """There is too little memory to read a file, which need not be damaged, or to compute.
+
+    Parameters
+    ----------
+    message : str
+        The whole message.
+    need : str
+        What got no memory, for the message of a task that it is part of.
+    remedy : str
+        What to do about it; empty where no other task's remedy is better.
+    """
+
+    def __init__(self, message: str, need: str = "", remedy: str = "") -> None:
+        super().__init__(message)
+        self.need, self.remedy = need, remedy
 
 
 class MissingDependencyError(RiemhumanError, ImportError):

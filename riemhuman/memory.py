@@ -8,7 +8,10 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+
+import numpy as np
 
 from riemhuman.errors import OutOfMemoryError
 
@@ -21,6 +24,8 @@ _NO_MEMORY = re.compile(
     r"memory allocation failed|error -4 while",  # of zlib
     re.IGNORECASE,
 )
+# Bytes that OpenBLAS allocates for a thread when it is first called, at most.
+_BUFFER = 2**26
 _UNITS = ("bytes", "kB", "MB", "GB", "TB", "PB")
 # Limits of containers: of Linux' second and first version of control groups.
 _LIMITS = (
@@ -46,11 +51,17 @@ def lack_of_memory(error: BaseException, *kinds: type[BaseException]) -> BaseExc
 
 @contextmanager
 def enough_memory(task: str, remedy: str = USE_LESS) -> Iterator[None]:
-    """Raise a lack of memory in a block as an error that names the task and a remedy."""
+    """Raise a lack of memory in a block as an error that names the task and a remedy.
+
+    Of nested tasks the outermost, which is what a user asked for, says what to do.
+    """
     try:
+        _keep_buffers()
         yield
-    except OutOfMemoryError:
-        raise
+    except OutOfMemoryError as error:
+        if error.remedy in ("", remedy):
+            raise
+        raise _too_little(task, error.need, remedy) from error
     except MemoryError as error:
         raise too_little(task, error, remedy) from error
     except RuntimeError as error:
@@ -59,19 +70,38 @@ def enough_memory(task: str, remedy: str = USE_LESS) -> Iterator[None]:
         raise
 
 
+@cache
+def _keep_buffers() -> None:
+    """Let NumPy's and SciPy's copies of OpenBLAS allocate the buffers that they keep.
+
+    OpenBLAS does this in its first call, and tries again forever if it gets no memory.
+    """
+    from scipy.linalg import lapack
+
+    matrix = np.eye(2)
+    for solve in (np.linalg.inv, lapack.dgetrf):
+        np.empty(_BUFFER, np.uint8)  # raises an error if there is too little
+        solve(matrix)
+
+
 def too_little(task: str, error: BaseException, remedy: str = USE_LESS) -> OutOfMemoryError:
     """Return the error of a task that got no memory, with what the allocation asked for."""
-    asked = f" ({' '.join(str(error).split())})" if str(error) else ""
-    return OutOfMemoryError(f"memory is too short for {task}{asked}; {remedy}")
+    asked = " ".join(str(error).split())
+    return _too_little(task, asked, remedy, f"{task}: {asked}" if asked else task)
+
+
+def _too_little(task: str, detail: str, remedy: str, need: str = "") -> OutOfMemoryError:
+    in_brackets = f" ({detail})" if detail else ""
+    message = f"memory is too short for {task}{in_brackets}; {remedy}"
+    return OutOfMemoryError(message, need or detail, remedy)
 
 
 def check_memory(n_bytes: float, task: str, remedy: str = USE_LESS) -> None:
     """Raise an error if a task needs more bytes than are left."""
     left = available_memory()
     if n_bytes > left:
-        raise OutOfMemoryError(
-            f"{task} needs {size_text(n_bytes)} of memory, and {size_text(left)} are left; {remedy}"
-        )
+        need = f"{task} needs {size_text(n_bytes)} of memory, and {size_text(left)} are left"
+        raise OutOfMemoryError(f"{need}; {remedy}", need, remedy)
 
 
 def size_text(n_bytes: float) -> str:

@@ -1,6 +1,7 @@
 """Too little memory is said before a computation where it is foreseen, and else when it happens."""
 
 import math
+import pickle
 import subprocess
 import sys
 
@@ -87,6 +88,34 @@ def test_too_little_memory_is_said_at_every_door():
         assert remedy in ("compare", "ask", "pose", "pass", "measure", "take"), line
 
 
+_FIRST_CALL = """
+import resource
+from pathlib import Path
+import numpy as np
+from scipy.linalg import lapack
+from riemhuman.memory import enough_memory
+
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + 2**22, -1))
+try:
+    with enough_memory("a task", "use less"):
+        np.linalg.inv(np.eye(3))
+        lapack.dgetrf(np.eye(3))
+except MemoryError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited")
+def test_the_first_call_of_openblas_does_not_wait_for_memory():
+    finished = subprocess.run(
+        [sys.executable, "-c", _FIRST_CALL], capture_output=True, text=True, timeout=100
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.startswith("memory is too short for a task (Unable to allocate")
+    assert finished.stdout.endswith("; use less\n")
+
+
 def many(template, n):
     return np.broadcast_to(template.vertices, (n, *template.vertices.shape))
 
@@ -145,6 +174,28 @@ def test_an_error_says_what_was_needed_and_what_to_do():
         fail(OutOfMemoryError("said before"))
     with pytest.raises(RuntimeError, match="^another$"):
         fail(RuntimeError("another"))
+
+
+def test_the_outermost_task_says_what_to_do(monkeypatch):
+    inner = r"posing these bodies: 8\.0 GiB"
+    message = rf"^memory is too short for a mean \({inner}\); use less$"
+    with (
+        pytest.raises(OutOfMemoryError, match=message) as caught,
+        enough_memory("a mean", "use less"),
+        enough_memory("a fit", "fit fewer"),
+        enough_memory("posing these bodies", "pose fewer"),
+    ):
+        raise MemoryError("8.0 GiB")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.remedy) == (str(caught.value), "use less")
+
+    def fail(*given):
+        raise MemoryError("8.0 GiB")
+
+    monkeypatch.setattr("riemhuman.bodies.body_model.skin_by", fail)
+    message = rf"too short for a body from measurements \({inner}\); ask for resolution"
+    with pytest.raises(OutOfMemoryError, match=message):
+        rh.measurements.model_from_measurements({"stature": 1.7}, resolution="coarse")
 
 
 @pytest.mark.parametrize(
