@@ -1,4 +1,4 @@
-"""A small world of files to try the commands on: registered bodies, raw scans, visits, a walk."""
+"""Example files to try the commands on: registered bodies, raw scans, visits and a walk."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _ARM = (-20, -15, 0, 14, 20, 15, 0, -14)
 
 
 def write_example_files(folder: Path) -> dict[str, str]:
-    """Fill a folder with the world of files; return what is where, for people."""
+    """Fill a folder with example files; return a description of each for readers."""
     bodies = rh.datasets.load_open_bodies("coarse")
     betas = {
         name: np.asarray(bodies.betas)[bodies.subject == bodies.subject_names.index(kind)][0]
@@ -92,16 +92,16 @@ def write_example_files(folder: Path) -> dict[str, str]:
         "anna.ply, ben.ply": "two people in the same pose, registered",
         "sit.ply, stand.ply": "one person in two poses, registered",
         "scans/anna.ply, scans/ben.ply": "raw scans with a floor, noise and holes",
-        "labels.csv, scans/labels.csv": "who is in these files: person, sex, date of the visit",
+        "labels.csv, scans/labels.csv": "who is in which file: person, sex and date of the visit",
         "visit1.ply, visit2.ply": "one person before and after losing four kilograms",
-        "walk.bvh, walk.npz": "a walk as a recording of a skeleton, and in the layout of AMASS",
-        "run.bvh": "another person runs on the spot",
+        "walk.bvh, walk.npz": "a walk, as a recorded skeleton and in the layout of AMASS",
+        "run.bvh": "another person, running on the spot",
         "steps/": "the first stride of the walk, as twelve registered bodies",
-        "other_mesh.ply": "a body whose mesh has other vertices and triangles",
+        "other_mesh.ply": "a body whose mesh has different vertices and triangles",
     }
     lines = [
-        "People made from the open body model of riemhuman. They are simulated, and in the",
-        "public domain (CC0). Lengths are in metres; y points up.",
+        "Simulated people, made with the open body model of riemhuman and in the public domain",
+        "(CC0). Lengths are in metres; y points up.",
         "",
         *(f"{names:32}{text}" for names, text in contents.items()),
     ]

@@ -24,7 +24,7 @@ FUSED = {"contract", "nsz"}
 SUM = {"contract", "nsz", "reassoc"}
 """Value of `fastmath` for sums: terms may also change places."""
 
-# Seconds of compilation after which somebody who waits is told.
+# Seconds of compilation after which the user is told.
 _LONG = 2.0
 
 _lock = threading.RLock()
@@ -139,7 +139,7 @@ class CompilationTime:
         self._starts.append(time.perf_counter())
 
     def _end(self) -> None:
-        # One function may wait for others, which it calls.
+        # A function may wait for others that it calls.
         start = self._starts.pop()
         elapsed = self.seconds + time.perf_counter() - (self._starts or [start])[0]
         if not self._starts:
@@ -156,22 +156,22 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     import numba
 
     compilation_time.listen()
-    # Without an error model, every division would look whether to raise. Without a value of
-    # fastmath, a function takes that of its first caller: its bits depend on who came first.
+    # With Python's error model, every division would check whether to raise. Unless fastmath is
+    # set, a function inherits it from its first caller: its bits would depend on that caller.
     # Compiling C-callable wrappers, and Python wrappers of inlined functions, is slow.
     options = {"fastmath": False, "error_model": "numpy", "nogil": True, **options}
     options["no_cfunc_wrapper"] = True
     if options.get("forceinline"):  # kept on disk as a part of its callers
         return numba.njit(no_cpython_wrapper=True, **options)(function)
-    # Numba by itself looks at the file of the function alone, not at those of functions that are
-    # inlined. What it keeps is named by the qualified name, which a digest of all of them joins:
-    # what other sources led to is then not found, and stays until somebody empties the folder.
+    # Numba checks only the file of the function itself, not those of inlined functions. It names
+    # its cache files by the qualified name, so a digest of all sources is added to that name. Files
+    # cached for other sources are then ignored; they stay until the cache folder is emptied.
     digest = _digest(function.__globals__)
     if digest is not None:
         function.__qualname__ += f"-{digest}"
     try:
         return numba.njit(cache=True, **options)(function)
-    except (OSError, RuntimeError):  # numba finds no folder that it can write to
+    except (OSError, RuntimeError):  # numba has no folder that it can write to
         _warn_once()
         return numba.njit(**options)(function)
 
@@ -214,7 +214,7 @@ def _bind() -> None:
             id(names): names
             for names in (placeholder.py_func.__globals__ for placeholder in _waiting)
         }
-        # Numba looks names up when it compiles, so all are bound before the first is called.
+        # Numba looks names up when it compiles, so all of them are bound before the first call.
         for names in modules.values():
             for name, value in list(names.items()):
                 if isinstance(value, Compiled) and not value.is_inlined:

@@ -29,7 +29,7 @@ from riemhuman.errors import ArgumentError
 
 N_CHUNKS = 4
 
-# Columns of long rows that BLAS multiplies at a time: it copies them before, within the cache.
+# Columns of long rows that BLAS multiplies at a time, after copying them within the cache.
 _IN_CACHE = 16384
 
 Item = TypeVar("Item")
@@ -119,7 +119,7 @@ def single_threaded_libraries() -> Iterator[None]:
     # Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
     global _n_limited, _restore_limits
     with _lock:
-        # One limit for all who are in it: limits that overlap would restore what another has set.
+        # One limit shared by all users: overlapping limits would restore each other's settings.
         if _n_limited == 0:
             limiter = _controller(len(sys.modules)).limit(limits=1)
             _restore_limits = limiter.restore_original_limits
@@ -215,9 +215,9 @@ LARGEST, SMALLEST = 1e15, 1e-15
 UNDERFLOW = 1e-34
 """Bound on the square of a number that single precision rounds to zero."""
 
-# Pairs times values of one tile, so that features, which come from far in memory, are used often.
+# Pairs times values of one tile, so that features, which are slow to load, are used often.
 _TILE_WORK = 320_000_000
-# Tiles for each of several threads, which then end at nearly the same time.
+# Tiles per thread, so that all threads end at nearly the same time.
 _TILES_A_THREAD = 4
 
 
@@ -229,7 +229,7 @@ def slices(n: int, size: int) -> Iterator[slice[int, int, None]]:
 
 def of_one_kind(array: Kind) -> Kind:
     """Return a read-only C-contiguous array, the kind that loops are compiled for."""
-    # Loops over another kind would be compiled again, and could add up in another order.
+    # Loops over another type would be compiled again, and could add in another order.
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False
     return view

@@ -198,16 +198,14 @@ def _description(difference: _Difference, names: tuple[str, str], gap: ReadableU
     said = (
         f"{pose}, half of the surface of {names[1]} is within {half:.3g} {gap.name} of that of "
         f"{names[0]}; it is up to {inside:.3g} {gap.name} inside and {outside:.3g} {gap.name} "
-        "outside. On each body, + is outside of the other and − inside."
+        "outside. On each body, + means outside the other body and − inside it."
     )
     unknown = 1.0 - len(known) / len(difference.displacements)
-    return (
-        f"{said} {100 * unknown:.0f} % was not seen in both scans and is grey." if unknown else said
-    )
+    return f"{said} The grey {100 * unknown:.0f} % was not seen in both scans." if unknown else said
 
 
 def _density(difference: _Difference, metric: ElasticMetric | None) -> ndarray:
-    """Return what each triangle adds to the squared distance, per area of the template."""
+    """Return each triangle's share of the squared distance, per area of the template."""
     if metric is None:
         space = AlignedSurfaces(
             Template(difference.surfaces[0], difference.faces), equip=False, scale=None
@@ -226,7 +224,7 @@ def _difference(
     names: tuple[str, str],
     system: str | None = None,
 ) -> _Difference:
-    """Return two bodies in one pose; with units, also the list of their measurements."""
+    """Return two bodies in one pose and, if units are given, the list of their measurements."""
     if isinstance(point_a, VisitComparison):
         if measurements is None:
             raise ArgumentError(

@@ -1,4 +1,4 @@
-"""Arms brought elsewhere, from where they may fit a scan otherwise: elbows swung, hands moved."""
+"""Arms in other positions, as starts for other fits: elbows swung, hands moved."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._posed_body import Pose
 
-# No arm is moved so that it is straighter than this share of its length, or more bent than this.
+# Arms are never moved to be straighter than this share of their length, or more bent than this.
 _STRAIGHTEST, _MOST_BENT = 0.995, 0.25
 
 
 def elbow_bend(skeleton: Skeleton, pose: Pose, joints: np.ndarray) -> float:
-    """Return how far an elbow is from the line from shoulder to wrist, metres."""
+    """Return the distance of an elbow from the line from shoulder to wrist, metres."""
     start, middle, end = JointMotions(skeleton, pose.local, pose.betas).positions[joints[1:]]
     return float(np.linalg.norm(np.cross(middle - start, unit_vectors(end - start))))
 

@@ -1,4 +1,4 @@
-"""Forearms with their hands as surfaces of their own, and how far joints of arms can bend."""
+"""Forearms with their hands as separate surfaces, and how far joints of arms can bend."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class ArmSurface:
         return np.minimum(nearest_points(points, surface, self.faces)[1], farthest)
 
     def strain(self, local: np.ndarray) -> float:
-        """Return the factor by which distances count more the less such an arm can be."""
+        """Return the factor by which distances count more, the less plausible the arm is."""
         elbow, wrist = local[self.joints[-2:]]
         height = (self._raised @ elbow @ self._forearm)[1]
         outward = np.degrees(np.arcsin(np.clip(height, 0.0, 1.0)))

@@ -1,4 +1,4 @@
-"""Forearms and hands of a dense fit in other ways, of which the nearest to the scan is kept."""
+"""Other forearms and hands for a dense fit; those nearest to the scan are kept."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from riemhuman.surfaces.nearest_points import nearest_points
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-# Inverse variance of what does not move while a limb is fitted.
+# Inverse variance of parameters that are held while a limb is fitted.
 _FIXED = 1e15
 
 
@@ -37,7 +37,7 @@ class ArmFit:
 
     @property
     def strained(self) -> np.ndarray:
-        """The distances, more for an arm that can hardly be so, metres."""
+        """The distances, raised if the arm is implausible, metres."""
         return self.strain * self.distances
 
     @property
@@ -67,7 +67,7 @@ class ArmsFit:
 
     task: DenseTask
     pose: Pose
-    doubtful_arms: dict[ArmSurface, list[Pose]]  # which came near to the scan in other ways, too
+    doubtful_arms: dict[ArmSurface, list[Pose]]  # which other poses bring about as near to the scan
     hand_fits: dict[ArmSurface, list[HandFit]]  # in all poses of the hand
 
 
@@ -82,7 +82,7 @@ class BodyFit:
 
 
 def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
-    """Return a body whose forearms and hands come nearest to a scan."""
+    """Return the body whose forearms and hands are nearest to a scan."""
     if known or dense.is_refused:  # arms are as a moment before, or do not matter
         return ArmsFit(dense.task, dense.pose, {}, {})
     pose, doubtful = rotate_forearms(dense.task, dense.pose)
@@ -91,7 +91,7 @@ def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
 
 
 def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[Pose]]]:
-    """Return a body whose forearms are turned to come nearest to the scan, and doubtful arms."""
+    """Return a body whose forearms are turned to be nearest to the scan, and doubtful arms."""
     doubtful, scales = {}, task.body.settings.dense.scales
     for arm in task.body.arm_surfaces:
         points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
@@ -109,7 +109,7 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface,
 
 
 def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[Pose]) -> list[Pose]:
-    """Return a body with one arm as in other poses, fitted again, where that is elsewhere."""
+    """Return a body with one arm as in other poses, fitted again where that moves it."""
     scales = task.body.settings.dense.scales[arm.settings.n_first_steps :]
     starts = []
     for candidate in poses:
@@ -128,7 +128,7 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
         for forearm in settings.forearm_angles
         for wrist in settings.wrist_angles
     ]
-    # Many starts lead to the same arm, soon.
+    # Many starts soon lead to the same arm.
     n_first, scales = settings.n_first_steps, task.body.settings.dense.scales
     fitted = starts
     for some_scales, known in ((scales[:n_first], []), (scales[n_first:], [pose])):
@@ -139,7 +139,7 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
     likely = [
         candidate for candidate, value in zip(fitted, likelihoods, strict=True) if value > least
     ]
-    # The elastic step takes longest, and hardly changes which arms are near.
+    # The elastic step takes longest and hardly changes which arms are near.
     few = points[:: max(len(points) // settings.n_compared, 1)]
     costs = [_cost(arm, few, candidate) for candidate in (pose, *likely)]
     most = settings.most_farther * min(costs)
@@ -149,19 +149,19 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
 def elastic_arms(
     task: DenseTask, arm: ArmSurface, points: np.ndarray, poses: list[Pose]
 ) -> list[ArmFit]:
-    """Return how near arms come to points of the scan after an elastic step."""
+    """Return how near arms are to points of the scan after an elastic step."""
     return _mapped(partial(_elastic_arm, task, arm, points), poses)
 
 
 def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
-    """Return the mean distance of points from an arm, more for an arm that can hardly be so."""
+    """Return the mean distance of points from an arm, raised if the arm is implausible."""
     surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.arm_metres)
     return arm.strain(pose.local) * float(distances.mean())
 
 
 def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Pose]:
-    """Return the poses in which the arm is where it is in no earlier one."""
+    """Return the poses whose arm differs from that of every earlier pose."""
     surfaces = [pose_body(arm.skin, pose).points for pose in known]
     different = []
     for pose in poses:
@@ -202,7 +202,7 @@ def pose_hands(
         now = task.prior.betas[n_betas:]
         others = [now, *(np.where(np.isnan(hands), now, hands) for hands in arm.hands)]
         current, *fits = _mapped(partial(_fit_hand, task, pose, arm, points), others)
-        # The arm alone may fit worse than with the body around it.
+        # The arm may fit worse alone than with the body around it.
         unmoved = _hand_as_it_is(task.prior, pose, arm, points)
         current = min(unmoved, current, key=lambda fit: fit.cost)
         hand_fits[arm] = [current, *fits]
@@ -217,7 +217,7 @@ def pose_hands(
 def _fit_hand(
     task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray, hands: np.ndarray
 ) -> HandFit:
-    """Return an arm whose hands have some coefficients, fitted to points of the scan."""
+    """Return an arm with given hand coefficients, fitted to points of the scan."""
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
@@ -245,7 +245,7 @@ def fit_joints(
     start: Pose,
     scales: tuple[float, ...] | None = None,
 ) -> Pose:
-    """Fit some joints and the hands to the scan by points on them; all else stays as it starts."""
+    """Fit some joints and the hands to the scan by points on them; hold everything else."""
     model = task.body.model
     moving = np.isin(np.arange(model.n_joints), joints)
     of_hands = np.arange(len(start.betas)) >= model.n_betas
@@ -267,7 +267,7 @@ def fit_starts(
     starts: list[Pose],
     scales: tuple[float, ...],
 ) -> list[Pose]:
-    """Return what some joints become when they are fitted from several starts."""
+    """Return the fits of some joints from several starts."""
     return _mapped(partial(_fit_from, task, joints, samples, scales), starts)
 
 
@@ -282,12 +282,12 @@ def _fit_from(
 
 
 def _mapped(fit: Callable[[Item], Result], starts: list[Item]) -> list[Result]:
-    """Return what a fit makes of several starts, some at once."""
+    """Return the results of a fit from several starts, some of them at once."""
     return list(mapped(fit, starts, N_THREADS))
 
 
 def faces_among(faces: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Return the triangles of some vertices, numbered among these, which ascend."""
+    """Return the triangles of some vertices, in ascending order, numbered among these."""
     inside = np.isin(faces, vertices).all(axis=1)
     return np.searchsorted(vertices, faces[inside])
 
@@ -295,12 +295,12 @@ def faces_among(faces: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 def limited_distances(
     points: np.ndarray, surface: np.ndarray, faces: np.ndarray, farthest: float
 ) -> np.ndarray:
-    """Return the distances of points from a surface; farther points count as so far, metres."""
+    """Return the distances of points from a surface, metres, with an upper limit."""
     return np.minimum(nearest_points(points, surface, faces)[1], farthest)
 
 
 def are_less(some: np.ndarray, others: np.ndarray, settings: ArmSettings) -> bool:
-    """Return whether distances of the same points are less, by more than chance makes them."""
+    """Return whether distances of the same points are smaller by more than chance."""
     gains = others - some
     chance = settings.n_errors * np.sqrt(np.mean(gains**2) / len(gains))
     return bool(gains.mean() > max(settings.least_gain * others.mean(), chance))

@@ -1,4 +1,4 @@
-"""Arms or legs that cross, and the same exchanged: which of two limbs is which."""
+"""Crossed arms or legs, and which of the two limbs is which."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._start_poses import BodyParts
 
 _MIRROR = np.diag([-1.0, 1.0, 1.0])
-# The joints of one side, from the one that stays; those of arms and legs whose ends cross.
+# The joints of one side, from the one that stays, for the arms and legs whose ends cross.
 _LIMBS = {
     "elbow": ("collar", "shoulder", "elbow", "wrist"),
     "knee": ("hip", "knee", "ankle", "toes"),
@@ -39,12 +39,12 @@ class Crossing:
     points: np.ndarray  # (m, 3) of the scan, on them
 
     def gap(self, task: DenseTask, pose: Pose, other: Pose) -> float:
-        """Return how far apart the limbs are in two poses, in the mean, metres."""
+        """Return the mean distance between the limbs in two poses, metres."""
         first, second = (task.body.surface(compared)[self.vertices] for compared in (pose, other))
         return float(np.linalg.norm(first - second, axis=1).mean())
 
     def distances(self, task: DenseTask, pose: Pose) -> np.ndarray:
-        """Return how far the points are, more for arms that can hardly be so, metres."""
+        """Return the distances of the points, raised if the arms are implausible, metres."""
         surface = task.body.surface(pose)[self.vertices]
         faces = faces_among(task.body.model.faces, self.vertices)
         farthest = task.body.settings.rivals.exchanged_metres
@@ -84,7 +84,7 @@ def find_crossing(task: DenseTask, pose: Pose, joint: str) -> Crossing | None:
 
 
 def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose, Prior]]:
-    """Return the body with both arms or legs in each other's place, fitted, and their priors."""
+    """Return the body with arms or legs exchanged and fitted again, and their priors."""
     pairs = _pairs(task.body.parts, joint)
     moving = np.array(pairs).ravel()
     on_limbs = task.body.parts.vertices(moving.tolist())
@@ -97,7 +97,7 @@ def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose,
 
 
 def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
-    """Return a body with arms and legs that may cross exchanged where that is nearer to a scan."""
+    """Return a body with crossed arms and legs exchanged where that is nearer to the scan."""
     if known or dense.is_refused:  # limbs are as a moment before, or do not matter
         return dense
     settings = dense.task.body.settings
@@ -120,7 +120,7 @@ def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
 
 
 def _mirror_limbs(local: np.ndarray, pairs: list[list[int]]) -> np.ndarray:
-    """Return rotations with those of left and right mirrored at the plane between them."""
+    """Return rotations mirrored between left and right."""
     mirrored = local.copy()
     for left, right in pairs:
         # Mirrored: y and z change sign.
@@ -129,7 +129,7 @@ def _mirror_limbs(local: np.ndarray, pairs: list[list[int]]) -> np.ndarray:
 
 
 def _swap_ends(skeleton: Skeleton, pose: Pose, joint: str, pairs: np.ndarray) -> Pose:
-    """Return a pose with each hand or foot where the other is, as far as the limbs reach."""
+    """Return a pose with both hands or feet exchanged, as far as the limbs reach."""
     # An arm moves from its shoulder, a leg from its hip.
     first = _LIMBS[joint].index("shoulder" if joint == "elbow" else "hip")
     left, right = pairs[first : first + 3].T

@@ -22,7 +22,7 @@ _FAR_METRES = 0.1
 
 @dataclass(frozen=True)
 class DenseTask:
-    """What the stages of a dense fit share: one scan, and what is known about its body."""
+    """What the stages of a dense fit share: a scan, and what is known about its body."""
 
     body: RegistrationModel
     scan: PreparedScan
@@ -40,11 +40,11 @@ class DenseFit:
 
     task: DenseTask
     pose: Pose
-    is_refused: bool  # whether much of the scan is so far away that no details matter
+    is_refused: bool  # whether much of the scan is so far away that details do not matter
 
 
 def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> DenseFit:
-    """Return the body of the likeliest start fitted to all points of a scan but hair."""
+    """Return the body of the likeliest start, fitted to all points of a scan except hair."""
     settings, whole = body.settings.dense, scan.points
     precisions = best.prior.precisions.copy()
     for arm in body.arm_surfaces:
@@ -54,7 +54,7 @@ def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) ->
         precisions=np.minimum(precisions, best.prior.precisions),
         betas_precisions=np.minimum(best.prior.betas_precisions, settings.hands_precision),
     )
-    # Where surfaces curve, soft assignment moves them inward; closest points do not.
+    # Soft assignment moves curved surfaces inward; closest points do not.
     pose = anneal_finely(body, best, scan)
     visible = body.find_visible(body.surface(pose), scan.points, best.up)
     samples = body.samples(settings.n_samples)
@@ -72,7 +72,7 @@ def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) ->
 
 def expect_feet(body: RegistrationModel, best: Candidate) -> np.ndarray:
     """Return expected rotations, with feet as in the start pose whose legs are nearest."""
-    # Standing legs may come from a start that kneels: feet that a scan does not show would point.
+    # Standing legs may come from a kneeling start, in which unseen feet would be pointed.
     expected: np.ndarray = best.prior.local.copy()
     for side in () if best.known else ("left", "right"):
         leg = body.parts.numbers(f"{side}_hip", f"{side}_knee")
@@ -112,13 +112,13 @@ def fit_closest(
 
 
 def nearest_vertices(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the vertex nearest to each point of a scan; where none is near, their number."""
+    """Return the vertex nearest to each point of a scan, or V if none is near."""
     near: np.ndarray = cKDTree(surface).query(points, distance_upper_bound=_FAR_METRES)[1]
     return near
 
 
 def is_clearly_refused(body: RegistrationModel, pose: Pose, points: np.ndarray) -> bool:
-    """Return whether so many of a scan's points are far from a body that no details matter."""
+    """Return whether too many of a scan's points are far from a body for details to matter."""
     settings = body.settings
     some = points[even_points(points, settings.retries.n_near)]
     _, gaps = nearest_points(some, body.surface(pose), body.model.faces)

@@ -1,4 +1,4 @@
-"""The elastic step, in which the surface of a fitted body leaves the model towards a scan."""
+"""The elastic step, in which the surface of a fitted body leaves the model to meet the scan."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from riemhuman.registration.settings import ElasticSettings
 
 @dataclass(frozen=True)
 class ElasticFit:
-    """A body whose surface left the model towards a scan."""
+    """A body whose surface has left the model to meet the scan."""
 
     pose: Pose
     model_points: np.ndarray  # (V, 3) surface of the model
@@ -28,7 +28,7 @@ class ElasticFit:
 
 
 def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
-    """Take the elastic step, and fit the model to its result again, twice."""
+    """Take the elastic step, then fit the model to its result again, twice."""
     metric, scan, settings = task.body.metric, task.scan, task.body.settings.elastic
     softer = np.geomspace(
         settings.first_stiffness, last_stiffness(task.noise, settings), settings.n_steps
@@ -57,7 +57,7 @@ def last_stiffness(noise: float, settings: ElasticSettings) -> float:
 
 
 def _fit_surface(task: DenseTask, pose: Pose, points: np.ndarray, weights: np.ndarray) -> Pose:
-    """Return the pose whose vertices come to those that left the model, with weights (V,)."""
+    """Return the pose nearest to the vertices that left the model, with weights (V,)."""
     settings, numbers = task.body.settings, task.samples.numbers
     is_vertex = (numbers >= 0)[:, np.newaxis]
     shares = task.samples.areas * weights[numbers]
@@ -91,7 +91,7 @@ def fit_elastic(
             weights=matches.weights * visible, reliable=matches.reliable * visible
         )
 
-    # Single precision suffices for steps.
+    # Single precision is enough for steps.
     system = sparse.bsr_array(metric.metric_matrix(reference), blocksize=(3, 3)).astype(np.float32)
     elastic, numbers = system.data, np.arange(len(start) + 1)
     on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
@@ -119,7 +119,7 @@ def fit_elastic(
         )
         step = step.reshape(-1, 3)
         cost = _squares(matches.gaps, blocks) + stiffness * energy
-        # Where triangles nearly vanish, a whole step may go too far.
+        # Where triangles nearly vanish, a full step may go too far.
         energy, pull = pull_to(points + step)
         for _ in range(settings.most_halvings):
             if _squares(matches.gaps - step, blocks) + stiffness * energy <= cost:

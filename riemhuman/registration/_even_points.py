@@ -6,12 +6,12 @@ import numpy as np
 
 
 def even_points(points: np.ndarray, n_points: int) -> np.ndarray:
-    """Return the numbers of about so many points, as many on every part of the surface."""
+    """Return the indices of about this many points, spread evenly over the surface."""
     return thin_points(points, n_points, np.random.default_rng(0))
 
 
 def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the numbers of about a given number of points, spread evenly, in ascending order."""
+    """Return the indices of about a given number of evenly spread points, in ascending order."""
     # One in each cube of a grid, whose width is found by bisection.
     if len(points) <= n_points:
         return np.arange(len(points))

@@ -87,7 +87,7 @@ class ShownLimbs(NamedTuple):
 
 
 def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return the limbs that fit badly, or that something else explains almost as well."""
+    """Return the limbs that fit badly, or that other poses explain almost as well."""
     touching = _touching_hands(body, settings)
     others = _ill_fitting_limbs(body, shown, settings)
     for arm, poses in body.doubtful_arms.items():
@@ -98,7 +98,7 @@ def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) 
     others += _turned_head(body, settings)
     for joint in crossing_joints(body.task.body, body.fit.pose):
         others += _exchanged_limbs(body, joint, settings)
-    # What is said of both hands need not be said of one.
+    # What is said about both hands need not be repeated for one.
     known = [doubt.vertices for doubt in touching]
     others = [doubt for doubt in others if not known or (doubt.vertices & ~known[0]).any()]
     return [*touching, *others]
@@ -107,7 +107,7 @@ def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) 
 def _ill_fitting_limbs(
     body: BodyFit, shown: ShownLimbs, settings: RivalSettings
 ) -> list[LimbDoubt]:
-    """Return doubt about limbs, with what they carry, that fit worse than the rest of the body."""
+    """Return doubt about limbs that fit worse than the rest of the body, with what they carry."""
     parts = body.task.body.parts
     return [
         LimbDoubt(
@@ -160,7 +160,7 @@ def _uncertain_fingers(
 def _turned_arm(
     body: BodyFit, arm: ArmSurface, poses: list[Pose], settings: RivalSettings
 ) -> list[LimbDoubt]:
-    """Return doubt about a forearm and hand that are almost as near to the scan otherwise."""
+    """Return doubt about a forearm and hand that another pose brings almost as near to the scan."""
     task, pose = body.task, body.fit.pose
     points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
     if not len(points):
@@ -190,12 +190,12 @@ def _other_hand(
     shown: ShownLimbs,
     settings: RivalSettings,
 ) -> list[LimbDoubt]:
-    """Return doubt about fingers that may as well be in another pose."""
+    """Return doubt about fingers that might just as well be in another pose."""
     costs = np.array([fit.cost for fit in fits])
     usual = _usual_distance(body, arm, settings)
     is_far = costs.min() > settings.most_hand_excess * usual
     is_far |= shown.excess[arm.joints[-1]] > settings.most_finger_excess
-    # Of a hand that one pose explains, others are much farther, whatever noise and flesh add.
+    # If one pose explains a hand, others are much farther, whatever noise and flesh add.
     is_no_better = costs.min() > settings.least_told_apart * np.median(costs)
     margin, why = np.inf, "no pose of its fingers fits the scan"
     if shown.matched[arm.on_hand].mean() < settings.least_hand_shown:
@@ -225,7 +225,7 @@ def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> 
 
 
 def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return doubt about an arm that is almost as near to the scan in another position."""
+    """Return doubt about an arm that would be almost as near to the scan elsewhere."""
     skeleton, pose = arm.samples.skeleton, body.fit.pose
     vertices = np.flatnonzero(body.task.body.parts.vertices(arm.joints[1:].tolist()))
     limb = _Limb(vertices, arm.joints[1:], arm.samples, arm)
@@ -255,7 +255,7 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
 
 
 def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> np.ndarray | None:
-    """Return the direction from a hand into what it touches, None if it touches little."""
+    """Return the direction from a hand into what it touches, or None if it hardly touches."""
     parts, points, faces = body.task.body.parts, body.fit.points, body.task.body.model.faces
     hand = np.flatnonzero(parts.vertices([int(arm.joints[-1])]))
     others = faces[~parts.vertices(arm.joints[1:].tolist())[faces].any(axis=1)]
@@ -269,7 +269,7 @@ def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> np.
 
 
 def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return doubt about a head that is almost as near to the scan turned or nodded otherwise."""
+    """Return doubt about a head that would be almost as near to the scan if turned or nodded."""
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     joints = parts.numbers("neck", "head")
     if len(joints) < 2:
@@ -322,7 +322,7 @@ def _displaced_in_rivals(
     n_first, scales = task.body.settings.arms.n_first_steps, task.body.settings.dense.scales
     first = fit([pose, *(start.pose for start in starts)], scales[:n_first])
     costs = costs_of([pose, *first], seen[:: settings.n_compared_first])
-    # What is still far away then comes no nearer.
+    # Fits that are still far away will not come nearer.
     near = np.flatnonzero(costs[2:] < settings.most_farther * min(costs[:2]))
     poses = [pose, *fit([first[0], *(first[1 + k] for k in near)], scales[n_first:])]
     costs, surfaces = costs_of(poses, seen), surfaces_of(poses)
@@ -336,7 +336,7 @@ def _displaced_in_rivals(
 
 
 def _displaced(surface: np.ndarray, rival: np.ndarray, settings: RivalSettings) -> np.ndarray:
-    """Return which vertices are elsewhere in a rival, none if they are few."""
+    """Return which vertices are elsewhere in a rival; none if there are only a few."""
     displaced = np.linalg.norm(surface - rival, axis=1) > settings.displaced_metres
     return displaced & bool(displaced.mean() > settings.least_displaced)
 
@@ -350,7 +350,7 @@ def _doubts_about(
 
 
 def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list[LimbDoubt]:
-    """Return doubt about both forearms or shins if they cross, and fit almost as well exchanged."""
+    """Return doubt about crossed forearms or shins that fit almost as well exchanged."""
     task, pose = body.task, body.fit.pose
     crossing = find_crossing(task, pose, joint)
     if crossing is None:

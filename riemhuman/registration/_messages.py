@@ -1,4 +1,4 @@
-"""What registrations say to people: parts of bodies in words, and what a scan does not show."""
+"""Messages of registrations: parts of bodies in words, and what a scan does not show."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def parts_in_words(joints: Sequence[str]) -> list[str]:
 def _parts_of_limb(limb: Sequence[tuple[str, str, str]], side: str, joints: set[str]) -> list[str]:
     """Return the parts of one limb: from a joint to its end, or of single joints."""
     unseen = [f"{side}_{joint}" in joints for joint, *_ in limb]
-    # Toes may be too small to be counted alone.
+    # Toes may be too small to count alone.
     to_end = [joint == "toes" or missing for (joint, *_), missing in zip(limb, unseen, strict=True)]
     starts = [k for k in range(len(limb)) if unseen[k] and all(to_end[k:])]
     first = starts[0] if starts else len(limb)
@@ -115,7 +115,7 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
 
 
 def join_reasons(reasons: Sequence[str]) -> str:
-    """Return one message, which says only at its end, and once, what to do."""
+    """Return one message that says what to do only once, at its end."""
     said = "; ".join(reasons)
     for remedy in _REMEDIES:
         at_end = f"; {remedy}"

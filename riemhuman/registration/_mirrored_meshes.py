@@ -1,4 +1,4 @@
-"""Vertices that lie opposite each other on symmetric meshes, and what maps make of them."""
+"""Opposite vertices of symmetric meshes, and how maps use them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _Edge = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class MirrorImages:
-    """The vertex opposite each one on both meshes, or -1 where there is none."""
+    """The opposite of each vertex on both meshes, or -1 if there is none."""
 
     template: np.ndarray  # (n_template_vertices,)
     model: np.ndarray  # (n_model_vertices,)
@@ -57,7 +57,7 @@ def find_images(
 def mirrored_vertices(
     faces: np.ndarray, n_vertices: int, seeds: Iterable[Sequence[int]]
 ) -> np.ndarray | None:
-    """Return the vertex opposite to each one, if a mesh is its own mirror image; else None.
+    """Return the opposite of each vertex if a mesh is its own mirror image, else None.
 
     `seeds` are pairs of edges to try, (a, b, a', b'). Vertices of smaller separate parts get -1.
     """
@@ -90,7 +90,7 @@ def with_separate_parts(image: np.ndarray, faces: np.ndarray, points: np.ndarray
         part_faces = faces[component[faces[:, 0]] == label]
         if completed[part_faces[0, 0]] >= 0:
             continue
-        # A sphere has many mirror images: the nearest one counts.
+        # A sphere has many mirror images: use the nearest one.
         nearest, shortest = None, _MOST_TWISTED
         for seed in _seeds(part_faces, near):
             matched_vertices = _image_from_edge(beyond, len(part_faces), seed)

@@ -32,7 +32,7 @@ from riemhuman.registration.registration_traces import RegistrationTrace
 
 @dataclass(frozen=True, eq=False)
 class ModelAndHalves:
-    """A model, and the same without legs and without all above the waist, if it has these."""
+    """A model, and its halves without legs or without everything above the waist, if any."""
 
     whole: RegistrationModel
     halves: list[RegistrationModel]
@@ -40,7 +40,7 @@ class ModelAndHalves:
 
 @dataclass(frozen=True, eq=False)
 class ScanTask:
-    """A scan with the models that are fitted to it, and what was found for half bodies."""
+    """A scan, the models to fit to it, and the results for half bodies."""
 
     models: ModelAndHalves
     scan: PreparedScan
@@ -57,7 +57,7 @@ class ScanTask:
 
 
 def register_scan(task: ScanTask, known: KnownBody | None = None) -> RegistrationTrace:
-    """Return the likeliest of the registrations of a whole and of half a body."""
+    """Return the likeliest registration of a whole body or of half a body."""
     first = register_whole(task, known)
     if first.verdict.trusted:
         return first
@@ -94,9 +94,9 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
 
 def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:
     """Return a registration, or that of half a body if the scan shows no more."""
-    # The model has no way to leave out legs: without points of their own, they are fitted to the
-    # trunk and pull it out of place. Few of their vertices match then, and a body without legs
-    # comes near to all of the scan.
+    # The model always has legs. If the scan shows none, they are fitted to its trunk and pull the
+    # body out of place. Few of their vertices then match, and a body without legs is near the
+    # whole scan.
     whole, verdict = task.models.whole, trace.verdict
     halves = whole.parts.halves if verdict.trusted_vertices.any() else []
     for number, missing in enumerate(halves):
@@ -128,7 +128,7 @@ def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
 
 
 def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) -> Iterator[Search]:
-    """Yield searches from which a doubtful scan may be explained better."""
+    """Yield searches that may explain a doubtful scan better."""
     whole, scan, near = task.models.whole, task.scan, _near_share(first)
     settings = whole.settings.retries
     if scan.floor is not None and not task.up_is_known:
@@ -137,8 +137,8 @@ def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
         yield search
         if _likelihood_of(search) > _likelihood_of(first.search) + settings.retry_gain:
             return  # the floor was none
-    # Much of the scan is far from the body: most often there is something else in it, whose
-    # normals the first search has shown not to agree with a body's.
+    # Much of the scan is far from the body: usually it includes something else, and the first
+    # search has shown that its normals do not agree with a body's.
     quick = again and near < settings.clearly_near
     scan = replace(scan, signed=first.search.signed) if quick else scan
     yield search_scan(whole, scan, again=again, quick=quick)
@@ -150,7 +150,7 @@ def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
 
 
 def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> bool:
-    """Return whether a search leads to the body that is refused, or to one that will be."""
+    """Return whether a search leads to the refused body, or to one that will be refused."""
     settings, search = task.models.whole.settings, first.search
     if retry.body is not search.body:
         return False
@@ -160,7 +160,7 @@ def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> 
     ]
     gap = np.sqrt(np.mean(np.sum((bodies[0] - bodies[1]) ** 2, axis=1)))
     if gap < settings.search.same_metres:
-        # All doubts but that about its likelihood among others are about the body alone.
+        # All doubts concern the body alone, except the one about its likelihood among others.
         return find_margin(search) > settings.trust.least_margin
     is_likelier = _likelihood_of(retry) > _likelihood_of(search) + settings.retries.retry_gain
     best = retry.candidates[0].pose
@@ -168,7 +168,7 @@ def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> 
 
 
 def _likelihood_of(search: Search) -> float:
-    """Return the log-likelihood of a search's best body, of what the scan can show of it."""
+    """Return the log-likelihood of a search's best body, for the part that the scan can show."""
     body, best = search.body, search.candidates[0]
     visible = body.find_visible(body.surface(best.pose), search.scan.points, best.up)
     return find_likelihood_of_area(body, best.pose, search.scan, best.up, visible)

@@ -1,4 +1,4 @@
-"""The rigid motion that lays a scan over its body, where the axes of the two differ."""
+"""The rigid motion that lays a scan over its body if their axes differ."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from riemhuman.surfaces.nearest_points import nearest_points
 # Points of the scan that are placed roughly, and then precisely.
 _N_ROUGH, _N_PRECISE = 300, 2000
 _N_TURNS = 12  # about each of the directions that may point up
-# Starts that go on after these many steps by closest points, and steps by tangent planes.
+# Starts kept after this many steps by closest points, and steps by tangent planes.
 _ROUNDS = ((4, 12), (10, 4))
 _PRECISE_STEPS, _SURFACE_STEPS, _SMALLEST_STEP = 15, 20, 1e-5
-_KEPT = 0.8  # share of the points, the nearest ones, that a step is computed from
+_KEPT = 0.8  # share of the nearest points that a step is computed from
 # Median distance of a scan that is in place or nearly so, and the share of it below which a motion
 # is no correction of the body's own errors.
 _IN_PLACE_METRES, _BETTER = 0.02, 0.8
@@ -131,7 +131,7 @@ def _on_surface(motion: ndarray, scan: ndarray, points: ndarray, faces: ndarray)
 
 
 def _step_to_planes(starts: ndarray, ends: ndarray, across: ndarray, distances: ndarray) -> ndarray:
-    """Return the small motion of the nearer points that brings them nearest to planes."""
+    """Return the small motion that brings the nearer points nearest to planes."""
     kept = distances <= np.quantile(distances, _KEPT)
     moved, normals = starts[kept], across[kept]
     middle = moved.mean(axis=0)

@@ -82,7 +82,7 @@ class Pose(NamedTuple):
 
 
 class PosedBody(NamedTuple):
-    """Points of a posed body, and what its derivatives need."""
+    """Points of a posed body, and what their derivatives need."""
 
     points: np.ndarray  # (n, 3)
     normals: np.ndarray  # (n, 3)
@@ -112,7 +112,7 @@ class Prior(NamedTuple):
 
 
 def _rotation_vectors(rotations: np.ndarray) -> np.ndarray:
-    """Return axis-angle vectors, 0 for half turns, whose axis has two signs."""
+    """Return axis-angle vectors; 0 for half turns, whose axis has no unique sign."""
     sines = axial(rotations)
     sine = np.linalg.norm(sines, axis=1, keepdims=True)
     cosine = 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0)
@@ -135,7 +135,7 @@ def take_step(
     # τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more
     # than `longest`, radians.
     pose, body = posed.pose, posed.body
-    # In single precision, which suffices for steps, and without the change of the pose offsets.
+    # Single precision is enough for steps; the change of the pose offsets is ignored.
     rows = skinning_derivatives(
         posed.motions,
         posed.shaped,

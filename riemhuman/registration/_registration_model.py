@@ -1,4 +1,4 @@
-"""A body model as registration uses it: what follows from the model alone is computed once."""
+"""A body model as registration uses it; what depends only on the model is computed once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class End(NamedTuple):
     height: float  # along the direction, metres
 
     def shows(self, points: np.ndarray, distance: float = 0.0) -> np.ndarray:
-        """Return which points are at least so far before the plane, metres."""
+        """Return which points are at least this far before the plane, metres."""
         shown: np.ndarray = points @ self.direction <= self.height - distance
         return shown
 
@@ -47,7 +47,7 @@ class RegistrationModel:
 
     @cached_property
     def arms(self) -> list[np.ndarray]:
-        """The joints of the arms that are tried in other ways."""
+        """The joints of the arms for which other poses are tried."""
         return self.parts.arms if self.settings.search.tries_arms else []
 
     @cached_property

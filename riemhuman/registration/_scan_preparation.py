@@ -29,9 +29,9 @@ from riemhuman.registration.settings import (
 )
 from riemhuman.surfaces.measures import vertex_components
 
-# Number of bodies that are fitted at once; like the next, it changes no result.
+# Number of bodies fitted at once; like the next constant, it changes no result.
 N_THREADS = 2
-# Fewer points are matched sooner than threads start.
+# Fewer points are matched faster than threads start.
 _MANY_POINTS = 1000
 # The median of |x| for a standard normal x, a constant of mathematics.
 _MEDIAN = 0.6745
@@ -43,7 +43,7 @@ class Matches(NamedTuple):
     gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
     normals: np.ndarray  # (n, 3) normals of the scan at the matches
     weights: np.ndarray  # (n,) weights of the matches in a fit, between 0 and 1
-    # (n,) lengths of the gaps without what the spacing of the scan explains, metres
+    # (n,) lengths of the gaps beyond what the spacing of the scan explains, metres
     distances: np.ndarray
     reliable: np.ndarray  # (n,) what the weights would be at these distances
 
@@ -70,7 +70,7 @@ class PreparedScan:
         return cKDTree(self._places(self.points, self.normals))
 
     def _places(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Return points of six coordinates, whose distances count normals too."""
+        """Return points with six coordinates, so that distances include normals."""
         return np.concatenate([points, self.settings.matching.normal_metres * normals], axis=1)
 
     @cached_property
@@ -173,7 +173,7 @@ def prepare_scan(
     up: np.ndarray | None = None,
     landmarks: Mapping[int, np.ndarray] | None = None,
 ) -> PreparedScan:
-    """Return the points of the body, spread evenly, with normals, and what a user says of it."""
+    """Return evenly spread points of the body with normals, and what the user says about it."""
     rng = np.random.default_rng(0)
     loose = _spread_points(scan, settings.preparation, rng)
     if not surroundings:
@@ -338,7 +338,7 @@ def _find_plane(
         plane = _as_plane(points, near, settings)
         if plane is not None:
             return plane
-        starts = starts[~near[starts]]  # such as a wall, behind which the floor goes on
+        starts = starts[~near[starts]]  # such as a wall with more floor behind it
     return None
 
 
@@ -385,12 +385,12 @@ def point_spacing(points: np.ndarray, settings: PreparationSettings) -> np.ndarr
 
 
 def _areas(spacing: np.ndarray, settings: PreparationSettings) -> np.ndarray:
-    """Return the areas for which points stand, up to a factor, from their spacing."""
+    """Return the areas that points represent, up to a factor, from their spacing."""
     return np.minimum(spacing, settings.widest_spacing) ** 2
 
 
 def _quantile_over_area(spacing: np.ndarray, share: float, settings: PreparationSettings) -> float:
-    """Return the spacing below which it is on a share of the area."""
+    """Return the spacing that a share of the area stays below."""
     order = np.argsort(spacing)
     below = np.cumsum(_areas(spacing[order], settings))
     return float(spacing[order[np.searchsorted(below, share * below[-1])]])

@@ -34,7 +34,7 @@ _NEGLIGIBLE = 30.0
 KAPPA, OUTLIERS = 2.0, 0.05
 
 
-# More than eight arguments: a compiled loop takes plain arrays.
+# More than eight arguments, because a compiled loop takes plain arrays.
 @compiled(fastmath=SUM)
 def assign(
     points: np.ndarray,
@@ -147,7 +147,7 @@ def anneal(
 def landmark_cost(
     joints: np.ndarray, landmarks: Mapping[int, np.ndarray], settings: AssignmentSettings
 ) -> float:
-    """Return by how much landmarks far from their joints lower the log-likelihood."""
+    """Return how much landmarks far from their joints lower the log-likelihood."""
     misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
     squares = np.minimum(misses, settings.far_miss) ** 2
     return settings.landmark_weight * float(np.sum(squares)) / (2.0 * settings.miss_metres**2)

@@ -31,7 +31,7 @@ _DEGREES = _TABLE["degrees"]
 _OTHER_DEGREES = 15.0
 
 _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")
-# Joints that move a smaller share of the vertices are ignored: it is about models, not scans.
+# Joints that move a smaller share of the model's vertices are ignored.
 _LIMB = 0.01
 
 
@@ -99,11 +99,11 @@ class BodyParts:
             self.halves = [self.vertices(self.numbers(*names)) for names in ends]
 
     def numbers(self, *names: str) -> list[int]:
-        """Return the joints of these names, where the model has them."""
+        """Return the joints with these names that the model has."""
         return [self.names.index(name) for name in names if name in self.names]
 
     def vertices(self, joints: Iterable[int]) -> np.ndarray:
-        """Return which vertices belong to some joints or to those that these move."""
+        """Return which vertices belong to some joints or to joints below them."""
         below = {*joints}
         for k in map(int, self.model.joint_order):
             if int(self.model.parents[k]) in below:
@@ -127,7 +127,7 @@ class BodyParts:
 def other_arms(
     arm: np.ndarray, current: np.ndarray, poses: dict[str, np.ndarray], same: float
 ) -> Iterator[np.ndarray]:
-    """Yield the rotations of an arm's joints in some poses, without those that are alike."""
+    """Yield the rotations of an arm's joints in some poses, without duplicates."""
     seen = [current[arm]]
     for pose in poses.values():
         if all(np.abs(pose[arm] - rotations).max() > same for rotations in seen):

@@ -102,8 +102,8 @@ def search_starts(
     quick: bool = False,
 ) -> Search:
     """Return the bodies from the likeliest starts."""
-    # A search that is done again starts from the headings between, and follows more starts. A
-    # quick one follows fewer, and tries no arms.
+    # A repeated search starts from the headings in between and follows more starts. A quick one
+    # follows fewer and tries no arms.
     retries, offset = body.settings.retries, 0.5 if again else 0.0
     more = retries.fewer_starts if quick else retries.more_starts if again else 1.0
     first, *later = body.settings.search.rounds
@@ -121,7 +121,7 @@ def search_starts(
 def _likely_ups(
     body: RegistrationModel, scan: PreparedScan, rounds: Sequence[SearchRound], offset: float
 ) -> np.ndarray:
-    """Return the directions up of a scan, or the likeliest axes if it tells none."""
+    """Return the directions up of a scan or, if they are unknown, the likeliest axes."""
     if scan.up is not None:
         return np.stack([scan.up, *scan.other_ups])
     few = [name for name in UP_POSES if name in body.poses] or list(body.poses)
@@ -150,19 +150,19 @@ def _follow(
 
 
 def with_likeliest_arms(search: Search) -> Search:
-    """Return a search, the best with each arm as in the start pose that is the likeliest."""
+    """Return a search whose best candidate has each arm as in the likeliest start pose."""
     best, *others = search.candidates
     fitted = best
     for arm in search.body.arms:
         fitted = _with_likeliest_arm(search.body, fitted, arm, search.scan)
-    # The others still have the arms of their starts, so likelihoods compare as they were.
+    # The others still have the arms of their starts, so compare the earlier likelihoods.
     return replace(search, candidates=[replace(fitted, likelihood=best.likelihood), *others])
 
 
 def _with_likeliest_arm(
     body: RegistrationModel, best: Candidate, arm: np.ndarray, scan: PreparedScan
 ) -> Candidate:
-    """Return a body with one arm as in a start pose if that is likelier, or as it is."""
+    """Return a body with one arm as in a start pose, if that is likelier."""
     settings = body.settings.search
     first, last = settings.arm_rounds
     others = []
@@ -182,7 +182,7 @@ def _with_likeliest_arm(
 def orient_normals(
     body: RegistrationModel, scan: PreparedScan, pose: Pose
 ) -> tuple[np.ndarray, float]:
-    """Return normals oriented like the body's, and the share that were before."""
+    """Return normals oriented like the body's, and the share that already were."""
     samples = body.samples(body.settings.dense.n_samples)
     posed, skin = pose_body(samples, pose), samples.numbers >= 0
     near = cKDTree(posed.points[skin]).query(scan.points, k=5)[1]

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel
 
-# People that weights are learned from; more changed nothing.
+# People that weights are learned from; more made no difference.
 _N_PEOPLE = 40
 _SEED = 49
 # Rotations of joints, radians: most are small, some are large in each pose.
@@ -26,7 +26,7 @@ _N_NEIGHBOURS = 18
 # Between symmetric meshes, so many on each side of a vertex in the middle, and twice as many of
 # any other.
 _N_ON_EACH_SIDE = 8
-# What real people have and the model lacks, metres: keeps weights near those of the triangle.
+# Detail of real people that the model lacks, metres; it keeps weights near the triangle's.
 _DETAIL = 5e-4
 # Vertices of the finer mesh that are solved for at once, which bounds memory.
 _N_TOGETHER = 512

@@ -21,7 +21,7 @@ from riemhuman.surfaces.template import Template
 _LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
 # Joints of the parts of limbs that are compared with the rest of the body.
 _LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
-# Fewer points of a scan say nothing about a part of a limb.
+# With fewer points of the scan, nothing is known about a part of a limb.
 _LEAST_POINTS = 20
 _FOLDING = {"elbow": "wrist", "knee": "ankle"}
 
@@ -54,7 +54,7 @@ def find_seen(
 
 
 class Overlaps(NamedTuple):
-    """Matched vertices that lie where another matched part of the body is.
+    """Matched vertices that lie where another matched part of the body lies.
 
     At a seam, where a calf is folded onto a thigh, the other part is near on one side only; where
     one limb is fitted to the scan of another, it is all around.
@@ -110,9 +110,9 @@ def find_lost_limbs(
     settings: TrustSettings,
 ) -> np.ndarray:
     """Return which vertices belong to limbs that match little of the scan."""
-    # The model has no way to leave out a limb: without points of its own, it is fitted to others,
-    # and most of what it matches is matched by another part of the body too, or it is folded into
-    # the part above it.
+    # The model always has all limbs. A limb that the scan does not show is fitted to points of
+    # other parts: most of what it matches is matched by another part of the body too, or it is
+    # folded into the part above it.
     names, model = parts.names, parts.model
     few = parts.shares(matched & ~overlaps) < settings.limb_elsewhere
     shared = parts.shares(overlaps) > settings.shared_limb * parts.shares(matched)
@@ -128,7 +128,7 @@ def find_lost_limbs(
 
 
 def find_facet_heights(parts: BodyParts, template: Template, points: np.ndarray) -> np.ndarray:
-    """Return how far the middle of edges is from the smooth surface of a body, by joint, metres."""
+    """Return how far the middles of edges are from the smooth surface, by joint, metres."""
     first, second = template.edges.T
     normals = vertex_normals(points, template.faces)
     along, turned = points[second] - points[first], normals[second] - normals[first]
@@ -182,13 +182,13 @@ def find_excess(
 
 @dataclass(frozen=True)
 class FitQuality:
-    """What tells whether a registered body is right."""
+    """Numbers that tell whether a registered body is right."""
 
     likelihood: float
-    margin: float  # by which the likelihood exceeds those of bodies elsewhere
+    margin: float  # factor by which it is likelier than bodies elsewhere
     near: float  # share of the scan near the body
     betas: float  # root mean square of the shape coefficients
-    far: float  # distance from the model within which nearly all of the scan lies, metres
+    far: float  # distance from the model that nearly all of the scan is within, metres
     overlap: float  # share of the matched vertices that lie where another part is
     limb: str  # the limb of which the least is matched, in words
     limb_matched: float  # share of it that is
@@ -210,7 +210,7 @@ def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str]
             "shows a single body"
         )
     if reasons:
-        return reasons, of_limb  # the other checks make sense only for a body
+        return reasons, of_limb  # the other checks make sense only for bodies
     if quality.margin < settings.least_margin:
         reasons.append(
             f"a body that faces or stands another way fits nearly as well; {LANDMARKS_DECIDE}"

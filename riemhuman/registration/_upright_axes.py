@@ -11,21 +11,21 @@ from riemhuman.registration._scan_preparation import PreparedScan
 _SIDES = ("left", "right")
 # Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
 _LEAST_LEVEL = 0.3
-# Points of the model whose joints alone are looked at, so that their number changes no result.
+# Number of model points; only their joints are used, so it changes no result.
 _N_FEW = 1000
 
 
 def find_up(
     body: RegistrationModel, pose: Pose, scan: PreparedScan, start_up: np.ndarray
 ) -> np.ndarray:
-    """Return the direction up of a body in a scan, that of its start or a better one."""
+    """Return the direction up of a body in a scan: that of its start, or a better one."""
     if scan.up is None:
         return _standing_up(body, pose, start_up)
     return _upright_plane(body, pose, scan.up, scan.other_ups) if scan.other_ups else start_up
 
 
 def _standing_up(body: RegistrationModel, pose: Pose, up: np.ndarray) -> np.ndarray:
-    """Return an axis, or the direction up of the feet if they and the trunk lean from it."""
+    """Return an axis or, if feet and trunk both lean away from it, the direction up of the feet."""
     names, settings = body.parts.names, body.settings.trust
     if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
         return up
@@ -40,7 +40,7 @@ def _standing_up(body: RegistrationModel, pose: Pose, up: np.ndarray) -> np.ndar
 def _upright_plane(
     body: RegistrationModel, pose: Pose, up: np.ndarray, other_ups: tuple[np.ndarray, ...]
 ) -> np.ndarray:
-    """Return the normal of the plane on which the trunk is upright, or that with most rest."""
+    """Return the plane's normal along which the trunk is upright, or else `up`."""
     root = pose_body(body.samples(_N_FEW), pose).motions.rotations[body.root]
     best = max((up, *other_ups), key=lambda normal: float(root[:, 1] @ normal))
     return best if root[:, 1] @ best > body.settings.trust.leaning else up

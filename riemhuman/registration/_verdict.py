@@ -1,4 +1,4 @@
-"""The last stage: which bodies, limbs and vertices are trusted, and what is said of others."""
+"""The last stage: which bodies, limbs and vertices are trusted, and messages about the others."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from riemhuman.registration._trust import (
 from riemhuman.registration.scans import Scan
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
 
-# Points of the model whose joints alone are looked at.
+# Number of model points; only their joints are used.
 _N_FEW = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What is trusted of a registered scan."""
+    """Which parts of a registered scan are trusted."""
 
     trusted: bool
     trusted_vertices: np.ndarray  # (V,)
@@ -49,7 +49,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """Which vertices of a registered body are where."""
+    """What is known about the vertices of a registered body."""
 
     matched: np.ndarray
     overlaps: np.ndarray
@@ -58,7 +58,7 @@ class _Parts:
 
 
 def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
-    """Return what is trusted of a body fitted to the scan of a search."""
+    """Return which parts of a body, fitted to the scan of a search, are trusted."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, parts, whole = body.settings.trust, body.parts, scan.whole
     places, distances = nearest_points(whole.points, fit.points, body.model.faces)
@@ -68,7 +68,7 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     likelihood = find_likelihood_of_area(body, fit.pose, scan, search.candidates[0].up, visible)
     quality = _measure(search, fitted, vertices, likelihood)
     doubts, limb_doubts = find_doubts(quality, settings)
-    # Of what looks like no body, nothing is said about parts.
+    # If it does not look like a body, nothing is said about its parts.
     is_body = min(quality.near - settings.least_near, likelihood - settings.least_likelihood) >= 0
     doubts += _landmark_doubts(body, fit.pose, scan.landmarks)
     if doubts and not unit_is_known:
@@ -77,14 +77,14 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
     if limb_doubts:
         limb = int(np.argmin(parts.shares(vertices.matched)))
         trusted_vertices &= ~parts.limb_vertices(limb)
-    # Of a body that is refused no vertex is trusted, so that its limbs need no rivals.
+    # No vertex of a refused body is trusted, so its limbs need no rivals.
     shown = ShownLimbs(
         vertices.matched, _find_excess(search, fit.points, places, distances, background)
     )
     limb_rivals = [] if doubts else find_limb_doubts(fitted, shown, body.settings.rivals)
     rivals: list[LimbDoubt] = []
     for doubt in limb_rivals:
-        if (doubt.vertices & trusted_vertices).any():  # else nothing new is said
+        if (doubt.vertices & trusted_vertices).any():  # otherwise, this says nothing new
             rivals.append(doubt)
             trusted_vertices = trusted_vertices & ~doubt.vertices
     reasons = [
@@ -112,7 +112,7 @@ def _find_excess(
     distances: np.ndarray,
     background: np.ndarray,
 ) -> np.ndarray:
-    """Return by which factor a scan is farther from each limb than from the rest of the body."""
+    """Return how many times farther a scan is from each limb than from the rest of the body."""
     body = search.body
     facets = find_facet_heights(body.parts, body.model.template, points)
     near = ~background & (distances < body.settings.trust.near_metres)
@@ -121,12 +121,12 @@ def _find_excess(
 
 
 def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
-    """Return which vertices are matched, where another part is, lost, and seen."""
+    """Return which vertices are matched, lie where another part does, are lost, and are seen."""
     body, fit = search.body, fitted.fit
     settings, parts, template = body.settings.trust, body.parts, body.model.template
     near = fit.matches.distances < settings.matched_metres
     matched = visible & near & (fit.matches.reliable > settings.least_reliable)
-    # Hands that lie on the body are thin enough to be where it is, though they are right.
+    # Hands that lie on the body are so thin that they count as being in it, though they are right.
     overlaps = find_overlaps(template, fit.points, matched & ~parts.on_hands, settings)
     lost = find_lost_limbs(parts, fit.points, matched, overlaps.near, settings)
     if lost.any():
@@ -137,7 +137,7 @@ def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
 
 
 def _measure(search: Search, fitted: BodyFit, vertices: _Parts, likelihood: float) -> FitQuality:
-    """Return what tells whether a body is right."""
+    """Return the numbers that tell whether a body is right."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, model = body.settings.trust, body.model
     some = scan.points[even_points(scan.points, settings.n_samples)]
@@ -160,7 +160,7 @@ def _measure(search: Search, fitted: BodyFit, vertices: _Parts, likelihood: floa
 
 
 def find_margin(search: Search) -> float:
-    """Return how much likelier the best body is than all whose visible part is elsewhere."""
+    """Return how much likelier the best body is than all bodies whose visible part is elsewhere."""
     candidates, samples = search.candidates, search.body.samples(_N_FEW)
     surface = pose_body(samples, candidates[0].pose).points
     end = search.body.end_of(search.scan.points, candidates[0].up)
@@ -192,7 +192,7 @@ def _landmark_doubts(
 
 
 def _unseen_parts(body: RegistrationModel, vertices: _Parts, *, up_is_known: bool) -> list[str]:
-    """Return what to say about the parts that a scan does not show."""
+    """Return a message about the parts that a scan does not show."""
     areas, settings = body.model.template.vertex_areas, body.settings.trust
     share = 1.0 - areas @ vertices.seen / areas.sum()
     if share < settings.least_unseen and not vertices.lost.any():
@@ -203,7 +203,7 @@ def _unseen_parts(body: RegistrationModel, vertices: _Parts, *, up_is_known: boo
 
 
 def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
-    """Return what to say if the size of a scan is that of a body in another unit too."""
+    """Return a message if the scan, in another unit, would also have the size of a body."""
     extent = float(np.ptp(scan.points[~background], axis=0).max())
     others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
     return [

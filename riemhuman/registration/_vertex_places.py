@@ -36,7 +36,7 @@ _N_ANCHORS = 60
 
 @dataclass(frozen=True, eq=False)
 class FilledPart:
-    """A part of a mesh without counterpart, which is moved as its surroundings are."""
+    """A part of a mesh without counterpart, which moves with its surroundings."""
 
     name: str
     vertices: np.ndarray  # (n,)
@@ -145,7 +145,7 @@ class VertexPlaces:
         spread -= (links @ after)[:, :, np.newaxis] * before[:, np.newaxis, :]
         spread -= after[:, :, np.newaxis] * (links @ before)[:, np.newaxis, :]
         spread += links.sum(axis=1)[:, np.newaxis, np.newaxis] * products
-        # Neighbours in a plane would leave open which side is outside.
+        # Neighbours in a plane would not tell which side is outside.
         normals = vertex_normals(after, self.faces)[:, :, np.newaxis] * self._normals
         size = np.linalg.norm(spread.reshape(-1, 9), axis=1)
         return nearest_rotations(spread + size[:, np.newaxis, np.newaxis] * normals)
@@ -285,7 +285,7 @@ def find_without_counterpart(
         component[faces[:, 0]], triangle_areas(vertices, faces), minlength=component.max() + 1
     )
     shares = np.bincount(component, far) / np.bincount(component)
-    # Eyeballs come near to the lids in front; what hardly belongs to a surface is no part of it.
+    # Eyeballs are near the lids in front; what hardly belongs to a surface is not part of it.
     inner = (areas < _SMALL_PART * areas.sum()) & (shares > 0.4)
     loose = ~np.isin(np.arange(len(vertices)), faces)
     without: np.ndarray = far | inner[component] | loose
@@ -320,7 +320,7 @@ def filled_parts(
     sides = sides[without[sides].all(axis=1)]
     links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(len(vertices),) * 2)
     labels = connected_components(links, directed=False)[1][chosen]
-    # What is separate from the body, and in several pieces, is one part: a row of teeth.
+    # Several pieces that are separate from the body, such as a row of teeth, are one part.
     whole = np.bincount(component, without) == np.bincount(component)
     labels = np.where(whole[component[chosen]], len(vertices) + component[chosen], labels)
     known = np.flatnonzero(~without)
@@ -342,7 +342,7 @@ def filled_parts(
 
 
 def _part_name(points: np.ndarray, joint: str, separate: bool, left: float) -> str:
-    """Return what to call a part: an eyeball is a sphere in the head."""
+    """Return the name of a part: an eyeball is a sphere in the head."""
     radii = np.linalg.norm(points - points.mean(axis=0), axis=1)
     is_ball = len(points) > 20 and np.std(radii) < 0.15 * np.mean(radii)
     if separate and joint in ("head", "neck") and is_ball and 0.005 < np.mean(radii) < 0.025:

@@ -23,7 +23,7 @@ from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points_arou
 # unit. The first counts as much as a rotation of the normal by a radian: a palm and the thigh that
 # it touches look different ways.
 _NORMAL_LENGTH = 0.025
-# Vertices whose triangles are searched for the nearest place.
+# Number of vertices whose triangles are searched for the nearest place.
 _N_NEAR = 6
 # A vertex farther from its registered body is background or not explained; a place on the other
 # body that is farther from the other scan is in a hole of it.

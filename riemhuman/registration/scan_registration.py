@@ -31,8 +31,8 @@ from riemhuman.registration.scans import as_scan
 from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
 from riemhuman.surfaces.procrustes import AXES
 
-# Fits are in single precision; a scanner's stage is nearer to the origin than this. It follows
-# from the precision, so that it is no setting.
+# Fits use single precision, and scanners' stages are nearer to the origin than this. The limit
+# follows from the precision, so it is not a setting.
 _FAR_METRES_AWAY = 100.0
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 # A landmark farther from the scan's median point is in another unit, or of another scan.

@@ -53,7 +53,7 @@ class SimulatedScan:
         return self.points if self.faces is None else (self.points, self.faces)
 
 
-# More than eight arguments: each keyword is one fault that scanners have.
+# More than eight arguments, because each keyword is one fault of scanners.
 def simulated_scan(
     points: Any,
     faces: Any,

@@ -54,7 +54,7 @@ from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints
 from riemhuman.surfaces.procrustes import AXES, make_upright
 
-# Meshes are refined until they have so many vertices: registration samples vertices.
+# Meshes are refined to this many vertices, because registration samples vertices.
 _FEWEST_VERTICES = 5000
 # Parts with a smaller share of the area are left out of registration: eyeballs, teeth.
 _SMALL_PART = 0.01
@@ -80,7 +80,7 @@ _ARRAYS = (
     "model_part_numbers",
     "message",
 )
-# Of one direction, and not in older files.
+# For one direction only, and absent from older files.
 _LEARNED = ("to_model_columns", "to_model_weights", "to_template_columns", "to_template_weights")
 
 
@@ -286,7 +286,7 @@ class TopologyMap:
         )
         if images is None and self.model.n_vertices >= self.n_template_vertices:
             return replace(self, model_places=to_model)
-        # From what comes from the template, too, so that bodies return to where they were.
+        # Also from what the template contributes, so that bodies return to where they were.
         returned = np.stack([to_model.apply(body) for body in templates])
         lacking = self.model_places.parts
         back = None if images is None else (images.template, images.model)
@@ -532,7 +532,7 @@ def nearest_like(
 
 
 def _rounded(points: np.ndarray) -> np.ndarray:
-    """Return points as a file holds them, so that a map that is read equals the one written."""
+    """Return points rounded as in files, so that a map read back equals the one written."""
     return points.astype(np.float32).astype(np.float64)
 
 
@@ -592,7 +592,7 @@ def _learned(
 def _with_weights(places: VertexPlaces, columns: np.ndarray, weights: np.ndarray) -> VertexPlaces:
     """Return places with weights as a file holds them, whose rows sum to one."""
     rounded = _rounded(weights)
-    # Shared by all, so that what is symmetric remains so.
+    # Shared by all, so that symmetry is preserved.
     rounded += (1.0 - rounded.sum(axis=1, keepdims=True)) / rounded.shape[1]
     return replace(places, columns=columns, weights=rounded)
 
@@ -652,7 +652,7 @@ def _check_bodies(
 def _dense_model(model: BodyModel) -> tuple[BodyModel, np.ndarray]:
     """Return the model to register, and its vertices that are the model's."""
     coarse = load_open_model("coarse")
-    # The coarse model's vertices are some of the full one's, which fits hands far better.
+    # The coarse model's vertices are a subset of the full model's, which fits hands far better.
     if model.n_vertices == coarse.n_vertices and np.array_equal(
         model.template.vertices, coarse.template.vertices
     ):

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 _METHODS = {"t-SNE": "t-sne", "MDS": "mds"}
 _TITLES = {method: title for title, method in _METHODS.items()}
-_NEAR = "near points are similar bodies; distances on the map have no unit"
+_NEAR = "nearby points are similar bodies; distances on the map have no unit"
 _FEWEST_PEOPLE = 4  # for a regression
 _FEWEST_ON_MAP = 6  # with fewer, there are no neighbourhoods to see
 _PAPER_CLASSES = 10  # of people and of poses of FAUST, of which the paper prints tables

@@ -233,7 +233,7 @@ class Report:
     def basis(self) -> tuple[DeformationBasis, str]:
         """The basis of paths and a phrase on what it is made of."""
         if self.given_basis is not None:
-            return self.given_basis, f"{len(self.given_basis)} deformations, given"
+            return self.given_basis, f"{len(self.given_basis)} given deformations"
         template, plan = self.bodies.template, self.plan
         kind, motions = "mesh harmonics", ""
         for resolution in ("coarse", "full"):

@@ -204,7 +204,7 @@ def content_of(
         uncertainty=(
             "± is two standard deviations of a measurement over poses of one person, measured on "
             "simulated adults who were registered from scans; real people breathe and sway, so "
-            "they vary more. The body was brought into the standard pose for the measurements. "
+            "they vary more. The body was put into the standard pose to be measured. "
             "The weight is the volume times the mean density of people."
         ),
     )
@@ -242,21 +242,21 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     elif sentence:
         said.append(f"{sentence}.")
     elif subject.known_vertices.all():
-        said.append("All of the body can be trusted.")
+        said.append("The whole body can be trusted.")
     else:
         said.append("The body can be trusted, except in small places that the scan does not show.")
     missing = sum(bool(row.why_missing) for row in values.rows)
     if missing:
         depend, stay = ("depends", "stays") if missing == 1 else ("depend", "stay")
         said.append(
-            f"{missing} of {len(values.rows)} measurements {depend} on such places and {stay} "
-            "empty."
+            f"{missing} of {len(values.rows)} measurements {depend} on parts that cannot be "
+            f"trusted and {stay} empty."
         )
     if np.isfinite(subject.median_distance):
         said.append(
-            f"The scan is {readable_gap(subject.median_distance, units)} from the body in the "
-            "median and "
-            f"shows {100 * subject.matched_share:.0f} % of the body's surface."
+            "The median distance of the scan from the body is "
+            f"{readable_gap(subject.median_distance, units)}; the scan shows "
+            f"{100 * subject.matched_share:.0f} % of the body's surface."
         )
     return " ".join(said)
 
@@ -274,10 +274,11 @@ def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
         )
     if values.average is None:
         unit = _unit("m", units)
-        one = {"woman": "an adult woman", "man": "an adult man"}.get(subject.sex, "an adult")
+        adults = {"woman": "adult women", "man": "adult men"}.get(subject.sex, "adults")
         return (
             "There are no percentiles and no average for comparison: both are for adults, and a "
-            f"stature of {_value(stature.value, unit)} {unit.name} is not that of {one}."
+            f"stature of {_value(stature.value, unit)} {unit.name} is outside the range of "
+            f"{adults}."
         )
     return (
         f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; for the "

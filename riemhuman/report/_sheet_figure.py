@@ -211,7 +211,7 @@ def _second_side(content: Content) -> _Side:
         height = side.drawing(content.silhouette, _LEFT, y + 3.0, _COLUMN, size)
         at = y + height + 7.0
         for number, (words, color) in enumerate(
-            (("beyond the average", _LARGER), ("within it", _SMALLER))
+            (("outside the average", _LARGER), ("inside it", _SMALLER))
         ):
             side.axes.plot(
                 [_LEFT + 1.0 + 34.0 * number], [at - 0.8], "s", color=color, markersize=5
@@ -250,7 +250,7 @@ def _posture(side: _Side, x: float, y: float, rows: Sequence[PostureText]) -> fl
         side.text(x + 54.0, y, row.value, size=8.4, color=_INK, weight="bold", align="right")
         side.text(x + 57.0, y, row.what, size=8.0)
         side.rule(y + 1.5, x, x + _COLUMN)
-    note = "Angles between landmarks. They describe one moment and are not a diagnosis."
+    note = "Angles between landmarks, at one moment. They are not a diagnosis."
     return side.paragraph(x, y + 5.0, note, _COLUMN, size=7.0)
 
 

@@ -155,7 +155,7 @@ def _warn_of_missing_labels(table: Path, subjects: Sequence[SheetSubject], n_kno
         return
     names = f"{n_known or 'none'} of the {len(subjects)} bodies"
     warn(
-        f"{table} names {names}; what it does not name is compared with adults of both sexes",
+        f"{table} names {names}; the others are compared with adults of both sexes",
         UserWarning,
     )
 

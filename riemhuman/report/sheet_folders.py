@@ -147,8 +147,8 @@ def _known(
         earlier = found.earlier(number)
         if found.is_without_order(number):
             remark = (
-                "changes since an earlier visit are left out: the labels give this person's bodies "
-                "no different dates, or visits"
+                "changes since an earlier visit are left out: the labels do not give this "
+                "person's bodies different dates or visits"
             )
             remarks = (*values[number].remarks, remark)
             values[number] = replace(values[number], remarks=remarks)
@@ -156,7 +156,7 @@ def _known(
             continue
         before = found.subjects[earlier]
         if len(before.points) != len(subject.points):
-            remark = f"no comparison with {before.name}: it has other triangles"
+            remark = f"no comparison with {before.name}: its triangles differ"
             remarks = (*values[number].remarks, remark)
             values[number] = replace(values[number], remarks=remarks)
             continue

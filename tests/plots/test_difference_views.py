@@ -37,7 +37,7 @@ def test_both_bodies_in_the_standard_pose_with_signed_millimetres(compared):
     assert np.mean(np.sign(first.values[far]) == -np.sign(second.values[far])) > 0.95
     assert first.value_caption == "+ outside of Ben, − inside"
     assert second.value_caption == "+ outside of Ann, − inside"
-    assert "On each body, + is outside of the other" in viewer.description
+    assert "On each body, + means outside the other" in viewer.description
     np.testing.assert_array_equal(same.values, dense.values)
     assert not dense.signed
     assert dense.values.min() >= 0
@@ -75,7 +75,7 @@ def test_what_was_not_seen_is_grey(compared):
     unseen[:100] = np.nan
     some = replace(compared, displacements=unseen)
     viewer = view_difference(some, measurements=MEASUREMENTS)
-    assert "8 % was not seen in both scans and is grey" in viewer.description
+    assert "The grey 8 % was not seen in both scans" in viewer.description
     colors = rh.plots.figures.value_colors(1000.0 * unseen, 50.0, signed=True)
     assert np.ptp(colors[:100], axis=0).max() == 0
     assert np.ptp(colors[0]) < 0.1

@@ -85,7 +85,7 @@ def test_a_scan_is_seen_through_and_cut(browser, over, tmp_path):
     browser.actions().move_to_element(browser.find("canvas")).perform()
     said = browser.run("return document.querySelector('[data-part=hint]').textContent")
     assert "mm" in said
-    assert "side of the body" in said
+    assert "side the body" in said
     browser.run(SET, "body", 100)
     assert browser.run(f"return {panel}.body.mesh.material.transparent") is False
     assert browser.run("return document.querySelector('[data-scan=placing]').hidden")

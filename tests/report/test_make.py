@@ -125,9 +125,7 @@ def test_the_page_can_be_heard_and_driven_by_keys(page):
 def test_sentences_follow_from_the_numbers(folder):
     text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
     assert "No representation scores higher than the shape metric (1, 0.0001, 0)." in text
-    assert (
-        "Chance alone would put 25.0 % into the first tier, more than the 0.0 % of the pose" in text
-    )
+    assert "Chance alone would reach a first tier of 25.0 %, more than the 0.0 % of the" in text
     assert "The best are people with a = 1, λ = 0.0001, c = 0" in text
 
 
@@ -211,9 +209,9 @@ def test_paths_are_compared_fairly(folder, table, start):
 
 def test_the_page_says_how_paths_are_found(folder):
     text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
-    assert "Each search adds 10 deformations, given to its start, with 7 surfaces in a path" in text
+    assert "Each search varies its start by 10 given deformations, has 7 surfaces per path" in text
     assert "another step would gain at most 0.01 % of the energy" in text
-    assert "all searches start from one path, on which every triangle rotates" in text
+    assert "all searches start from the same path, which rotates every triangle" in text
 
 
 def test_the_mean_has_least_of_what_is_minimised(folder):
@@ -359,7 +357,7 @@ def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     assert {"retrieval", "maps", "sweep"}.isdisjoint(a.get("id") for _, a in page.elements)
     assert not list((tmp_path / "r" / "tables").glob("retrieval-*.csv"))
     assert not list((tmp_path / "r" / "figures").glob("confusion-*"))
-    assert "needs two people, or two poses, with two bodies each" in text
+    assert "needs at least two people, or two poses, with two bodies each" in text
     assert not (tmp_path / "r" / "figures" / "geodesic-shape-change.svg").exists()
     found = json.loads((tmp_path / "r" / "provenance.json").read_text(encoding="utf-8"))
     assert "mesh harmonics" in found["basis"]

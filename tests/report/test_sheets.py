@@ -115,8 +115,8 @@ def test_a_child_has_no_percentiles_of_adults(bodies):
     stature = sheet.measurements[0].value
     assert 1.0 < stature < 1.3
     assert all(np.isnan(row.percentile) for row in sheet.measurements)
-    assert f"a stature of {100 * stature:.1f} cm is not that of an adult woman" in sheet.html
-    for words in ("pctl.", "how many of 100", "Against the average", "percentile</th>"):
+    assert f"a stature of {100 * stature:.1f} cm is outside the range of adult women" in sheet.html
+    for words in ("pctl.", "how many of 100", "Compared with the average", "percentile</th>"):
         assert words not in sheet.html
         assert words in rh.report.sheet(unknown, sex="woman").html
     assert f"a stature of {stature / 0.0254:.1f} in" in rh.report.sheet(child, units="in").html
@@ -148,7 +148,7 @@ def test_the_share_that_a_scan_shows_is_one_of_the_surface(record, bodies):
 
 
 def test_inches_and_pounds(bodies, record):
-    assert "0.083 in from the body" in rh.report.sheet(record, units="in").html
+    assert "from the body is 0.083 in;" in rh.report.sheet(record, units="in").html
     sheet = rh.report.sheet(bodies[0], units="in")
     stature = sheet.measurements[0].value
     assert f"{stature / 0.0254:.1f}" in sheet.html
@@ -164,7 +164,7 @@ def test_a_scan_that_shows_only_part_of_a_body(record):
     assert {"stature", "foot length", "inside leg height"} <= missing
     assert "chest girth" not in missing
     assert "The feet were not seen" in sheet.html
-    assert f"{len(missing)} of 85 measurements depend on such places" in sheet.html
+    assert f"{len(missing)} of 85 measurements depend on parts that cannot be trusted" in sheet.html
     assert "2.1 mm" in sheet.html
     assert "The scan" in sheet.html
     # No foot, no angle of it; no stature, no percentile.

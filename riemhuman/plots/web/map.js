@@ -1,4 +1,4 @@
-// A map beside a body: the pointer on a point shows the body of that point.
+// A map beside a body: pointing at a dot shows its body.
 // Part of one script with the other viewer files.
 "use strict";
 
@@ -13,7 +13,7 @@ class BodyMap extends Panel {
     });
   }
 
-  // The bodies are the frames of one path, which is not played.
+  // The bodies are frames of a path that is never played.
   choose() {
     this.viewer.find("running").hidden = true;
     this.viewer.pause();

@@ -76,7 +76,7 @@ class MeasurementList extends Panel {
     this.list.querySelector("[data-measure=find]").addEventListener("input", (event) => this.find(event.target.value));
   }
 
-  // Rows whose names hold what was written, in groups that are open while something is sought.
+  // Show the rows whose names contain the text; groups with matches open during a search.
   find(text) {
     const sought = text.trim().toLowerCase();
     this.groups.forEach((group, index) => {
@@ -97,7 +97,7 @@ class MeasurementList extends Panel {
     this.showLines();
   }
 
-  // Thin lines of all measurements on a body, and a thick one, made once.
+  // Thin lines of all measurements on a body and a thick one, built once.
   drawnOn(body, index) {
     if (body.measurementLines) return body.measurementLines;
     const local = this.lines[index].map((lines) => lines.map(
@@ -109,7 +109,7 @@ class MeasurementList extends Panel {
       body.mesh.add(mesh);
       return mesh;
     });
-    // The thick one is seen through the body, too, as a shade.
+    // The thick line also shows faintly through the body.
     const thick = [1, 0.35].map((opacity) => {
       const material = new THREE.MeshStandardMaterial({
         color: LIT_COLOR, roughness: 0.9, transparent: opacity < 1, opacity, depthTest: opacity === 1,
@@ -133,7 +133,7 @@ class MeasurementList extends Panel {
     return this.rows.find((row) => Number(row.dataset.row) === number);
   }
 
-  // The lines of the groups that are open.
+  // Show the lines of the open groups.
   showLines() {
     if (!this.drawn) return;
     this.drawn.forEach(({ meshes }) => meshes.forEach((mesh, number) => { mesh.visible = this.shown(number); }));
@@ -171,7 +171,7 @@ class MeasurementList extends Panel {
     this.light(null);
   }
 
-  // The number of the measurement whose line is at a place of the stage, in front of the body.
+  // The number of the measurement whose line is at this place of the stage, unless the body hides it.
   nearest(place, found) {
     const { camera, stage } = this.viewer;
     const point = new THREE.Vector3();

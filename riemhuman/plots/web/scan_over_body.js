@@ -1,4 +1,4 @@
-// A scan over its body: how opaque both are, a plane that cuts them, and what is not seen.
+// A scan over its body: the opacity of both, a cutting plane, and what the scan does not show.
 // Part of one script with the other viewer files.
 "use strict";
 
@@ -7,7 +7,7 @@ const EDGE = { body: "#1d2024", scan: "#c2185b" }; // where the plane cuts
 // The side that is cut away, in the axes of the body.
 const CUTS = { front: [0, 0, 1], left: [1, 0, 0], above: [0, 1, 0] };
 
-// Add to a material of three.js: a plane that cuts, hatching, and discs in place of squares.
+// Add to a three.js material a cutting plane, hatching, and discs instead of squares.
 function addCutAndHatch(material, uniforms) {
   const before = material.onBeforeCompile;
   material.onBeforeCompile = (shader, renderer) => {
@@ -47,7 +47,7 @@ if (beforeCut < 2.0 * fwidth(beforeCut)) diffuseColor = vec4(edgeColor, 1.0);`);
   material.customProgramCacheKey = () => "cut and hatch";
 }
 
-// Squares at points, across normals, of which the shader leaves discs.
+// Squares at points, perpendicular to their normals; the shader cuts them to discs.
 function discsAt(points, normals, radius) {
   const count = points.length / 3;
   const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
@@ -117,7 +117,7 @@ class ScanOverBody extends Panel {
     };
   }
 
-  // The scan moves with the body, of which positions are about its middle.
+  // The scan moves with the body, whose positions are relative to its middle.
   addTo(body) {
     const points = this.points.map((value, i) => value - body.centre[i % 3]);
     const discs = this.faces ? null : discsAt(points, this.normals, this.data.disc);
@@ -149,7 +149,7 @@ class ScanOverBody extends Panel {
     addCutAndHatch(body.mesh.material, this.uniformsOfBody);
   }
 
-  // Show what the controls say.
+  // Apply the settings of the controls.
   apply() {
     const { inputs, body } = this;
     this.setOpacity(body.mesh.material, inputs.body);
@@ -204,7 +204,7 @@ class ScanOverBody extends Panel {
     colors.needsUpdate = true;
   }
 
-  // Draw the points that are not of the body as well, or leave them out.
+  // Draw or hide the points that do not belong to the body.
   show(withBackground) {
     if (this.showsBackground === withBackground) return;
     this.showsBackground = withBackground;
@@ -226,9 +226,9 @@ class ScanOverBody extends Panel {
     const isOpaque = Number(this.inputs.body.value) > 99;
     if (onScan && !(isOpaque && onBody && onBody.distance < onScan.distance)) {
       const point = Math.floor(onScan.face.a / this.perPoint);
-      if (this.background[point]) return "Floor, hair or stray";
+      if (this.background[point]) return "Floor, hair or stray point";
       const distance = this.distances[point];
-      const where = distance < 0 ? "inside of" : "outside of";
+      const where = distance < 0 ? "inside" : "outside";
       const part = said.replace(/^Body: /, "");
       return `${Math.abs(distance).toFixed(1)} mm ${where} the body${part && found ? ` (${part})` : ""}`;
     }

@@ -8,9 +8,9 @@ const ROOM = { above: 0.03, ground: 0.09, names: 0.15 }; // shares of the talles
 const LABEL_GAP = 0.045; // of names below the feet
 const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
 
-const STILL = 150; // milliseconds without a change, after which a processor draws finely
+const STILL = 150; // milliseconds without a change before a processor draws at full quality
 
-// Whether there is no graphics card: smooth outlines then take longer than all the rest.
+// Whether there is no graphics card: smooth outlines would then take longer than everything else.
 function drawsOnProcessor() {
   const context = document.createElement("canvas").getContext("webgl2");
   if (!context) return false;
@@ -66,7 +66,7 @@ class Viewer {
     this.element.dataset.ready = "true";
   }
 
-  // Set up what draws the bodies, and tell whether the browser can.
+  // Set up the renderer; return whether the browser supports it.
   light() {
     this.slow = drawsOnProcessor();
     try {
@@ -88,7 +88,7 @@ class Viewer {
     return true;
   }
 
-  // Pictures in place of bodies that turn; what is shown can still be chosen.
+  // Show pictures instead of bodies that turn; the choices still work.
   beStill() {
     this.pause();
     delete this.element.dataset.ready;
@@ -127,7 +127,7 @@ class Viewer {
     const moving = bodies.some((body) => body.nFrames > 1);
     this.find("running").hidden = !moving;
     if (!moving) this.pause();
-    // The arrow keys then go from frame to frame.
+    // Makes the arrow keys step from frame to frame.
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.sliders.choose(bodies);
     this.bars.choose(bodies);
@@ -140,7 +140,7 @@ class Viewer {
     this.resize();
   }
 
-  // The name of a body and, where it is coloured by values, what the colours mean.
+  // The name of a body and, if it is coloured by values, their scale.
   label(body) {
     const label = document.createElement("div");
     label.className = "label";
@@ -150,7 +150,7 @@ class Viewer {
       parent.append(part);
       return part;
     };
-    // Names of files break at underscores before they break anywhere.
+    // Let names of files break at underscores first.
     if (body.label) write(label, "span", body.label.replaceAll("_", "_\u200b"));
     if (body.values) this.bars.write(body, label);
     return label;
@@ -163,7 +163,7 @@ class Viewer {
     this.sayTime(slider);
     this.element.dataset.time = this.time.toFixed(3);
     const last = this.lastFrame();
-    // Recordings keep their pace: the shorter one waits in its last frame.
+    // Recordings keep their speed: the shorter one waits in its last frame.
     const shareOf = (body, share) =>
       this.isRecorded() ? Math.min(1, (share * last) / Math.max(body.nTimes - 1, 1)) : share;
     this.bodies().forEach((body) => body.show(shareOf(body, this.time)));
@@ -172,7 +172,7 @@ class Viewer {
     this.draw();
   }
 
-  // Whether time is that of a recording, in seconds, rather than a share of a path.
+  // Whether time is in seconds of a recording rather than a share of a path.
   isRecorded() {
     return Boolean(this.data.frames_per_second);
   }
@@ -242,7 +242,7 @@ class Viewer {
     this.draw();
   }
 
-  // Metres a pixel, where the bodies stand.
+  // Metres per pixel at the distance of the bodies.
   metresPerPixel() {
     const half = Math.tan((this.camera.fov * Math.PI) / 360);
     return (2 * half * this.distance) / this.zoom / this.stage.clientHeight;
@@ -254,7 +254,7 @@ class Viewer {
     this.draw();
   }
 
-  // Zoom, so that what is at a place of the stage stays there.
+  // Zoom around a fixed place of the stage.
   magnify(factor, place = this.middle()) {
     const right = place.x - this.stage.clientWidth / 2;
     const below = place.y - this.stage.clientHeight / 2;
@@ -291,7 +291,7 @@ class Viewer {
     return { body, face: found.faceIndex, vertex };
   }
 
-  // Say what the pointer is on.
+  // Show what the pointer is on.
   point(place) {
     const found = this.hit(place);
     const hint = this.find("hint");
@@ -315,7 +315,7 @@ class Viewer {
     return `${Math.max(0, Math.min(start, whole - length - 1))}px`;
   }
 
-  // Bring a point of a body to the middle, close, and turn all bodies about it; reset beside them.
+  // Centre the view on a point of a body and turn all bodies about it; beside the bodies, reset.
   frame(place) {
     const found = this.hit(place);
     if (!found) {
@@ -354,14 +354,14 @@ class Viewer {
     this.draw();
   }
 
-  // As many columns as let the bodies appear largest. In a single row each has its own width.
+  // Choose the number of columns that shows the bodies largest. In a single row, widths differ.
   arrange(aspect) {
     const bodies = this.bodies();
     const widths = bodies.map((body) => 2 * body.radius);
     const widest = Math.max(...widths);
     const inOneRow = widths.reduce((sum, width) => sum + width, 0);
     const tallest = Math.max(...bodies.map((body) => body.height));
-    // Below the feet there is room for the ground and for names.
+    // Leave room below the feet for the ground and for names.
     const room = bodies.some((body) => body.label || body.values) ? ROOM.names : ROOM.ground;
     const tall = (1 + ROOM.above + room) * tallest;
     let best = { extent: Infinity };
@@ -382,7 +382,7 @@ class Viewer {
         ? left + body.wide / 2
         : ((index % best.columns) - (inRow - 1) / 2) * widest;
       left += body.wide;
-      // All stand on one floor.
+      // All bodies stand on one floor.
       const floor = ((best.rows - 1) / 2 - row - 0.5) * tall + room * tallest;
       body.holder.position.set(across, floor + body.height / 2, 0);
       body.floor = floor - LABEL_GAP * tallest;
@@ -406,17 +406,17 @@ class Viewer {
       panX: this.panX.toFixed(4), panY: this.panY.toFixed(4), // metres
       scale: (1 / this.metresPerPixel()).toFixed(2), // pixels a metre
     });
-    // While the whole is seen, a finger that goes up or down scrolls the page.
+    // Unless zoomed in, a finger that moves up or down scrolls the page.
     this.canvas.style.touchAction = this.zoom > 1.01 ? "none" : "pan-y";
   }
 
-  // Pixels drawn for one of the screen, in each direction.
+  // Pixels drawn per screen pixel, in each direction.
   fineness(times) {
     const ratio = times * Math.min(window.devicePixelRatio || 1, 2);
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
   }
 
-  // A processor draws outlines smooth only when nothing moves.
+  // Without a graphics card, outlines are smooth only while nothing moves.
   render() {
     if (this.slow) {
       clearTimeout(this.waiting);
@@ -431,7 +431,7 @@ class Viewer {
     this.element.dataset.fine = String(!this.slow);
   }
 
-  // Below each body that is seen, and always within the stage.
+  // Place labels below the visible bodies, within the stage.
   placeLabels() {
     const { clientWidth, clientHeight } = this.stage;
     const scale = 1 / this.metresPerPixel();
@@ -450,7 +450,7 @@ class Viewer {
   }
 }
 
-// Started when near the window, so that the page is there at once.
+// Viewers start when they come near the window, so that the page appears at once.
 const observer = new IntersectionObserver(
   (entries) => {
     entries.filter((entry) => entry.isIntersecting).forEach((entry) => {

@@ -1,14 +1,14 @@
 // One body of a viewer. Part of one script with viewer_gestures.js and viewer.js.
 "use strict";
 
-// Bytes of compressed data.
+// Inflate compressed bytes.
 async function inflate(text) {
   const packed = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// Rows of whole numbers from differences of rows, whose bytes of one significance stand together.
+// Decode rows of integers, stored as differences of rows with bytes grouped by significance.
 async function unpack(text, Kind, width) {
   const planes = await inflate(text);
   const numbers = new Kind(planes.length / Kind.BYTES_PER_ELEMENT);
@@ -22,11 +22,11 @@ async function unpack(text, Kind, width) {
   return numbers;
 }
 
-// Part of the light that a channel of a colour means.
+// Linear light of a colour channel.
 const linear = (value) =>
   value > 10 ? Math.pow((value / 255 + 0.055) / 1.055, 2.4) : value / 255 / 12.92;
 
-// Unit normals of vertices: means of those of their triangles, weighted by area.
+// Unit normals of vertices: area-weighted means of the normals of their triangles.
 function smoothNormals(positions, faces, normals) {
   normals.fill(0);
   for (let i = 0; i < faces.length; i += 3) {
@@ -83,7 +83,7 @@ class Body {
     this.components = components;
     this.lift = 0; // so that a body that components change stands on the ground
     this.values = values;
-    // Otherwise each triangle has a value.
+    // Otherwise, there is one value per triangle.
     this.hasVertexValues = Boolean(values) && values.length !== faces.length / 3;
     this.largest = data.largest;
     this.signed = Boolean(data.signed);
@@ -103,7 +103,7 @@ class Body {
     } else {
       material.color = new THREE.Color(data.color);
       if (shade) {
-        // Folds are darker; values keep the colours of their scale.
+        // Darken folds, but never colours that show values.
         const shares = Float32Array.from(this.positions, (_, i) => shade[Math.floor(i / 3)] / 255);
         this.geometry.setAttribute("color", new THREE.BufferAttribute(shares, 3));
         material.vertexColors = true;
@@ -123,16 +123,16 @@ class Body {
     this.show(0);
   }
 
-  // The upright cylinder around the body at all times: its axis is what it turns about at first.
+  // The upright cylinder around the body at all times; the body first turns about its axis.
   measure() {
     const reach = reachOf(this.components, this.positions.length);
     Object.assign(this, this.frames.measure(reach));
-    // Of all times, so that it need not be computed for each.
+    // Covers all times, so that it is computed only once.
     this.geometry.computeBoundingSphere();
     this.geometry.boundingSphere.radius = Math.hypot(this.radius, this.height / 2);
   }
 
-  // The frame, or a place between two, at a share of the duration.
+  // The frame, or a position between two frames, at a share of the duration.
   placeAt(time) {
     if (!this.times) return time * (this.nFrames - 1);
     const { first, next, share } = between(time * (this.times.length - 1), this.times.length);
@@ -154,7 +154,7 @@ class Body {
     this.turnAbout(this.pivot);
   }
 
-  // Keep a vertex where the body turns, at all times; null stands for the axis of the body.
+  // Turn about a vertex at all times; null means the axis of the body.
   turnAbout(vertex) {
     this.pivot = vertex;
     const [x, y, z] = vertex === null ? [0, 0, 0] : this.positions.slice(3 * vertex, 3 * vertex + 3);

@@ -15,7 +15,7 @@ const unpackComponents = (components) => Promise.all((components || []).map(asyn
   score: 0,
 })));
 
-// Add to positions what the scores of all components change.
+// Add the changes by the scores of all components to positions.
 function mix(components, positions) {
   components.forEach(({ linear, quadratic, score }) => {
     if (!score) return;
@@ -25,14 +25,14 @@ function mix(components, positions) {
   });
 }
 
-// How far components move each coordinate: room for three standard deviations in any direction.
+// How far components can move each coordinate, at three standard deviations in any direction.
 function reachOf(components, size) {
   const reach = new Float32Array(size);
   components.forEach(({ linear }) => linear.forEach((value, i) => { reach[i] += value * value; }));
   return reach.map((square) => MOST_DEVIATIONS * Math.sqrt(square));
 }
 
-// A number of the standard normal distribution (Box and Muller), within the sliders.
+// A standard normal number (Box and Muller), limited to the range of the sliders.
 function normalNumber() {
   const radius = Math.sqrt(-2 * Math.log(1 - Math.random()));
   const number = radius * Math.cos(2 * Math.PI * Math.random());
@@ -48,7 +48,7 @@ class Sliders {
     this.inputs.forEach((input) => input.addEventListener("input", () => this.apply()));
   }
 
-  // Sliders are there while the body that they change is.
+  // Show the sliders only with the body that they change.
   choose(bodies) {
     if (this.part) this.part.hidden = !bodies.some((body) => body.components.length);
   }

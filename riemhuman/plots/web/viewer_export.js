@@ -1,4 +1,4 @@
-// What leaves the page: a picture, the surfaces as shown, and a link to what is seen.
+// Exports: a picture, the surfaces as shown, and a link to the current view.
 // Part of one script with the other viewer files.
 "use strict";
 
@@ -15,7 +15,7 @@ function download(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// The name of a file from the title of the view.
+// A file name from the title of the view.
 const fileName = (viewer, ending) =>
   `${viewer.element.getAttribute("aria-label").trim().replace(/[^\p{L}\p{N}_.-]+/gu, "_") || "bodies"}.${ending}`;
 
@@ -38,7 +38,7 @@ async function picture(viewer) {
   return new Promise((done) => { canvas.toBlob(done, "image/png"); });
 }
 
-// Texts and colour bars of the labels, where they stand on the stage.
+// Draw the labels and their colour bars where they are on the stage.
 function writeLabels(viewer, context, box) {
   viewer.find("labels").querySelectorAll(".label").forEach((label) => {
     if (label.style.visibility === "hidden") return;
@@ -117,7 +117,7 @@ function rangeOf(positions) {
   return { min: low, max: high };
 }
 
-// The chunks of a GLB file: text filled up with spaces, then numbers.
+// The chunks of a GLB file: JSON padded with spaces, then numbers.
 function packedFile(document_, parts, length) {
   const bare = new TextEncoder().encode(JSON.stringify(document_));
   const text = new Uint8Array(4 * Math.ceil(bare.length / 4)).fill(0x20);
@@ -130,7 +130,7 @@ function packedFile(document_, parts, length) {
   ], { type: "model/gltf-binary" });
 }
 
-// Where the eye is, what is chosen and when, as the end of an address.
+// Camera, choice and time as the fragment of a URL.
 function viewOf(viewer) {
   const numbers = [viewer.yaw, viewer.pitch, viewer.zoom, viewer.panX, viewer.panY, viewer.time];
   const pivot = viewer.bodies()[0].pivot;
@@ -138,7 +138,7 @@ function viewOf(viewer) {
   return `#${viewer.element.id}=${texts.join(",")}`;
 }
 
-// Restore the view in the address, if it is one of this viewer.
+// Restore the view in the URL if it belongs to this viewer.
 async function restore(viewer) {
   const name = `#${viewer.element.id}=`;
   const { hash } = window.location;
@@ -164,14 +164,14 @@ async function restore(viewer) {
   viewer.seek(time);
 }
 
-// Put the link into the address line and, where the browser allows it, the clipboard.
+// Put the link into the address bar and, if the browser allows it, on the clipboard.
 async function link(viewer, button) {
   window.history.replaceState(null, "", viewOf(viewer));
   const copied = navigator.clipboard
     ? navigator.clipboard.writeText(window.location.href).then(() => true, () => false)
     : Promise.resolve(false);
   const name = button.textContent;
-  button.textContent = (await copied) ? "Link copied" : "Link in the address line";
+  button.textContent = (await copied) ? "Link copied" : "Link in the address bar";
   setTimeout(() => { button.textContent = name; }, 2000);
 }
 

@@ -4,7 +4,7 @@
 
 const EYE_FRAME = 4; // centre and three half axes
 
-// What all bodies of a page share about their eyes; undefined for other meshes.
+// What the eyes of all bodies of a page share; undefined for other meshes.
 async function unpackEyes(data) {
   if (!data) return undefined;
   const [weights, ball, faces, shares] = await Promise.all(
@@ -19,7 +19,7 @@ async function unpackEyes(data) {
   };
 }
 
-// Both eyes of one body, of its material: what cuts the body or lets light through does so here.
+// Both eyes of a body, in its material, so that cuts and opacity apply to them too.
 class Eyes {
   constructor(body, shared) {
     this.body = body;
@@ -43,7 +43,7 @@ class Eyes {
     this.paint();
   }
 
-  // Follow the body, whose positions have changed.
+  // Follow the body after its positions have changed.
   show() {
     const { positions } = this.body;
     this.meshes.forEach(({ geometry, userData: { socket, side } }) => {
@@ -68,7 +68,7 @@ class Eyes {
     });
   }
 
-  // Pupils on a body of one colour; on one that values colour, the mean colour of the socket.
+  // Draw pupils on a plain body; if values colour the body, use the mean colour of the socket.
   paint() {
     const { geometry, values } = this.body;
     this.meshes.forEach((mesh) => {

@@ -23,7 +23,7 @@ const actionsOf = (viewer) => ({
   middle: () => viewer.sliders.set(() => 0),
 });
 
-// The page keeps its wheel until the view has the focus, unless it has nothing to scroll.
+// The wheel scrolls the page until the view has the focus, unless there is nothing to scroll.
 const takesWheel = (viewer, event) =>
   event.ctrlKey
   || document.activeElement === viewer.canvas
@@ -64,7 +64,7 @@ function listenToWheel(viewer) {
   );
 }
 
-// One pointer turns or, with Shift or another button than the first, moves; two pinch and move.
+// One pointer turns, or moves with Shift or another button than the first; two pinch and move.
 function listenToPointers(viewer) {
   const { canvas } = viewer;
   const down = new Map();
@@ -115,7 +115,7 @@ function listenToPointers(viewer) {
     const alone = down.size === 1;
     down.delete(event.pointerId);
     if (event.pointerType !== "touch" || !alone) return;
-    // Fingers have no hover and, in some browsers, no double click.
+    // Touch has no hover and, in some browsers, no double click.
     const now = { at: event.timeStamp, ...viewer.place(event) };
     const near = tap && Math.hypot(now.x - tap.x, now.y - tap.y) < TAP.pixels;
     if (near && now.at - tap.at < TAP.milliseconds) {

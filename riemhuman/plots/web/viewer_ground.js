@@ -1,10 +1,10 @@
-// The ground below one body: a disc with a grid of metres that fades, and the shadow of the body.
+// The ground below one body: a disc with a fading grid, and the shadow of the body.
 // Part of one script with the other viewer files.
 "use strict";
 
 const CELLS = 96; // of the shadow, in each direction
-// Layers of the shadow: where feet touch the ground, and what the body keeps from the sky above.
-// Both heights are shares of the height of the body; blurs are cells to each side.
+// Layers of the shadow: contact of the feet, and the sky that the body hides.
+// Heights are shares of the body's height; blurs are in cells to each side.
 const LAYERS = [
   { height: 0.025, blur: 1, strength: 0.9 },
   { height: 0.3, blur: 7, strength: 0.55 },
@@ -30,7 +30,7 @@ uniform float spacing;
 uniform float darkest;
 varying vec2 place;
 
-// How much of a line of the grid is in this pixel; lines closer than two pixels become grey.
+// How much of this pixel a grid line covers; lines closer than two pixels become grey.
 float line(float spacing) {
   vec2 at = (place + centre) / spacing;
   vec2 wide = fwidth(at);
@@ -51,10 +51,10 @@ void main() {
 
 class Ground {
   constructor(body, faces) {
-    this.floor = -body.height / 2; // positions are about the middle of the body
+    this.floor = -body.height / 2; // positions are relative to the middle of the body
     this.height = body.height;
     this.radius = 1.15 * Math.max(body.radius, 0.3 * body.height);
-    // Each vertex stands for the same share of the surface.
+    // Count each vertex as the same share of the surface.
     this.share = surfaceArea(body.positions, faces) / (body.positions.length / 3);
     this.shadow = new Uint8Array(CELLS * CELLS);
     this.texture = new THREE.DataTexture(
@@ -83,7 +83,7 @@ class Ground {
     this.disc.position.y = this.floor;
   }
 
-  // Lie below the lowest point, and return how far up the body then has to be moved.
+  // Move below the lowest point; return how far the body has to be raised.
   lowerTo(positions) {
     let lowest = Infinity;
     for (let i = 1; i < positions.length; i += 3) lowest = Math.min(lowest, positions[i]);
@@ -92,12 +92,12 @@ class Ground {
     return -this.height / 2 - lowest;
   }
 
-  // Lines and shadow have the ink of the theme.
+  // Draw lines and shadow in the colour of the theme.
   ink() {
     this.uniforms.ink.value.set(DARK.matches ? "#c9d3de" : "#3b4652");
   }
 
-  // Shadow of a surface: how much of it is above each cell, the lower the darker.
+  // The shadow of a surface: how much of it is above each cell, darker where it is lower.
   cast(positions) {
     const light = new Float32Array(CELLS * CELLS).fill(1);
     const cellArea = ((2 * this.radius) / CELLS) ** 2;

@@ -1,4 +1,4 @@
-// Frames of a body: the coordinates of each, or a surface at rest and what its bones do.
+// Frames of a body: the coordinates of each, or a surface at rest and the motion of its bones.
 // Both have nFrames, an extent, and pose(place, positions), which writes the surface at a frame or
 // between two, about the centre. Part of one script with the other viewer files.
 "use strict";
@@ -8,7 +8,7 @@ const QUATERNION_UNIT = 32767;
 const framesOf = (data, nVertices) =>
   data.bones ? BoneFrames.from(data, nVertices) : CoordinateFrames.from(data, nVertices);
 
-// The last frame before a place, and the share of the next one.
+// The last frame before a position, and the weight of the next frame.
 function between(place, nFrames) {
   const first = Math.min(Math.floor(place), Math.max(nFrames - 2, 0));
   return { first, next: Math.min(first + 1, nFrames - 1), share: place - first };
@@ -28,7 +28,7 @@ class CoordinateFrames {
     this.packed = packed;
   }
 
-  // The upright cylinder around all frames; reach is how far each coordinate may move besides.
+  // The upright cylinder around all frames; each coordinate may also move by up to reach.
   measure(reach) {
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
@@ -139,7 +139,7 @@ class BoneFrames {
     }
   }
 
-  // Rotation and shift of each joint in space, row by row, about the centre of the view.
+  // Rotation and translation of each joint in space, row by row, about the centre of the view.
   moveBones({ first, next, share }) {
     const { joints, parents, order, step } = this.bones;
     const n = joints.length;
@@ -177,7 +177,7 @@ class BoneFrames {
     });
   }
 
-  // The matrix of a rotation between those of two frames, whose quaternions have similar signs.
+  // The matrix of a rotation between two frames, whose quaternions have similar signs.
   turn(before, after, share) {
     const q = [0, 1, 2, 3].map((k) =>
       (this.rotations[before + k] * (1 - share) + this.rotations[after + k] * share) / QUATERNION_UNIT);
@@ -191,7 +191,7 @@ class BoneFrames {
   }
 }
 
-// What the pose changes about the surface at rest: few directions, and how far in each frame.
+// Changes of the surface at rest with the pose: a few directions, and their weights in each frame.
 class Correctives {
   static async from({ rank, step, directions, amounts }) {
     const made = new Correctives();

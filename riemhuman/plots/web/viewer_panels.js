@@ -1,10 +1,10 @@
-// What is drawn on bodies, with controls beside them: a class for each kind, by its name.
+// Panels: drawings on bodies, with controls beside them; a class for each kind, by its name.
 // Part of one script with the other viewer files.
 "use strict";
 
 const PANELS = {};
 
-// The panel of a page without one; others extend it.
+// The base class, used by pages without a panel.
 class Panel {
   static async of(viewer) {
     const { panel } = viewer.data;
@@ -21,17 +21,17 @@ class Panel {
 
   async prepare() {}
 
-  // Bodies are shown, in which more can be drawn.
+  // Called when bodies are shown, which can then be drawn on.
   choose() {}
 
-  // Another moment is shown.
+  // Called when another moment is shown.
   seek() {}
 
-  // What to say of a place of the stage, where a body was hit or not.
+  // The text for a place of the stage, whether or not a body was hit.
   describe(place, found, said) {
     return said;
   }
 
-  // The pointer has left the bodies.
+  // Called when the pointer leaves the bodies.
   leave() {}
 }

@@ -1,4 +1,4 @@
-// Onion skins: a moving body at a few moments before and after the one that is shown.
+// Onion skins: a moving body at a few moments before and after the current one.
 // Part of one script with the other viewer files.
 "use strict";
 

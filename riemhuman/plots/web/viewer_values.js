@@ -1,9 +1,9 @@
-// Colours of values: a bar whose ends can be moved, and lines of equal value.
+// Colours of values: a bar with movable ends, and lines of equal value.
 // Part of one script with the other viewer files.
 "use strict";
 
 const NARROWEST = 0.02; // distance of the ends, as a share of the bar
-const N_LINES = 10; // about so many between the ends
+const N_LINES = 10; // approximate number between the ends
 
 const LINE_VERTEX = "#include <begin_vertex>\nreading = value;";
 const LINE_FRAGMENT = `#include <color_fragment>
@@ -27,7 +27,7 @@ function roundStep(number) {
   return power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
 }
 
-// Values of vertices: their own, or the means of those known of their triangles.
+// Values of vertices: given, or means over their triangles with known values.
 function readings(body) {
   if (body.hasVertexValues) return body.values;
   const sums = new Float32Array(body.positions.length / 3);
@@ -42,7 +42,7 @@ function readings(body) {
 }
 
 // The colours of one body's values. The bar goes from 0, or from minus the largest value if
-// values have a sign, to the largest; what is beyond the ends has their colours.
+// values have a sign, to the largest; values beyond an end have its colour.
 class ValueScale {
   constructor(body, colors) {
     this.body = body;
@@ -74,7 +74,7 @@ class ValueScale {
     };
   }
 
-  // Whether another body's values are read by the same bar.
+  // Whether another body's values share this bar.
   isLike(other) {
     return this.signed === other.signed && this.body.valueLabel === other.body.valueLabel
       && this.body.largest === other.body.largest;
@@ -125,7 +125,7 @@ class ValueScale {
   }
 }
 
-// The bars in the labels of bodies, and the switch of the lines.
+// The bars in the labels of bodies, and the checkbox of the lines.
 class ValueBars {
   constructor(viewer) {
     this.viewer = viewer;
@@ -134,11 +134,11 @@ class ValueBars {
     if (this.control) this.control.querySelector("input").addEventListener("change", () => this.tell());
   }
 
-  // Begin anew with the bodies that are shown.
+  // Start again with the bodies that are shown.
   choose(bodies) {
     this.bars = [];
     if (this.control) this.control.hidden = !bodies.some((body) => body.values);
-    // Labels are else said by the names of the choices alone.
+    // Otherwise, the names of the choices label the bodies.
     if (bodies.some((body) => body.values)) this.viewer.find("labels").removeAttribute("aria-hidden");
   }
 
@@ -199,7 +199,7 @@ class ValueBars {
     });
   }
 
-  // Say and draw where the ends are.
+  // Write and draw the ends.
   tell() {
     const on = Boolean(this.control) && this.control.querySelector("input").checked;
     this.bars.forEach(({ scale, bar, numbers, handles }) => {

@@ -32,7 +32,7 @@ class WarpPanel extends Panel {
     return rate ? `${(frame / rate).toFixed(2)} s` : String(Math.round(frame));
   }
 
-  // The time of the view at which the first motion is at a frame.
+  // The time of the view when the first motion is at a frame.
   shareOf(frame) {
     const [body] = this.viewer.bodies();
     if (!body.times) return frame / this.viewer.lastFrame();
