@@ -40,7 +40,7 @@ class TriangleFields(Manifold):
 
     @abstractmethod
     def _are_values(self, values: Array, atol: float) -> Booleans:
-        """Return which triangles have a value of the kind, shape (..., F)."""
+        """Return which triangles have a valid value, shape (..., F)."""
 
     def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         point, finite = self._candidates(point, "point")

@@ -48,7 +48,7 @@ from riemhuman.memory import check_memory, enough_memory
 from riemhuman.provided import default_solvers
 from riemhuman.representation import Unchanging, constructor_text
 
-# Points of more bytes are many, of which the features are foreseen.
+# For points with more bytes than this, the memory of their features is checked first.
 _MANY_BYTES = 2**26
 
 
@@ -565,7 +565,7 @@ class RiemannianMetric(Unchanging):
     def _squared_segments(self, path: Points) -> Array:
         whole_point = (slice(None),) * len(self.space.shape)
         times = slice(None, -1), slice(1, None)
-        # Type checkers know no index of as many axes as the points have.
+        # Type checkers cannot express an index with as many axes as the points have.
         start = path[..., times[0], *whole_point]  # type: ignore[arg-type]
         end = path[..., times[1], *whole_point]  # type: ignore[arg-type]
         if self.has_closed_form_dist:

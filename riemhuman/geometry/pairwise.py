@@ -148,7 +148,7 @@ def table_of_distances(
     bytes_per_point = sum(array.nbytes for array in features_of_one)
     n_at_once = len(rows) if within else len(rows) + len(columns)
     if n_at_once * bytes_per_point > memory:
-        # If the features of all points do not fit, those of as many rows as columns do.
+        # If the features of all points do not fit, use as many rows as columns.
         n_at_once = max(1, memory // (2 * bytes_per_point))
     check_memory(
         8 * len(rows) * len(columns) + n_at_once * bytes_per_point,
@@ -175,7 +175,7 @@ def table_of_distances(
                             result[j, i] = result[i, j].T
                         n = len(squared)
                         bar.update(n * (n - 1) // 2 if a is b else squared.size)
-                # The next features take the memory of these.
+                # The next features reuse this memory.
                 del of_columns, b
             del of_rows, a
     return result

@@ -1,4 +1,4 @@
-"""Metrics made of others: products of manifolds with weighted sums, and pull-backs by maps."""
+"""Metrics made from others: products of manifolds with weighted sums, and pull-backs by maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metrics on aligned surfaces by fields that heat has smoothed: of rotations, and of areas."""
+"""Metrics on aligned surfaces by fields smoothed with heat: rotations and areas."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from riemhuman.kernels.threads import of_one_kind
 from riemhuman.terms._drivers import BulkOfFields, area_ratios
 from riemhuman.terms.normals import RotationTerm
 
-# The skin of an adult, m², by whose area the default times of other templates follow.
+# The area of an adult's skin, m², from which the default times of other templates follow.
 _SKIN = 1.8
-# Deformations whose images are computed together, for the sake of memory.
+# Number of deformations whose images are computed together, which bounds memory.
 _AT_A_TIME = 8
 
 
@@ -151,7 +151,7 @@ class RotationMetric(SmoothedMetric):
                 f_u, f_v = (of_one_kind(part) for part in self.space.partial_derivatives(f))
                 if surface.fill_rotations(f_u, f_v, self._axes, rotations):
                     fill_quaternions(of_one_kind(self._diffused(rotations)), quaternions)
-                else:  # the definition says which triangle has no area
+                else:  # the definition names the triangle without area
                     fill_quaternions(of_one_kind(self.rotations(f)), quaternions)
             return (components,)
 

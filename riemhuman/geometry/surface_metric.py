@@ -110,7 +110,7 @@ def _pull_back(answer: Array, path: Points, metric: MetricOfTerms) -> Callable[[
     """Return the transposed derivative; that of the slopes comes from the definition."""
 
     def pull_back(upstream: Array) -> Points:
-        # The answer is traced too where higher derivatives are asked for.
+        # The result is traced too, for higher derivatives.
         pulled: Points = upstream[0] * np.reshape(answer[1:], np.shape(path))
         direction = upstream[1:]
         if onp.any(values_of(direction)):
@@ -413,7 +413,7 @@ class GeneralElasticMetric(SurfaceMetric):
         self.a = metric_weight(a, "a")
         self.b = metric_weight(b, "b", strict=True)
         self.c = metric_weight(c, "c")
-        # Without normals there is a space of fields of its own, see `MetricFields`.
+        # Without normals, fields have their own space, see `MetricFields`.
         ebin = self.a > 0 and self.c == 0
         term = EbinTerm(self.a, self.b / self.a) if ebin else ConeTerm(1.0, a, b, c)
         super().__init__(space, [term], **solvers)

@@ -58,7 +58,7 @@ Funnel = tuple[ndarray, ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Vertices, triangles and adjacency of a template, and what is computed once of them."""
+    """Vertices, triangles and adjacency of a template, and what is computed from them once."""
 
     vertices: ndarray
     faces: ndarray
@@ -197,7 +197,7 @@ def _straighten(
         if _unfold(f, mesh, ends, trial, size, few[1]):
             count = _funnel(trial, size, few)
             moved = _cross_edges(trial, size, count)
-            # The strip changes only if that gains more than rounding.
+            # Change the strip only if that gains more than rounding.
             if moved < length * (1.0 - _GAIN):
                 which, trial, best = 1 - which, best, trial
                 length, best_size, number, n_bends = moved, size, 0, count
@@ -305,7 +305,7 @@ def _funnel(path: Path, size: int, few: Funnel) -> int:
     """Find the bends of the shortest path, with its end, and their sides; return how many."""
     (_, _, bends, sides, _), (limits, views) = path, few
     count, apex, place, k = 0, 0, sides[0, 0], 1
-    # What limits the view from the last bend, to the right and to the left.
+    # The limits of the view from the last bend, to the right and to the left.
     limits[0], limits[1], views[0], views[1] = apex, apex, place, place
     while k <= size:
         for near in range(2):

@@ -26,7 +26,7 @@ _LEAST_GAIN = 1e-4
 # A step is accepted if it gains this share of the prediction.
 _ACCEPTED = 0.1
 _MOST_GRADIENTS = 20
-# Weights of gradients are found to this precision, and change at most so often a gradient.
+# Weights of gradients have this precision, and change at most this often per gradient.
 _EXACT = 1e-12
 _MOST_CHANGES = 10
 
@@ -66,7 +66,7 @@ def least_squares_with_kinks(
 
 
 def _quadratic(values: ndarray, rows: ndarray) -> tuple[float, ndarray, ndarray]:
-    """Return half the sum of squares, its gradient, and the matrix of Gauss and Newton."""
+    """Return half the sum of squares, its gradient, and the Gauss–Newton matrix."""
     return 0.5 * float(values @ values), rows.T @ values, rows.T @ rows
 
 
@@ -77,7 +77,7 @@ def _step(
     matrix: ndarray,
     root: ndarray,
 ) -> tuple[ndarray, float]:
-    """Return the step that the bundle predicts to be the best, and its gain."""
+    """Return the best step that the bundle predicts, and its gain."""
     points, costs, gradients = (np.array(column) for column in zip(*bundle, strict=True))
     away = z - points
     bent = away @ matrix
@@ -122,7 +122,7 @@ def _best_free(products: ndarray, errors: ndarray, free: ndarray) -> tuple[ndarr
     n_free = int(free.sum())
     scale = float(np.abs(products[free][:, free]).max()) or 1.0
     system = np.zeros((n_free + 1, n_free + 1))
-    # Gradients may depend on each other linearly, and have a best sum all the same.
+    # Gradients may be linearly dependent and still have a best sum.
     system[:-1, :-1] = products[np.ix_(free, free)] / scale + _EXACT * np.eye(n_free)
     system[-1, :-1] = system[:-1, -1] = 1.0
     solution = np.linalg.solve(system, np.append(-errors[free] / scale, 1.0))

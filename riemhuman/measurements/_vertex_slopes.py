@@ -40,7 +40,7 @@ class VertexSlopes:
         return total
 
     def of_one_body(self) -> tuple[ndarray, ndarray, ndarray | None]:
-        """Return numbers of vertices with their derivatives, which add up to those of all."""
+        """Return vertex numbers with their derivatives, which add up to the total."""
         vertices, slopes = [np.empty(0, np.int64)], [np.empty((0, 3))]
         for _, numbers, terms in self._terms:
             vertices.append(numbers.ravel())
@@ -54,7 +54,7 @@ Pull = Callable[[ndarray, VertexSlopes], None]
 
 
 def fixed(upstream: ndarray, slopes: VertexSlopes) -> None:
-    """Add nothing: what does not depend on the vertices."""
+    """Add nothing, for values that do not depend on the vertices."""
 
 
 def slopes_along(measurements: Sequence[VertexSlopes], directions: ndarray) -> ndarray:

@@ -52,9 +52,9 @@ from riemhuman.memory import enough_memory
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 SEXES = ("woman", "man")
-# Degrees of freedom, which flag the expected share of the people of ANSUR II, and that share.
+# Degrees of freedom with which the expected share of ANSUR II is flagged, and that share.
 _DEGREES, _SHARE = 12.0, 0.005
-# Share of adults below which a remark says that values that agree are those of nobody.
+# Share of adults below which a remark says that hardly anyone has such values.
 _RARE = 0.001
 # Standard deviation with which a value is measured, relative to it.
 _ERROR = 0.005
@@ -69,9 +69,9 @@ _OF_PREDICTED = 0.3
 # 0.55 m tall, to the tallest, and to the heaviest; other values are in other units.
 _SHARES = {"m": (0.33, 2.0), "m²": (0.1, 4.0), "m³": (0.03, 10.0), "kg": (0.03, 10.0)}
 _SHARES_AROUND = (0.25, 3.0)  # of girths, breadths and depths, which grow with weight
-# The tallest person was 2.72 m tall, and nobody's arm span was longer than 2.9 m.
+# The tallest person was 2.72 m tall, and no arm span was longer than 2.9 m.
 _LARGEST_LENGTH = 2.9
-# Given values that the body misses by more standard deviations than this are named.
+# Messages name given values that the body misses by more standard deviations than this.
 _MOST_MISSED = 3.0
 _WAIST, _OMPHALION = "waist girth", "waist girth (omphalion)"
 _MOST_HALVINGS = 12
@@ -312,7 +312,7 @@ def _checked_values(
 
 
 def _check_value(name: str, value: float, usual: float, unit: str) -> None:
-    """Raise an error that suspects a unit if nobody has a value, given the mean woman's."""
+    """Raise an error that suspects the unit if no person has a value, given the mean woman's."""
     if _is_human(name, value, usual, unit):
         return
     units = []
@@ -328,7 +328,7 @@ def _check_value(name: str, value: float, usual: float, unit: str) -> None:
 
 
 def _is_human(name: str, value: float, usual: float, unit: str) -> bool:
-    """Return whether a person may have a value, given the mean woman's."""
+    """Return whether a person can have a value, given the mean woman's."""
     is_around = any(word in name for word in ("girth", "breadth", "depth", "clearance"))
     low, high = _SHARES_AROUND if unit == "m" and is_around else _SHARES[unit]
     return low * usual < value < high * usual and not (unit == "m" and value >= _LARGEST_LENGTH)
@@ -343,7 +343,7 @@ class Prediction:
     sexes: dict[str, float]
     scores: dict[str, float]  # t-values of the given values
     contradictory: tuple[str, ...]
-    # The two values that fit each other least, with the first one's value that would fit.
+    # The two values that fit each other least, and a value of the first that would fit.
     pair: tuple[str, str, float] | None
     rarity: float  # share of adults as far from the mean
 
@@ -399,7 +399,7 @@ def predict(
 
 def _log_density(deviations: ndarray, scale: ndarray) -> float:
     """Return the logarithm of the density of Student's distribution in several dimensions."""
-    # As `scipy.stats.multivariate_t`, whose package takes half a second to import.
+    # Like `scipy.stats.multivariate_t`, whose package takes half a second to import.
     n, root = len(deviations), np.linalg.cholesky(scale)
     within = float(np.sum(solve_triangular(root, deviations, lower=True) ** 2))
     constant = gammaln(0.5 * (_DEGREES + n)) - gammaln(0.5 * _DEGREES)
@@ -511,7 +511,7 @@ def _nearest_betas(
     max_iter: int,
     start: ndarray | None = None,
 ) -> _Search:
-    """Search for the shape coefficients whose measurements are nearest to goals, and their body."""
+    """Find the shape coefficients whose measurements are nearest to the goals, and their body."""
     from scipy.optimize import least_squares  # takes long to import
 
     model, pose = measurements.definitions.model, measurements.definitions.standard_pose_vector

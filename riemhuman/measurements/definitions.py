@@ -33,7 +33,7 @@ from riemhuman.measurements._sections import (
 from riemhuman.measurements._vertex_slopes import VertexSlopes, fixed
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 
-# Density of a body in kg/m³: that of water, from which the body's differs by a few per cent.
+# Density of a body in kg/m³: that of water; a body's differs by a few per cent.
 DENSITY = 1000.0
 
 Parts = tuple[str, ...]
@@ -47,7 +47,7 @@ _CLASSES: dict[str, dict[str, type[Measurement]]] = {}
 
 
 def _add_kind(cls: type[Measurement]) -> None:
-    """Let files name a class; one that is defined again in its module takes the place of itself."""
+    """Let files name a class; a class defined again in its module replaces the earlier one."""
     classes = _CLASSES.setdefault(cls.kind, {})
     if __name__ in classes and cls.__module__ != __name__:
         raise ArgumentError(
@@ -107,7 +107,7 @@ class Measurement:
     def __init_subclass__(cls, **settings: object) -> None:
         super().__init_subclass__(**settings)
         if "value" in vars(cls):
-            # Of a value of one's own, autograd finds the derivatives.
+            # For user-defined values, autograd computes the derivatives.
             cls._is_traced = "_slopes" not in vars(cls)
         if "kind" not in vars(cls):
             cls.kind = cls.__name__
@@ -213,7 +213,7 @@ def _checked_axis(axis: str | Sequence[Place], name: str) -> Axis:
 
 
 def _places_of(axis: Axis | None) -> Places:
-    """Return the places that an axis refers to, none if it is an axis of the body."""
+    """Return the landmarks that an axis refers to; none if it is an axis of the body."""
     return axis if isinstance(axis, tuple) else ()
 
 

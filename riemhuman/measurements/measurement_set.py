@@ -107,7 +107,7 @@ class MeasurementSet:
                 f"vertices of shape {vertices.shape} and weights with sum {weights.sum():g}"
             )
         _check_numbers(f"landmark {name!r} is at vertex", vertices, self.n_vertices)
-        # Dividing by a sum of one would change the last digits at every reading of a file.
+        # Dividing by a sum of one would change the last digits each time a file is read.
         total = float(weights.sum())
         return vertices, weights / total if abs(total - 1.0) > 1e-12 else weights
 
@@ -180,7 +180,7 @@ class MeasurementSet:
     @cached_property
     def mesh(self) -> Mesh:
         """Vertices, triangles and their neighbours."""
-        # Copied, because loops are compiled once more for arrays that are read-only.
+        # Copied, because loops would be compiled again for read-only arrays.
         return Mesh(self.vertices, self.faces.copy(), neighbours_of(self.faces))
 
     @cached_property
@@ -233,7 +233,7 @@ class MeasurementSet:
             for entry in measurements
         ]
         changed = replace(self, measurements=chosen)
-        # What has been prepared of the surface, such as strips of paths, is the same.
+        # Data prepared for the surface, such as strips of paths, stay the same.
         vars(changed)["mesh"] = self.mesh
         return changed
 

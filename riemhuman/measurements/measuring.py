@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 _POSES = ("as is", "standard")
 _FEWER = "measure fewer at a time"
 _AXES = ("body", "space")
-# Vertices of the bodies that are measured together: their temporary arrays stay in the cache.
+# Vertices of the bodies measured together, so that temporary arrays stay in the cache.
 _VERTICES = 20_000
-# Number of bodies from which threads are faster.
+# Threads are faster from this many bodies on.
 _THREADED = 64
-# Largest share of a measurement, by its derivatives, that may depend on vertices no scan shows.
+# Largest share of a measurement, by its derivatives, that may depend on unseen vertices.
 _MOST_UNSEEN = 0.05
 # Weight in square metres of the coefficients of hand poses, which do not tell people apart: where
 # hands were relaxed in the fit, fists would rotate the wrists.
@@ -308,7 +308,7 @@ class Measurements:
     def _not_trusted(
         self, surfaces: ndarray, trusted: ndarray, axes: str
     ) -> dict[tuple[int, str], str]:
-        """Return reasons for measurements of which too large a share depends on other vertices."""
+        """Return reasons for measurements that depend too much on other vertices."""
         reasons = {}
         for number in np.flatnonzero(~trusted.all(axis=1)).tolist():
             _, slopes = values_of_bodies(self.definitions, surfaces[[number]], axes, gradient=True)

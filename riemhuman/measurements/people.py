@@ -1,4 +1,4 @@
-"""Whether two bodies can be one person: their distance against what is usual for open bodies."""
+"""Whether two bodies can be the same person: their distance compared with the open bodies."""
 
 from __future__ import annotations
 

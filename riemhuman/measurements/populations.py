@@ -24,7 +24,7 @@ from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
 
 _STATURE = "stature"
-# Standard deviations of the logarithm of stature beyond which hardly an adult is found.
+# Standard deviations of the logarithm of stature beyond which there are hardly any adults.
 _FARTHEST = 4.0
 # Steps after which the average adult has the stature to within a tenth of a millimetre.
 _STATURE_STEPS = 3
@@ -168,7 +168,7 @@ def _percentile(name: str, value: float, stature: float, sex: str) -> float:
     rest = np.log(value) - intercept - slope * (np.log(stature) - mean)
     scores = ndtri(np.array(_adults()["levels"]) / 100.0)
     score = np.interp(rest, quantiles, scores)
-    # Beyond the last quantiles, the line through them and the median.
+    # Beyond the last quantiles, follow the line through them and the median.
     middle = len(quantiles) // 2
     for end in (0, -1):
         beyond = rest < quantiles[0] if end == 0 else rest > quantiles[-1]

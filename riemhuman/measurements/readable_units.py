@@ -1,4 +1,4 @@
-"""Units in which people read measurements; arrays, files and JSON keep SI units."""
+"""Units for readers of measurements; arrays, files and JSON keep SI units."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ READABLE_UNITS: Mapping[str, Mapping[str, ReadableUnit]] = {
 }
 
 
-# Of gaps between surfaces, which are small.
+# For gaps between surfaces, which are small.
 _GAP_UNITS: Mapping[str, ReadableUnit] = {
     "cm": ReadableUnit("mm", 1000.0, 1),
     "in": ReadableUnit("in", _INCHES, 3),

@@ -26,8 +26,8 @@ FEWER_FRAMES = "take every second frame of the motions, or coarser bodies"
 # Frames that are read together.
 _RUN = 16
 
-# Principal components are computed from about so many frames: their covariance changes little
-# with more, and the cost grows with the cube of the number.
+# Principal components are computed from about this many frames: with more, their covariance
+# hardly changes, and the cost grows with the cube of the number.
 _MOST_SAMPLED = 600
 
 # Squared distances of frames below this share of their squared norms are rounding.
@@ -35,7 +35,7 @@ _ROUNDING = 1e-13
 
 
 class TravelChannel(Protocol):
-    """Returns one number a frame, shape (n_frames,), that says how the body travels."""
+    """Returns one number per frame, shape (n_frames,), that describes how the body travels."""
 
     def __call__(
         self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
@@ -83,7 +83,7 @@ def rotate_upright(frames: ndarray, angles: ndarray) -> ndarray:
 def surfaces_between(
     space: AlignedSurfaces, start: ndarray, end: ndarray, times: ndarray
 ) -> ndarray:
-    """Return the surfaces between two at times in [0, 1], where limbs keep their length."""
+    """Return the surfaces between two at times in [0, 1]; limbs keep their length."""
     surfaces = np.empty((len(times), *space.shape))
     surfaces[times == 0.0], surfaces[times == 1.0] = start, end
     inside = (times > 0.0) & (times < 1.0)
@@ -136,7 +136,7 @@ def _checked_frames(space: Manifold, frames: ArrayLike, first: int, name: str) -
 def sampled_rows(
     motions: Sequence[Motion], rows_of: Callable[[Motion, str], ndarray], n_frames: int = 1
 ) -> ndarray:
-    """Return rows that a function computes from a few runs of so many frames of motions."""
+    """Return rows that a function computes from a few runs of frames of motions."""
     counts = [frame_count(m, f"motions[{k}]", n_frames) for k, m in enumerate(motions)]
     step = -(-sum(counts) // _MOST_SAMPLED)
     return np.concatenate(
@@ -162,7 +162,7 @@ class _FramesOnDemand:
 
 @dataclass(frozen=True)
 class Frames:
-    """What distances need of some frames: features, the frames themselves, and travel."""
+    """What distances of frames need: features, the frames themselves, and travel."""
 
     features: Features
     points: PointsLike | PointsByNumber
@@ -219,7 +219,7 @@ class FrameDistances:
         return Frames(features, _FramesOnDemand(space, motion, name, self._heading), travel)
 
     def of_run(self, run: ndarray) -> Frames:
-        """Return what distances need of some frames that are checked and face forward."""
+        """Return what distances need of checked frames that face forward."""
         return Frames(self._features(run), run)
 
     def _features(self, run: ndarray) -> Features:

@@ -18,7 +18,7 @@ _SHARE_OF_HEIGHT = 0.5
 
 
 def frame_rate(motion: object, given: float | None, name: str) -> float:
-    """Return the frames a second of a motion: those given, or those of a recording."""
+    """Return the frames per second of a motion: given, or those of a recording."""
     if given is not None:
         return given
     if isinstance(motion, RecordedMotion):
@@ -45,7 +45,7 @@ def ground_places(space: AlignedSurfaces, frames: ndarray) -> ndarray:
 
 
 def leg_length(space: AlignedSurfaces) -> float:
-    """Return about the length of the template's legs."""
+    """Return the approximate length of the template's legs."""
     return _SHARE_OF_HEIGHT * float(np.ptp(space.template.vertices[:, 1]))
 
 
@@ -62,6 +62,6 @@ def travel_speeds(space: AlignedSurfaces, places: ndarray, rate: float) -> ndarr
 
 
 def travelled_lengths(space: AlignedSurfaces, places: ndarray) -> ndarray:
-    """Return how far bodies have travelled since the first frame, in lengths of their legs."""
+    """Return how far bodies have travelled since the first frame, in leg lengths."""
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)]) / leg_length(space)

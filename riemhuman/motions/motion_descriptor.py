@@ -33,7 +33,7 @@ _SWAYING = 0.03
 
 @dataclass(frozen=True)
 class _Summary:
-    """What a motion has in its mean: each an array of one number a coordinate."""
+    """Averages over a motion: arrays with one number per coordinate."""
 
     mean: ndarray
     deviation: ndarray

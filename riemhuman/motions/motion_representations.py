@@ -155,7 +155,7 @@ def compare_representations(
 
 
 def _frame_by_frame(metric: RiemannianMetric, motions: list[ndarray]) -> ndarray:
-    """Return L² distances at 24 equally spaced frames each, whatever the speed."""
+    """Return L² distances over 24 equally spaced frames of each motion, whatever its speed."""
     n = _FEWEST_FRAMES
     frames = [m[np.linspace(0, len(m) - 1, n).round().astype(int)] for m in motions]
     squared = np.zeros((len(motions), len(motions)))

@@ -140,7 +140,7 @@ class MotionDistance(ABC):
             total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs"
         )
         with bar, single_threaded_libraries():
-            # The longest rows come first, so that no thread is left with a long one at the end.
+            # The longest rows come first, so that no thread is left with a long row at the end.
             for n_done in mapped(fill_row, range(n - 1, -1, -1), thread_count(self.n_jobs)):
                 bar.update(n_done)
         return distances
@@ -200,7 +200,7 @@ class FrameWarping(MotionDistance):
     def _travel(
         self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
     ) -> ndarray:
-        """Return how the body travels, a number a frame, times the weight; see `FrameDistances`."""
+        """Return how the body travels, per frame, times the weight; see `FrameDistances`."""
 
 
 @dataclass(frozen=True)

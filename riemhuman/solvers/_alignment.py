@@ -1,4 +1,4 @@
-"""Rigid motions of end points and members that a metric does not see, removed and restored.
+"""Rigid motions of end points and members that a metric ignores, removed and restored.
 
 A basis holds deformations in space: a body that faces another way is out of its reach. Where a
 metric is invariant under rotations and translations of each of two surfaces, solvers therefore move
@@ -17,20 +17,20 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
 from riemhuman.kernels.drift import centroid, least_squares_motions, rigid_motions
 
-# Motions of all vertices by less than this share of the body's size are left alone: where bodies
-# already stand alike, solvers see the very points that they are given.
+# Motions by less than this share of the body's size are ignored: if bodies already stand alike,
+# solvers receive exactly the points that they are given.
 _STILL = 1e-3
 
 # Ends of logarithms that are turned by less stay as they are, and so does the exponential's end: it
 # follows small rotations of its velocity.
 _FACES_AWAY = np.radians(30.0)
 
-# Rounds of alignment with the average, which hardly moves any more.
+# Rounds of alignment with the average; after these, it hardly moves.
 _ROUNDS = 3
 
 
 def ignores_rigid_motions(metric: RiemannianMetric) -> bool:
-    """Return whether a metric of surfaces does not see how each of them is placed and turned."""
+    """Return whether a metric of surfaces ignores how each of them is placed and turned."""
     return bool(
         metric.space.is_surface_space
         and metric.is_translation_invariant
@@ -40,7 +40,7 @@ def ignores_rigid_motions(metric: RiemannianMetric) -> bool:
 
 @dataclass(frozen=True)
 class AlignedEnds:
-    """Two ends of a path, the second moved onto the first where the metric does not see it.
+    """Two ends of a path, the second moved onto the first if the metric ignores that.
 
     With x ↦ (x − c) Q + c + b for the motion that takes the second end, of centroid c, to where the
     first is, a path between the aligned ends is turned back by a uniform rotation: the point at
@@ -89,7 +89,7 @@ class AlignedEnds:
 
 @dataclass(frozen=True)
 class AlignedMembers:
-    """Points moved onto their average and with it onto the template, and the way back."""
+    """Points moved onto their average, and with it onto the template; and the way back."""
 
     points: Points
     # The motion x ↦ x R + b of the point that shows how a mean stands, if points are moved.
@@ -128,7 +128,7 @@ def align_members(
 
 
 def end_of_logarithm(metric: RiemannianMetric, start: Points, end: Points) -> Array:
-    """Return the end of a path, moved onto the start where it faces away and the metric allows."""
+    """Return the end of a path, moved onto the start if it faces away and the metric allows it."""
     aligned = align_ends(metric, start, end)
     return aligned.end if np.linalg.norm(aligned.turn) > _FACES_AWAY else end
 
@@ -139,7 +139,7 @@ def ends_as_given(start: Points, end: Points) -> AlignedEnds:
 
 
 def align_ends(metric: RiemannianMetric, start: Points, end: Points) -> AlignedEnds:
-    """Return the ends of a path, the second moved onto the first where the metric allows it."""
+    """Return the ends of a path, the second moved onto the first if the metric allows it."""
     if not ignores_rigid_motions(metric):
         return ends_as_given(start, end)
     weights = surface_space(metric.space).template.vertex_areas

@@ -19,7 +19,7 @@ from riemhuman.surfaces.measures import triangle_areas
 # Points whose features are in memory together.
 _BLOCK = 64
 
-# Share of a triangle's median area on the points, below which it has collapsed.
+# Share of its median area over the points below which a triangle has collapsed.
 _SHRUNK = 1e-2
 
 
@@ -31,7 +31,7 @@ class Dispersion:
 
     # With smoothing ε it is S(x) = Σ_i w_i √(d(x_i, x)² + ε²)/Σ_i w_i, which geometric medians
     # minimise: distances alone have no gradient at 0, and S exceeds their mean by at most ε.
-    # Every evaluation reads an iterable of batches anew. `points` are then a sample: at most
+    # Every evaluation reads an iterable of batches again. `points` are then a sample: at most
     # `sample_size` points, evenly spaced among those of weight; otherwise they are all points.
 
     def __init__(
@@ -69,13 +69,13 @@ class Dispersion:
 
     @property
     def sample(self) -> Dispersion:
-        """The functional of the sample; where all points are in memory, of all of them."""
+        """The functional of the sample, or of all points if they are in memory."""
         if not self.in_batches:
             return self
         return Dispersion(self.metric, self.points, self.weights).changed(smoothing=self.smoothing)
 
     def with_points(self, points: Points) -> Dispersion:
-        """Return the same functional with other `points`, which differ by what it does not see."""
+        """Return the same functional with other `points`, which it cannot tell from these."""
         changed = copy(self)
         changed.points = points
         return changed
@@ -89,7 +89,7 @@ class Dispersion:
         return changed
 
     def of_batches(self, compute: Callable[[Array, Array], Computed]) -> Iterator[Computed]:
-        """Yield what is computed from the points of every batch and their weights."""
+        """Yield the results of a function of the points of each batch and their weights."""
         first = 0
         for batch in self._batches:
             weights = self._all_weights[first : first + len(batch)]
@@ -179,7 +179,7 @@ def _are_batches(metric: RiemannianMetric, points: PointsOrBatches) -> bool:
 
 
 def metric_of_search(metric: RiemannianMetric, companion_weight: float) -> RiemannianMetric:
-    """Return the metric, with a companion where it does not measure lengths; warn if none does."""
+    """Return the metric, with a companion if it does not measure lengths; warn if none does."""
     if companion_weight > 0:
         metric = metric.with_stretching(companion_weight)
     if metric.is_stretch_invariant:
@@ -200,7 +200,7 @@ def area_check(space: Manifold, points: Points) -> Callable[[Array], None]:
     if not holds_surfaces(space):
         return lambda point: None
     faces = space.template.faces
-    # One by one: the corners of all triangles at once would take much memory.
+    # One by one, because the corners of all triangles together would need much memory.
     areas = np.median([triangle_areas(f, faces) for f in points], axis=0)
 
     def check(point: Points) -> None:

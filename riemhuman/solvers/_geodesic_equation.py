@@ -39,13 +39,13 @@ _FAR_COSINE = 0.5
 # Least squared distance of the ends of a short segment, as a share of its squared norm.
 _LEAST_SHARE = 0.85
 
-# A triangle that has lost as much of its area within one time step is about to vanish.
+# A triangle that loses this share of its area within one time step is about to vanish.
 _LEAST_AREA = 0.5
 
-# Sizes of a surface by which one time step cannot move it.
+# One time step cannot move a surface by this many times its size.
 _FAR = 100.0
 
-# Ridge of the metric's matrix of surfaces: a larger one hides how softly a limb as a whole moves.
+# Ridge of the metric's matrix of surfaces: a larger one hides how easily a whole limb moves.
 _RIDGE = 1e-6
 
 # Relative changes of a point's entries that count as rounding errors.
@@ -123,7 +123,7 @@ class GeodesicEquation:
         derivative: float,
         energy: float,
     ) -> Triple:
-        """Solve for the shift, given about what factor of the metric's matrix is the derivative."""
+        """Solve for the shift; the derivative is about this factor times the metric's matrix."""
         metric, shape = self.metric, middle.shape
         # A step may be no longer than rounding errors.
         near = self._project(rounded(middle, _ROUNDING))
@@ -168,7 +168,7 @@ class GeodesicEquation:
 
 def has_long_step(metric: RiemannianMetric, path: Points, all_coordinates: bool) -> bool:
     """Return whether a step of surfaces is too long for the equation to have one solution."""
-    # Triangles then shrink to nothing and grow anew, at a price that does not depend on how much
+    # Triangles then shrink to nothing and grow again, at a cost that does not depend on how much
     # they change. Over all coordinates a triangle that rotates by more than 60 degrees may have two
     # next points, as in a fold of skin that snaps.
     space = metric.space
@@ -189,7 +189,7 @@ def has_long_step(metric: RiemannianMetric, path: Points, all_coordinates: bool)
 
 
 def degeneration(metric: RiemannianMetric, before: Array, after: Array) -> str:
-    """Return how a step has left the manifold, or "": a triangle may have turned over."""
+    """Return how a step has left the manifold, or "" if it has not."""
     space = metric.space
     if not np.isfinite(after).all():
         return "entries are not finite"
@@ -210,7 +210,7 @@ def degeneration(metric: RiemannianMetric, before: Array, after: Array) -> str:
 
 
 def vanishing_triangle(metric: RiemannianMetric, before: Array, after: Array) -> str:
-    """Return which triangle of a surface has lost half of its area within one step, or ""."""
+    """Return which triangle has lost half of its area within one step, or ""."""
     space = metric.space
     if not holds_surfaces(space):
         return ""

@@ -28,7 +28,7 @@ Objective = Callable[[Array], tuple[float, Array]]
 Operator = Callable[[Array], Array]
 """Symmetric positive map from gradients to steps: an inverse Hessian up to a factor."""
 
-# Number of steps that are remembered.
+# Number of steps remembered.
 _MEMORY = 10
 
 # Wolfe's conditions: the share of the decrease promised by the slope that a step must reach, and
@@ -41,10 +41,10 @@ _MOST_TRIALS = 20
 # on geodesics of bodies, what was still to gain was three times a Newton step's in the median, and
 # up to fourteen times.
 _CAUTION = 5.0
-# Number of iterations from which on the gain of their second half estimates what is still to gain.
+# After this many iterations, the gain of their second half estimates the gain still possible.
 _SLOW = 10
 
-# So many iterations must together gain more than this share of the required decrease.
+# This many iterations must together gain more than this share of the required decrease.
 _PATIENCE = 15
 _STILL = 0.01
 
@@ -129,7 +129,7 @@ class Descent:
             self._end(Status.INTERRUPTED, INTERRUPTED_MESSAGE)
         gap = 0.0
         if self._value > self.floor:
-            # A Newton step's gain is nan where slopes do not show it, as at a kink.
+            # A Newton step's gain is nan where slopes do not predict it, as at a kink.
             gap = float(np.fmax(_CAUTION * self._newton, self._recent_gain))
         return Minimum(
             self.x,
@@ -153,7 +153,7 @@ class Descent:
             self._end(Status.CONVERGED, "there is no direction to search in")
 
     def _advance(self) -> bool:
-        """Test whether to stop, and otherwise make a step; return whether one was made."""
+        """Stop if a test says so, otherwise make a step; return whether one was made."""
         if self._value <= self.floor:
             self._end(Status.CONVERGED, "the value is at the level of rounding errors")
             return False
@@ -191,7 +191,7 @@ class Descent:
 
     @property
     def _recent_gain(self) -> float:
-        """What the second half of the iterations has gained, nan if they are few."""
+        """The gain of the second half of the iterations, nan if there are few."""
         values = [*self.earlier, *self._values]
         n_iterations = len(values) - 1
         return values[n_iterations // 2] - values[-1] if n_iterations >= _SLOW else np.nan
@@ -214,7 +214,7 @@ class Descent:
             self._end(Status.MAX_ITER, "the maximum number of iterations was reached")
 
     def _restart(self, step: float) -> None:
-        """Go on with a new operator where hardly a step lowers the value, or stop."""
+        """Continue with a new operator if steps hardly lower the value, or stop."""
         self._newton = np.nan
         if step == 0 and self._newton_was_small:
             self._end(Status.CONVERGED, "no step lowers the value further")

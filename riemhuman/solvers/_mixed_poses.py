@@ -20,12 +20,12 @@ from riemhuman.surfaces.template import Template
 _TURNED = 30.0
 _MOST_TURNED = 0.02
 
-# Surfaces looked at, evenly spaced: more of them tell no more.
+# Number of surfaces checked, evenly spaced; more would add nothing.
 _MOST_SURFACES = 100
 
 
 def warn_of_mixed_poses(metric: RiemannianMetric, points: Points, base: Array) -> None:
-    """Warn where a metric that measures stretching is to find components of several poses."""
+    """Warn if components of several poses are sought with a metric that measures stretching."""
     # Metrics of normals alone describe poses.
     if not holds_surfaces(metric.space) or metric.is_stretch_invariant:
         return

@@ -31,7 +31,7 @@ _INDEFINITE = (
     "riemhuman.testing.check_metric(metric, points) shows what is wrong"
 )
 
-# A Gram matrix is singular on deformations under which the metric is invariant, as translations.
+# A Gram matrix is singular on deformations that the metric ignores, such as translations.
 _RIDGE_OF_GRAM = 1e-8
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
@@ -48,10 +48,10 @@ _N_PROBES = 3
 _BLOCK = 3
 _ON_DIAGONAL = np.array([0, 4, 8])
 
-# Up to so many right sides are not filled up with zeros to `WIDTH`.
+# Up to this many right-hand sides are not padded with zeros to `WIDTH`.
 _FEW = 6
 
-# Points of at most so many coordinates are one block.
+# Points with at most this many coordinates are one block.
 _LARGEST_BLOCK = 16
 
 
@@ -166,7 +166,7 @@ def _lanes(x: Array) -> tuple[int, ...] | None:
 
 
 def _many_together(solve: Callable[[Array], Array], columns: Array) -> Array:
-    """Solve for `WIDTH` right sides at a time, filled up with zeros, unless for few."""
+    """Solve for `WIDTH` right-hand sides at a time, padded with zeros unless there are few."""
     n = columns.shape[1]
     if n <= _FEW:
         return solve(np.ascontiguousarray(columns))

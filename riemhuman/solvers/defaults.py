@@ -1,4 +1,4 @@
-"""Strategies of metrics that were given none.
+"""Default strategies of metrics.
 
 On surfaces they search over smooth deformations of the template: over all vertices, metrics that
 measure no bending crumple a mesh. `exp` and `log` make as many steps over the same deformations and
@@ -29,10 +29,10 @@ from riemhuman.surfaces.template import Template
 
 __all__ = ["exp_solver", "geodesic_solver", "log_solver", "transport_solver"]
 
-# Deformations of a body: more of them, and `exp` of metrics without bending stops on the way.
+# Deformations of a body: with more, `exp` of metrics without bending stops on the way.
 _N_DEFORMATIONS = 60
 
-# Smaller meshes have hardly more deformations.
+# Smaller meshes hardly have more deformations.
 _FEWEST_VERTICES = 200
 
 _N_STEPS = 10
@@ -89,7 +89,7 @@ class _Logarithm(LogSolver):
         base_point: Points,
         known: list[Result | None],
     ) -> tuple[DiscreteLogarithm, LogarithmResult]:
-        """Return the logarithm, and the solver that finds it; add what is found to `known`."""
+        """Return the logarithm and the solver that finds it; add results to `known`."""
         point = end_of_logarithm(metric, base_point, point)
         basis = self.basis.extend((point - base_point)[None])
         for doubling in range(_N_DOUBLINGS + 1):

@@ -41,7 +41,7 @@ _LOST = 1e-3
 
 # Of the linear equations for derivatives.
 _TOLERANCE = 1e-9
-_OUT_OF_ITERATIONS = 7  # as SciPy counts reasons to stop
+_OUT_OF_ITERATIONS = 7  # as SciPy numbers its reasons to stop
 
 # Which of the three points a shift moves: the last one, or both sides of the start.
 _LAST = np.array([0.0, 0.0, 1.0])
@@ -171,7 +171,7 @@ class DiscreteExponential(ExpSolver):
         base_point: Points,
         walks: list[_Walk] | None = None,
     ) -> ExponentialResult:
-        """Return the geodesic with the fewest steps that serve, without a warning.
+        """Return the geodesic with the fewest steps that suffice, without a warning.
 
         What is walked on the way is added to `walks`.
         """

@@ -19,7 +19,7 @@ from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, finish, interruptible
 from riemhuman.solvers.tangent_pca import ImageEstimator, known_mean
 
-# Points whose misfits are differentiated together, for the sake of memory.
+# Number of points whose misfits are differentiated together, which bounds memory.
 _BLOCK = 8
 
 
@@ -213,7 +213,7 @@ class GeodesicRegression(ImageEstimator):
                 parts = [slope(x.reshape(2, *shape), some) for some in blocks]
             except (DegenerateSurfaceError, OutsideManifoldError):
                 return np.inf, np.zeros_like(x)
-            # One more, so that the stopping test is a share of the variance and not of the misfit.
+            # Plus one, so that the stopping test is a share of the variance, not of the misfit.
             value, gradient = (sum(part) for part in zip(*parts, strict=True))
             return 1.0 + float(value), np.ravel(gradient)
 
@@ -255,7 +255,7 @@ def _inverse_matrix(
         return metric_factor(metric, point[None], scale).inverse
     parts = metric.space.project_from_product(point)
     inverses = [
-        # What has no weight does not matter; 1 keeps its factor finite.
+        # Entries without weight do not matter; 1 keeps their factor finite.
         _inverse_matrix(factor.metric, part, scale / (weight or 1.0))
         for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True)
     ]

@@ -26,8 +26,8 @@ from riemhuman.solvers.paths import (
 )
 from riemhuman.solvers.results import PathResult
 
-# A part of this share of the area is a limb. At most so many are tried both ways, the largest, each
-# at the cost of one path; smaller parts, most of them a few triangles, are tried together.
+# A part with this share of the area is a limb. Up to this many of the largest limbs are tried both
+# ways, each at the cost of one path; smaller parts, mostly a few triangles, are tried together.
 _LIMB = 0.01
 _MOST_LIMBS = 8
 

@@ -38,10 +38,10 @@ from riemhuman.solvers.results import (
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.procrustes import procrustes
 
-# How well a path must be minimised for its first step to be known to some digits.
+# Tolerance of a path whose first step must be accurate to some digits.
 _TOLERANCE = 1e-11
 
-# How well a path is minimised before it is known whether its steps are short enough.
+# Tolerance of a path before it is known whether its steps are short enough.
 _LOOSE_TOLERANCE = 1e-4
 
 # Energy of a path in the basis, as a share of that of a path that also rotates limbs, up to which
@@ -187,7 +187,7 @@ class DiscreteLogarithm(LogSolver):
                 result = self._logarithm(metric, path, end)
             else:
                 with catch_warnings():
-                    # Whether a path is good enough is for the exponential to say.
+                    # The exponential decides whether a path is good enough.
                     simplefilter("ignore", ConvergenceWarning)
                     result = self._by_doubling(metric, start, end, known)
         return finish(self, result)
@@ -222,7 +222,7 @@ class DiscreteLogarithm(LogSolver):
         end: Points,
         known: list[PathResult | LogarithmResult],
     ) -> LogarithmResult:
-        """Return the logarithm with the fewest steps that serve; add what is found to `known`."""
+        """Return the logarithm with the fewest steps that suffice; add results to `known`."""
         n_evaluations, initial_path = 0, None
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
@@ -243,7 +243,7 @@ class DiscreteLogarithm(LogSolver):
 
     def _has_long_steps(self, metric: RiemannianMetric, path: Points) -> bool:
         """Return whether a step is too long, or no step before the start exists."""
-        # Over a basis the exponential alone tells: it often comes back from long steps.
+        # Over a basis, only the exponential decides: it often recovers from long steps.
         if self.basis is None and has_long_step(metric, path, all_coordinates=True):
             return True
         backward = self._step_before(metric, path)
@@ -301,7 +301,7 @@ class DiscreteLogarithm(LogSolver):
         n_steps: int,
         initial_path: Points | None,
     ) -> tuple[PathResult, PathSearch]:
-        """Return a path of so many steps, and the solver that minimises it to the end."""
+        """Return a path with this many steps, and the solver that minimises it to the end."""
         if self.basis is None:
             loose = PathStraightening(n_steps + 1, tolerance=_LOOSE_TOLERANCE, remove_drift=False)
             path = loose._between(metric, ends_as_given(start, end), initial_path)
@@ -310,7 +310,7 @@ class DiscreteLogarithm(LogSolver):
         solver = BasisPath(basis, n_steps + 1, remove_drift=False)
         ends = ends_as_given(start, end)
         free = solver._between(metric, ends)
-        # The exponential can follow what the path has in the basis.
+        # The exponential can follow only the part of the path in the basis.
         initial = start + basis.project(free.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
             initial = linear_path(start, end, n_steps + 1)

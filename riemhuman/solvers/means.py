@@ -173,7 +173,7 @@ class BasisMean(MeanSolver):
         is_given: bool,
         exponent: int,
     ) -> MeanResult:
-        """Return the mean; points that are found on the way are added to those known."""
+        """Return the mean; add points found on the way to those known."""
         of_search, model = dispersion.metric, known[0]
         members = align_members(of_search, dispersion.points, dispersion.weights, model)
         dispersion = dispersion.with_points(members.points)
@@ -208,7 +208,7 @@ class BasisMean(MeanSolver):
         exponent: int,
         keep: Callable[[Array], None],
     ) -> tuple[Minimum, Dispersion]:
-        """Return the best point, after rough searches where they pay, and of which functional."""
+        """Return the best point, after rough searches if they pay off, and its functional."""
         if dispersion.in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
@@ -224,11 +224,11 @@ class BasisMean(MeanSolver):
         return self._search(dispersion, point), dispersion
 
     def _origin(self, dispersion: Dispersion) -> Array:
-        """Return the better of the arithmetic mean and of the best of the points."""
+        """Return the better of the arithmetic mean and the best of the points."""
         space, points = dispersion.metric.space, dispersion.points
         medoid = dispersion.medoid()
         average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
-        # Bodies that face each other average to a flat one.
+        # Bodies that face each other average to a flat body.
         if not np.all(space.belongs(average)):
             return medoid
         return min(medoid, average, key=dispersion.value)
@@ -244,7 +244,7 @@ class BasisMean(MeanSolver):
             return flat
         differences = points.reshape(len(points), -1) - origin.ravel()
         outside = differences - (differences @ flat.T) @ flat
-        # The few right singular vectors, from the matrix of inner products.
+        # The few right singular vectors, computed from the matrix of inner products.
         squares, axes = np.linalg.eigh(outside @ outside.T)
         is_known = squares > 1e-12 * max(squares.max(), np.abs(origin).max() ** 2)
         rows = axes[:, is_known].T @ outside / np.sqrt(squares[is_known, None])
@@ -372,7 +372,7 @@ class GradientDescentMean(MeanSolver):
                         "the mean of the logarithms is below the tolerance, or all points coincide"
                     )
                     break
-                # Without it, rounding errors off the manifold would double with every step.
+                # Without this, rounding errors off the manifold would double with every step.
                 candidate = metric.space.projection(metric.exp(step * direction, point))
                 value = dispersion.value(candidate)
                 n_evaluations += 1
@@ -423,7 +423,7 @@ def _mean_of_logarithms(dispersion: Dispersion, point: Points) -> Array:
 
 
 class _MeanSettings(TypedDict, total=False):
-    """What is handed to solvers; those of means alone need not know of medians."""
+    """The arguments of solvers; those for means only need not know about medians."""
 
     exponent: int
 

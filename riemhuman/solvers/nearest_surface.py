@@ -26,14 +26,14 @@ from riemhuman.terms._drivers import SumOfTerms
 # Iterations after which the matrix is factored anew.
 _REFRESH = 30
 
-# Share of the first value below which, by default, there is nothing left to gain.
+# Default share of the first value below which nothing is left to gain.
 _ROUNDING = 1e-8
 
 # Share of the start's value below which a guess is one: where it is not, limbs may lie across.
 _NEARBY = 0.25
 
 # How often triangles are turned within their planes as on the last surface, at least and at most.
-# Between, rounds go on while each takes a fifth of the value: steps of the search cost more.
+# In between, rounds continue while each removes a fifth of the value: search steps cost more.
 _ROUNDS, _MOST_ROUNDS = 5, 12
 _WORTH_A_ROUND = 0.8
 
@@ -261,7 +261,7 @@ class _OfElasticMetric:
 
     def nearby(self, surface: Points) -> Array:
         """Return the surface whose derivatives are nearest to those of one target's triangles."""
-        # The metric does not see rotations of a triangle within its plane. They are chosen as on
+        # The metric ignores rotations of a triangle within its plane. They are chosen as on
         # the last surface, with Anderson acceleration (Peng et al., ACM TOG 37, 2018).
         if len(self._targets) > 1 or not self._has_both_terms:
             return surface

@@ -107,7 +107,7 @@ class PathSearch(PathSolver):
     def _between(
         self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: Points | None = None
     ) -> PathResult:
-        """Find a path between ends that are aligned, or that count as they are."""
+        """Find a path between ends that are aligned, or that are used as given."""
         start, end = ends.start, ends.given_end
         self._check_search(metric, start, end)
         tried: list[Array] = []
@@ -140,7 +140,7 @@ class PathSearch(PathSolver):
         tried: list[Array],
         results: Sequence[PathResult] = (),
     ) -> PathResult:
-        """Return the best path of a search that is interrupted, at worst the straight one."""
+        """Return the best path of an interrupted search, at worst the straight path."""
         if results:
             best = min(results, key=lambda result: result.energy)
         else:
@@ -154,7 +154,7 @@ class PathSearch(PathSolver):
         return replace(best, path=path, lower_bound=lower_bound(metric, path))
 
     def _reporting(self, ends: AlignedEnds) -> Self:
-        """Return the search whose callback is given paths between the ends as they were given."""
+        """Return the search with a callback that receives paths between the ends as given."""
         callback = self.callback
         if callback is None or not ends.are_moved:
             return self
@@ -180,7 +180,7 @@ class PathSearch(PathSolver):
     def _starts(
         self, metric: RiemannianMetric, start: Points, end: Points, tried: list[Array]
     ) -> list[Array]:
-        """Return the start of least energy, and those with a limb that rotates the other way."""
+        """Return the start of least energy, and starts in which a limb rotates the other way."""
         starts, alternatives = [linear_path(start, end, self.n_nodes)], []
         if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
             rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes, tried)
@@ -201,7 +201,7 @@ class PathSearch(PathSolver):
     def _best_of(
         self, metric: RiemannianMetric, paths: list[Array], results: list[PathResult]
     ) -> PathResult:
-        """Descend from the start that leads to the least energy, as far as a short run tells.
+        """Descend from the start that reaches the least energy in a short run.
 
         The results of short runs are added to `results`.
         """
@@ -357,7 +357,7 @@ class BasisPath(PathSearch, _OverBasis):
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         nodes = path[[1, -2]]
         if not np.all(metric.space.belongs(nodes)):
-            # A triangle has vanished on the way, as it may at a small λ.
+            # A triangle has vanished on the way, which can happen if λ is small.
             nodes = path[[0, -1]]
         return metric_factor(metric, nodes, directions=self.basis.flat)
 

@@ -1,4 +1,4 @@
-r"""What metrics hand their work to: sums of terms, and distances of many pairs.
+r"""Drivers that do the work of metrics: sums of terms, and distances of many pairs.
 
 A metric checks its arguments and leaves the rest to an object of one of two protocols:
 
@@ -40,7 +40,7 @@ from riemhuman.terms.term import LENGTH, Term
 
 Features = tuple[Array, ...]
 
-# Below this many triangles times surfaces, threads cost more than they bring.
+# Below this many triangles times surfaces, threads cost more than they gain.
 _WORTH_THREADS = 50_000
 # Triangles times surfaces whose records stay in a core's own cache from one pass to the next.
 _IN_CACHE = 8192
@@ -181,9 +181,9 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
     def path_energy(self, path: Points, *, gradient: bool = True) -> tuple[float, Array]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
         faces, frames, areas = self._faces, self._frames, self.areas
-        # Vertex by vertex, all times together: what one triangle reads lies close together.
+        # Vertex by vertex, all times together, so that a triangle's data are close in memory.
         surfaces, n_times = onp.ascontiguousarray(onp.swapaxes(path, 0, 1)), len(path)
-        surfaces.flags.writeable = False  # the kind that loops are compiled for
+        surfaces.flags.writeable = False  # the type that loops are compiled for
 
         def run(first: int, last: int) -> tuple[float, Array]:
             total, slopes_of_path = 0.0, onp.zeros(surfaces.shape if gradient else 0)
@@ -226,7 +226,7 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
                 records, slopes = onp.zeros((2, 2, LENGTH, end - start))
                 fill_records(f, faces, frames, start, end, records[1:])
                 for i, reference in enumerate(kinds):
-                    # The slopes by these are added up as well, and not used.
+                    # The slopes by these are summed as well but not used.
                     fill_records(reference, faces_of_others, frames, start, end, records[:1])
                     weighted = of_one_kind(weights[i] * areas[start:end])
                     for term in self.terms:
@@ -463,7 +463,7 @@ def area_ratios(surfaces: Points, template: Template) -> Iterator[Array]:
 
 
 def nearly_degenerate(surfaces: Points, template: Template) -> Array:
-    """Tell the triangles of surfaces that have no area, or hardly more than none."""
+    """Return which triangles of surfaces have no area, or almost none."""
     flagged = onp.empty((len(surfaces), template.n_faces), dtype=bool)
     for record, marked in zip(_records(surfaces, template), flagged, strict=True):
         squared, mixed = record[9] ** 2, record[11]

@@ -18,7 +18,7 @@ from riemhuman.kernels.compilation import FUSED, compiled
 
 
 def _in_single(*coefficients: float) -> tuple[float, ...]:
-    # Numbers of single precision, which type checkers do not count as float.
+    # Single-precision numbers, which type checkers do not count as float.
     return tuple(np.array(coefficients, dtype=np.float32))
 
 
@@ -172,7 +172,7 @@ def half_sine_squared_and_slope(squared: float, single: bool | None) -> tuple[fl
     real = type(squared)
     limit = real(0.25 * math.pi**2)
     inside = squared < limit
-    # This way round, NaN stays NaN.
+    # In this order, NaN stays NaN.
     squared = limit if squared > limit else squared
     slope = real(long_polynomial(_DOUBLE_SINE, squared)) if inside else real(0.0)
     if single is None:

@@ -39,7 +39,7 @@ from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
 from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.surfaces.template import Template
 
-# Below this many triangles times surfaces, threads cost more than they bring.
+# Below this many triangles times surfaces, threads cost more than they gain.
 _WORTH_THREADS = 20_000
 
 Slopes = tuple[float, Array, Array]
@@ -147,7 +147,7 @@ class FirstOrderTerm(QuadraticTerm):
 
 
 def _is_large(surfaces: Points, faces: Triangles) -> bool:
-    """Return whether loops over the triangles of surfaces, vertex by vertex, gain by threads."""
+    """Return whether loops over the triangles of surfaces, vertex by vertex, gain from threads."""
     n_surfaces: int = surfaces.shape[1]
     return len(faces) * n_surfaces > _WORTH_THREADS
 
@@ -323,7 +323,7 @@ class ZerothOrderTerm(QuadraticTerm):
 
 
 class VertexValues(NamedTuple):
-    """What sums over the triangles around vertices are taken of; what is not needed is empty."""
+    """Inputs of sums over the triangles around vertices; those not needed are empty."""
 
     h: TangentVectors
     z: Array
@@ -332,7 +332,7 @@ class VertexValues(NamedTuple):
 
 
 class VertexSums(NamedTuple):
-    """What `_add_vertex_sums` adds up; what is not asked for is empty."""
+    """Sums that `_add_vertex_sums` fills; those not requested are empty."""
 
     infinite: float
     areas: Array
@@ -349,7 +349,7 @@ def _vertex_sums(
     by_areas: Array | None = None,
     by_normals: Array | None = None,
 ) -> VertexSums:
-    """Return sums around the vertices: normals alone, or what the given values are needed for."""
+    """Return sums around the vertices: normals alone, or those that the given values are for."""
     faces, shape, nothing = template.faces, surfaces.shape, (0, 0, 0)
     has_images, has_slopes = z is not None, by_areas is not None or by_normals is not None
     # Arrays that are not given are empty, so that the loop is compiled only once.
@@ -387,7 +387,7 @@ def _add_vertex_sums(
     L is the cotangent Laplacian of the surface; a and b are the slopes `by_areas` and `by_normals`.
     The result is infinite if a triangle has no area.
     """
-    # In one piece: divided into inlined functions, it takes 1.3 to 1.7 times as long.
+    # In one piece, because split into inlined functions it takes 1.3 to 1.7 times as long.
     h, z, by_areas, by_normals = values
     areas, normals, images, slopes = sums
     x, y, n, b = onp.empty(3), onp.empty(3), onp.empty(3), onp.empty(3)
@@ -460,7 +460,7 @@ def _add_vertex_sums(
 
 
 def surrounded_vertices(faces: Triangles, n_vertices: int) -> Booleans:
-    """Tell which vertices are interior, neither on a border nor outside all triangles."""
+    """Return which vertices are interior: neither on a border nor outside all triangles."""
     sides = onp.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges, _, counts = distinct_pairs(sides)
     if counts.max() > 2:
@@ -476,7 +476,7 @@ def surrounded_vertices(faces: Triangles, n_vertices: int) -> Booleans:
 
 
 def refuse_seams(template: Template, part: str) -> None:
-    """Raise an error if vertices are doubled along seams, across which a term would not see."""
+    """Raise an error if vertices are doubled along seams, which would hide neighbours."""
     seams = template.seams
     if seams:
         raise ArgumentError(
@@ -565,7 +565,7 @@ def vertex_normals(f: Points, template: Template, averages: csr_array) -> Array:
 
 
 def mixed_edges(faces: Triangles) -> Integers:
-    """Return the edges whose two triangles turn opposite sides up, as both pass them one way."""
+    """Return the edges that both triangles pass in the same direction: these face opposite ways."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges, edge_of_side, _ = distinct_pairs(onp.sort(sides, axis=1))
     n_ahead = onp.bincount(edge_of_side, weights=sides[:, 0] < sides[:, 1])

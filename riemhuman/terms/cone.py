@@ -242,10 +242,10 @@ class EbinTerm(ConeTerm):
         return first_fundamental_form(first.f_u, first.f_v)
 
 
-# Steeper charts are tighter, but wind bodies around in too many dimensions.
+# Steeper charts give tighter bounds, but wind bodies around in too many dimensions.
 _STEEPEST = 18.0
 
-# Stands for the normal of triangles without area, where it has no effect.
+# Replaces the normal of triangles without area, where it has no effect.
 _ANY_NORMAL = onp.array([0.0, 0.0, 1.0])
 
 
@@ -392,7 +392,7 @@ def _segment(
     by_x1, by_y1, by_s1 = by_points1[0], by_points1[1], by_points1[2]
     by_x2, by_y2, by_s2 = by_points2[0], by_points2[1], by_points2[2]
     angles, rates = onp.zeros(len(areas)), onp.empty(len(areas))
-    # Three loops: one over everything would have too many arrays for vector registers.
+    # Three loops, because a single one would need too many arrays for vector registers.
     _fill_angles(record1[6:9], record2[6:9], turn, None, angles, 0, len(areas))
     total = 0.0
     for t in range(len(areas)):
@@ -423,7 +423,7 @@ def _fill_angles(
     first: int,
     last: int,
 ) -> None:
-    """Fill what normals add to ¼ψ²; without their weight it is 0 already."""
+    """Fill the part of ¼ψ² due to normals; without their weight, it is already 0."""
     zero = type(turn)(0.0)
     if turn > zero:
         x1, y1, z1 = rows[0, first:last], rows[1, first:last], rows[2, first:last]

@@ -83,7 +83,7 @@ class FlatTerm(Term):
 
 
 def _pack(rows: Array, kept: FeatureRows) -> float:
-    """Write vectors; return the squared distance to what is written."""
+    """Write vectors; return the squared distance to the rounded ones."""
     written = kept[:, : rows.shape[1]]
     with np.errstate(over="ignore"):
         written[:] = rows
@@ -122,7 +122,7 @@ def _block(
     last: int,
 ) -> tuple[Four, Four, Four, Four]:
     """Return Σ_t (a[k, t] − b[m, t])² for four rows and four columns."""
-    # As in a product of matrices, each number that is read serves four sums.
+    # As in a matrix product, each number read is used in four sums.
     a0, a1, a2, a3 = (
         a[rows[0], first:last],
         a[rows[1], first:last],
@@ -192,7 +192,7 @@ def _segments(records: Array, slopes: Array, areas: Array, weight: float) -> flo
     return total
 
 
-# Without fused products: the difference of equal roots must be 0.
+# Without fused multiply-add, because the difference of equal roots must be 0.
 @compiled(forceinline=True, fastmath={"nsz", "reassoc"})
 def _segment(
     start: Points,

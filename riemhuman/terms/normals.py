@@ -220,7 +220,7 @@ def add_segment(
 
 
 def _pack(vectors: TangentVectors, areas: Array, kept: FeatureRows) -> float:
-    """Write unit vectors; return the squared distance to what is written."""
+    """Write unit vectors; return the squared distance to the rounded ones."""
     kept[:, : len(areas)] = vectors
     chords = ((vectors - kept[:, : len(areas)]) ** 2).sum(axis=0)
     # An angle of at most π/2 changes by at most √2 times the change of its chord.
