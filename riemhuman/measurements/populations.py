@@ -1,7 +1,7 @@
 r"""Adults of a stature: how their measurements spread, and their average body.
 
 The people are simulated: bodies of the open model with the spread of ANSUR II (US Army, 2012),
-whose body mass is widened to that of the US public (NHANES, 2021 to 2023). For each sex,
+whose body mass index is moved to that of the US public (NHANES, 2021 to 2023). For each sex,
 log m = a + b log s + e, with the measurement m, the stature s, and the quantiles of e among these
 people; for the stature itself, b = 0. `tutorials/remake/build_percentiles.py` makes the numbers.
 """
@@ -36,8 +36,8 @@ def percentiles(
     """Return the percentage of adults of the same sex and stature whose measurements are smaller.
 
     The stature itself is compared with all adults of the sex. The adults are simulated: they have
-    the spread of ANSUR II (US Army, 2012), with body mass widened to that of the US public (NHANES,
-    2021 to 2023), and they are measured like any other body, in the standard pose.
+    the spread of ANSUR II (US Army, 2012), with the body mass index of the US public (NHANES, 2021
+    to 2023), and they are measured like any other body, in the standard pose.
 
     Parameters
     ----------

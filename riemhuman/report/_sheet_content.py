@@ -284,7 +284,7 @@ def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
         f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; for the "
         f"stature itself, they count all {people.rstrip(',')}. The darker part of a bar is the "
         "middle half. These people are simulated: bodies with the spread of ANSUR II (US Army, "
-        "2012), body mass widened to that of the US public (NHANES, 2021–2023), measured like "
+        "2012), body mass index as in the US public (NHANES, 2021–2023), measured like "
         "this body."
     )
 

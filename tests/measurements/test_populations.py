@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from build_percentiles import drawn_betas
+from scipy.stats import norm
 
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
@@ -25,9 +27,7 @@ def own():
 
 @pytest.mark.parametrize("sex", ["woman", "man"])
 def test_percentiles_are_even_among_other_people(sex):
-    entry = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[sex]
-    rng = np.random.default_rng(7)
-    betas = rng.multivariate_normal(entry["mean"], entry["covariance"], 120)
+    betas = drawn_betas(sex, 120, np.random.default_rng(7), "coarse")
     some = Measurements(load_open_model("coarse"), NAMES)
     points = load_open_model("coarse")(betas, some.definitions.standard_pose_vector)
     values = some.measure(points, axes="space").values
@@ -40,6 +40,22 @@ def test_percentiles_are_even_among_other_people(sex):
         expected = level / 100.0
         tolerance = 4.0 * np.sqrt(expected * (1.0 - expected) / len(values))
         assert np.abs((found < level).mean(axis=0) - expected).max() < tolerance
+
+
+@pytest.mark.parametrize(
+    ("sex", "published"), [("woman", (19.7, 28.3, 44.9)), ("man", (20.9, 28.2, 42.1))]
+)
+def test_body_mass_is_spread_as_in_the_public(sex, published):
+    # NHANES, August 2021 to August 2023: Vital Health Stat. 3(50), table 10.
+    record = json.loads((DATA / "percentiles_of_adults.json").read_text(encoding="utf-8"))[sex]
+    mean, std = record["log_stature"]
+    statures = np.exp(mean + std * norm.ppf((np.arange(20) + 0.5) / 20))
+    for index, expected, tolerance in zip(published, (5, 50, 95), (1.0, 2.0, 1.0), strict=True):
+        found = [
+            percentiles({"body mass": index * stature**2}, sex, stature=stature)["body mass"]
+            for stature in statures
+        ]
+        assert abs(np.mean(found) - expected) < tolerance
 
 
 def test_the_average_body_is_average(own):

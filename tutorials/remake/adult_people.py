@@ -35,6 +35,7 @@ _BODY_MASS_INDEX = {
     "woman": (19.7, 21.5, 22.4, 24.1, 28.3, 34.4, 38.4, 40.9, 44.9),
     "man": (20.9, 22.3, 23.4, 24.9, 28.2, 32.6, 35.1, 37.8, 42.1),
 }
+_MEDIAN = 4  # where it is among the percentiles
 # Mean and spread of gender and age, and the parameters of the distribution of ancestry.
 _GENDER = {"woman": 0.95, "man": 0.05}
 _GENDER_RANGE, _AGE_RANGE, _ANCESTRY = 0.15, (0.66, 0.93), (1.0, 0.7, 1.3)
@@ -298,18 +299,26 @@ def read_people(folder: Path) -> dict[str, np.ndarray]:
     return tables
 
 
+def public_body_mass_index(normal: np.ndarray, sex: str) -> np.ndarray:
+    """Return the logarithm of the public's body mass index at quantiles of the standard normal.
+
+    Beyond the published percentiles it grows as between them.
+    """
+    places, published = norm.ppf(_PERCENTILES), np.log(_BODY_MASS_INDEX[sex])
+    index = np.interp(normal, places, published)
+    for end, near, outside in ((0, 1, normal < places[0]), (-1, _MEDIAN, normal > places[-1])):
+        slope = (published[end] - published[near]) / (places[end] - places[near])
+        index[outside] = published[end] + slope * (normal[outside] - places[end])
+    return index
+
+
 def widened(table: np.ndarray, names: Sequence[str], sex: str) -> tuple[np.ndarray, np.ndarray]:
     """Return measurements with the public's spread of body mass, and weights to undo it."""
     stature, mass = (table[:, names.index(name)] for name in ("stature", "weightkg"))
     own = np.log(mass / stature**2)
     normal = norm.ppf((rankdata(own, method="ordinal") - 0.5) / len(own))
-    places, offsets = norm.ppf(_PERCENTILES), np.log(_BODY_MASS_INDEX[sex])
-    offsets = offsets - offsets[4]
-    widened = np.interp(normal, places, offsets)
-    for end, near, outside in ((0, 1, normal < places[0]), (-1, 4, normal > places[-1])):
-        slope = (offsets[end] - offsets[near]) / (places[end] - places[near])
-        widened[outside] = offsets[end] + slope * (normal[outside] - places[end])
-    widened += np.median(own)
+    offsets = public_body_mass_index(normal, sex)
+    widened = offsets - np.log(_BODY_MASS_INDEX[sex][_MEDIAN]) + np.median(own)
     predictors = np.stack([np.ones(len(own)), np.log(stature), own], axis=1)
     slopes = np.linalg.lstsq(predictors, np.log(table), rcond=None)[0][2]
     # The density of ANSUR's index over that of the widened one, at the widened one.

@@ -2,10 +2,13 @@
 
     python tutorials/remake/build_percentiles.py
 
-Bodies of both sexes are drawn from `adults.json`, which holds shape coefficients of the people of
-ANSUR II with body mass spread as widely as in the public, and measured in the standard pose. Each
-measurement is regressed on stature, both as logarithms; the quantiles of what is left are kept.
-The shape coefficients are regressed on stature as well, for the average body of a stature.
+Bodies of both sexes are drawn from `adults.json`, which holds the mean and covariance of the shape
+coefficients of the people of ANSUR II. A normal distribution is symmetric, and the public's body
+mass index is not: its upper half is wider. So every drawn body is moved to the body mass index that
+has its rank among the public, along the regression of the coefficients on the index at one stature,
+and measured in the standard pose. Each measurement is regressed on stature, both as logarithms; the
+quantiles of what is left are kept. The shape coefficients are regressed on stature as well, for the
+average body of a stature.
 With --check it prints instead how often the kept quantiles hold for other draws, and the body mass
 index of the draws.
 """
@@ -19,19 +22,24 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from adult_people import public_body_mass_index
 from numpy import ndarray
+from scipy.stats import norm, rankdata
 
 from riemhuman.measurements import Measurements, open_measurements, percentiles
 from riemhuman.measurements.measurement_set import DATA
 
 _SOURCE = (
     "Simulated adults: bodies of the open body model with the spread of ANSUR II (US Army, 2012), "
-    "body mass widened to that of the US public (NHANES, August 2021 to August 2023); see "
+    "body mass index moved to that of the US public (NHANES, August 2021 to August 2023); see "
     "datasets/data/README.md."
 )
 _LEVELS = (1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 97.5, 99.0)
 _SEXES = ("woman", "man")
+_MASS = ("stature", "body mass")
 _N_PEOPLE, _BATCH, _SEED = 1500, 50, 51
+# Steps after which a body has the wanted body mass index to within a thousandth.
+_INDEX_STEPS = 4
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -58,20 +66,46 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.stdout.write(f"{path}: {path.stat().st_size:,} bytes\n")
 
 
+def drawn_betas(
+    sex: str, n_people: int, rng: np.random.Generator, resolution: str = "full"
+) -> ndarray:
+    """Return shape coefficients of people of one sex with the public's body mass index."""
+    entry = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[sex]
+    betas = rng.multivariate_normal(entry["mean"], entry["covariance"], n_people)
+    own = _measured(betas, resolution, _MASS)
+    index, stature = _log_index(own), np.log(own[:, 0])
+    normal = norm.ppf((rankdata(index, method="ordinal") - 0.5) / n_people)
+    wanted = public_body_mass_index(normal, sex)
+    predictors = np.stack([np.ones(n_people), stature, index], axis=1)
+    direction = np.linalg.lstsq(predictors, betas, rcond=None)[0][2]
+    for _ in range(_INDEX_STEPS):
+        betas = betas + (wanted - index)[:, None] * direction
+        index = _log_index(_measured(betas, resolution, _MASS))
+    return betas
+
+
 def _drawn(sex: str, n_people: int, seed: int) -> tuple[ndarray, tuple[str, ...], ndarray]:
     """Return shape coefficients of people, and their measurements with names."""
-    entry = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[sex]
-    rng = np.random.default_rng([seed, _SEXES.index(sex)])
-    betas = rng.multivariate_normal(entry["mean"], entry["covariance"], n_people)
-    definitions = open_measurements("full")
-    measurements, pose = Measurements(definitions), definitions.standard_pose_vector
+    betas = drawn_betas(sex, n_people, np.random.default_rng([seed, _SEXES.index(sex)]))
+    values = _measured(betas, "full")
+    known = np.isfinite(values).all(axis=1)
+    return betas[known], Measurements(open_measurements("full")).names, values[known]
+
+
+def _measured(betas: ndarray, resolution: str, names: Sequence[str] | None = None) -> ndarray:
+    """Return measurements in the standard pose, of these names or all, (n, M)."""
+    definitions = open_measurements(resolution)
+    measurements, pose = Measurements(definitions, names), definitions.standard_pose_vector
     rows = []
-    for first in range(0, n_people, _BATCH):
+    for first in range(0, len(betas), _BATCH):
         points = definitions.model(betas[first : first + _BATCH], pose)
         rows.append(measurements.measure(points, axes="space", missing="nan").values)
-    values = np.concatenate(rows)
-    known = np.isfinite(values).all(axis=1)
-    return betas[known], measurements.names, values[known]
+    return np.concatenate(rows)
+
+
+def _log_index(stature_and_mass: ndarray) -> ndarray:
+    stature, mass = stature_and_mass.T
+    return np.log(mass / stature**2)
 
 
 def _statistics(betas: ndarray, names: tuple[str, ...], values: ndarray) -> dict[str, object]:
