@@ -111,13 +111,13 @@ def size_text(n_bytes: float) -> str:
 
 
 def available_memory() -> float:
-    """Return the bytes that this process may still take, at most; infinity where nobody tells."""
+    """Return the most bytes that this process may still take; infinity if that is unknown."""
     # Of the addresses that a process holds, those without memory behind them may be used again.
     return max(0.0, min(_free_memory(), min(_limit(), _container_limit()) - _own_memory()))
 
 
 def _free_memory() -> float:
-    """Return the bytes of the machine, with those of its swap space, that nobody uses."""
+    """Return the unused bytes of the machine's memory and swap space."""
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:

@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         terminal.discard_output()
         return _BROKEN_PIPE
-    except OSError as error:  # of standard output: `_run` tells all others
+    except OSError as error:  # of standard output: `_run` reports all others
         terminal.discard_output()
         terminal.note(f"standard output cannot be written: {error.strerror or error}")
         return _NOT_DONE
@@ -103,7 +103,7 @@ def _run(given: Sequence[str]) -> int:
                 check(options)
             answer = _answer(options)
     except Exception as error:
-        if terminal.was_interrupted(start):  # libraries in C report an interruption as they like
+        if terminal.was_interrupted(start):  # C libraries report interruptions in their own ways
             raise KeyboardInterrupt from error
         if getattr(options, "debug", False):
             raise

@@ -74,7 +74,7 @@ file with an array path, as `riemhuman transfer` writes it.""",
 }
 
 
-# What people want to do, and the commands for it in the order of the help.
+# Tasks, and their commands in the order of the help.
 TOPICS = {
     "look": ("examples", "view", "info", "formats", "plot", "report"),
     "compare": ("tables", "dist", "matrix", "retrieve", "scores"),
@@ -264,7 +264,7 @@ _COMMON = (
 _DEBUG = option(
     "--debug", "show the traceback of an error", action="store_true", default=argparse.SUPPRESS
 )
-# Options that commands read but need not declare.
+# Options that commands read without declaring them.
 _DEFAULTS = dict.fromkeys(("any_scale", "align", "force", "has_figure"), False)
 
 
@@ -288,7 +288,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _topics_text() -> str:
-    """Return the commands with their summaries, by topics; those without a topic come last."""
+    """Return the commands with their summaries, by topic; those without a topic come last."""
     summaries = {name: texts["help"] for name, (texts, _, _) in COMMANDS.items() if " " not in name}
     summaries |= {name: summary for name, (summary, _) in GROUPS.items()}
     named = {name for names in TOPICS.values() for name in names}
@@ -324,7 +324,7 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
             commands[group] = inner.add_subparsers(
                 metavar="COMMAND", title="commands", required=True
             )
-        # Those without a group stand in the list by topics.
+        # Those without a group are listed by topic.
         listed = texts if group else {key: texts[key] for key in ("description", "epilog")}
         command_parser = commands[group].add_parser(name, **listed, **style)
         command_parser.set_defaults(

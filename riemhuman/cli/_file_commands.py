@@ -24,7 +24,7 @@ _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 
 # Of a path, in its folder.
 _PATH_FILE = "path.npz"
-# Of sizes in an answer: lengths, an area and a volume.
+# Sizes in an answer: lengths, an area and a volume.
 _POWERS = {"extents": 1, "largest_extents": 1, "area": 2, "volume": 3}
 # Of an archive of any number of arrays.
 _MOST_LISTED = 100
@@ -181,7 +181,7 @@ def _info(options: argparse.Namespace) -> cli.Answer:
 
 
 def _with_units(facts: JSONRecord, system: str) -> JSONRecord:
-    """Return facts for people: sizes in the units that they read, by the unit that is likely."""
+    """Return facts for readers: sizes in everyday units, by the likely unit of the file."""
     from riemhuman.checks import UNITS as UNITS_OF_FILES
 
     if "extents" in facts and "unit" in facts:  # of points, which are read in metres
@@ -204,7 +204,7 @@ def _with_units(facts: JSONRecord, system: str) -> JSONRecord:
 
 
 def _size(name: str, size: float | Sequence[float], per_metre: float, system: str) -> str:
-    """Return lengths, an area or a volume of a file in the units that people read."""
+    """Return lengths, an area or a volume of a file in everyday units."""
     import numpy as np
 
     power = _POWERS[name]
@@ -313,11 +313,11 @@ def _likely_unit(extent: float) -> str:
 
 
 def _edge_uses(faces: ndarray) -> tuple[ndarray, bool]:
-    """Return how many triangles share each edge, and whether none pass one in the same way."""
+    """Return how many triangles share each edge, and whether they are oriented consistently."""
     import numpy as np
 
     starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
-    # One number an edge and direction: sorting pairs takes many times as long.
+    # One number per directed edge, because sorting pairs takes many times as long.
     keys = np.minimum(starts, ends) * (int(faces.max()) + 1) + np.maximum(starts, ends)
     keys = np.sort(2 * keys + (starts > ends))
     is_passed_once = bool((np.diff(keys) != 0).all())

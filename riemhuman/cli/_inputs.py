@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _PRESETS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
 PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape metric
 _N_HARMONICS = 60
-# Frames a second of recordings: enough to play smoothly, and for movements of a body.
+# Frames per second of recordings: enough to play smoothly, and for movements of a body.
 _RECORDED_RATE = 30.0
 _SHOWN_RATE = 60.0
 _SUMMARY = "summary.json"
@@ -144,7 +144,7 @@ def measurements_of(
 
 
 def advice(scan: Path) -> str:
-    """Return what to do with a scan, for messages."""
+    """Return advice on what to do with a scan, for messages."""
     return f"register it first: riemhuman register {scan} -o body.ply"
 
 
@@ -211,7 +211,7 @@ def chosen_metric(
 
 
 def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> RiemannianMetric:
-    """Return the metric that the options choose for surfaces; say so where scans choose it."""
+    """Return the metric that the options choose for surfaces; report a choice made for scans."""
     metric = chosen_metric(options, surfaces.template, are_scans=surfaces.are_scans)
     if isinstance(metric, rh.AreaMetric) and options.metric != "area" and not options.quiet:
         note(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from riemhuman.motions.time_warping import MotionDistance
     from riemhuman.plots import Viewer
 
-# Of all frames on a page, two bytes each.
+# Coordinates of all frames on a page, two bytes each.
 _MOST_COORDINATES = 6_000_000
 
 _TEMPLATE = cli.several(
@@ -132,7 +132,7 @@ def _note_usual_distances(options: argparse.Namespace) -> None:
     recorded = rh.datasets.load_open_motions("coarse", people, ("knees", "punching", "shake_arms"))
     template = recorded[0].template
     read = inputs.Motions([motion.sequence for motion in recorded], recorded, template)
-    # Two seconds of each, as many frames as of most recordings.
+    # Two seconds of each, at the frame rate of most recordings.
     frames = [motion[:120:4] for motion in recorded]
     measure = _measure(options, _space(read, options.metric))
     distances = measure.dist_pairwise(frames)
@@ -234,7 +234,7 @@ def _aligned_view(
 
     motions = dict(zip(("first", "second"), read.motions, strict=True))
     times = {"first": warp.first, "second": warp.second}
-    # Meshes and array paths do not tell their rate.
+    # Meshes and array paths do not state their rate.
     rates = [
         None if place.is_dir() else getattr(motion, "frames_per_second", None)
         for place, motion in zip((options.a_motion, options.b_motion), read.motions, strict=True)
@@ -319,7 +319,7 @@ def _find(options: argparse.Namespace) -> cli.Answer:
     ]
     rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
     head, rate = "  distance   first    last", getattr(motion, "frames_per_second", None)
-    if rate is not None and not options.b_motion.is_dir():  # meshes do not tell their rate
+    if rate is not None and not options.b_motion.is_dir():  # meshes do not state their rate
         head += "   seconds"
         for number, part in enumerate(record):
             seconds = [part[end] / rate for end in ("first", "last")]

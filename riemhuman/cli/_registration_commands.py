@@ -182,7 +182,7 @@ def _missing_measurements(model: BodyModel, result: RegisteredScan) -> list[str]
 def _note_message(
     name: object, result: RegisteredScan | ScanRecord, missing: list[str] | None = None
 ) -> None:
-    """Say in one line what is wrong with a result, or what it lacks."""
+    """Say in one line what is wrong with a result, or what is missing."""
     said = result.message
     if missing:
         are = "measurement is" if len(missing) == 1 else "measurements are"

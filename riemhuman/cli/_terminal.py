@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from riemhuman.solvers import Result
 
 
-# Seconds without a word after which a command says what it does.
+# Seconds of silence after which a command says what it does.
 _SILENCE = 2.0
 
 
@@ -97,7 +97,7 @@ class StatusLine:
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
-        self._command = ""  # what it does; nothing where nobody looks on
+        self._command = ""  # what it does; empty unless someone is watching
         self._tasks: list[str] = []
         self._timer: threading.Timer | None = None
 
@@ -119,7 +119,7 @@ class StatusLine:
 
     @contextmanager
     def of_task(self, name: str) -> Iterator[None]:
-        """Show the name of a task, also again below what is written meanwhile."""
+        """Show the name of a task, and repeat it below anything written in the meantime."""
         with self.above():
             self._tasks.append(name)
         try:
@@ -129,7 +129,7 @@ class StatusLine:
 
     @contextmanager
     def above(self) -> Iterator[None]:
-        """Make room for whole lines, and say below them what goes on."""
+        """Make room for whole lines, and show the current task below them."""
         with self._lock:
             if self._timer is not None:
                 self._timer.cancel()
@@ -158,7 +158,7 @@ status = StatusLine()
 
 
 def note(text: str) -> None:
-    """Write one line to standard error, above progress bars and the name of the task."""
+    """Write a line to standard error, above progress bars and the name of the task."""
     tqdm = sys.modules.get("tqdm")  # only progress bars import it
     with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), status.above():
         sys.stderr.write(f"riemhuman: {' '.join(text.split())}\n")
@@ -172,7 +172,7 @@ def say_compilation() -> None:
     )
 
 
-# When the process was interrupted from the keyboard, if at all.
+# When the process was interrupted from the keyboard, if it was.
 _interruptions: list[float] = []
 
 
@@ -195,13 +195,13 @@ def tolerate_ascii() -> None:
 
 
 def discard_output() -> None:
-    """Discard the rest of standard output, which nothing can receive."""
+    """Discard the rest of standard output, which nobody reads any more."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def task(options: argparse.Namespace, name: str) -> Iterator[None]:
-    """Report a task on standard error with the time that it took, on a terminal as it begins."""
+    """Report a task and its duration on standard error; on a terminal, also when it begins."""
     start = time.perf_counter()
     with status.of_task(name) if options.bars else nullcontext():
         yield

@@ -19,7 +19,7 @@ _LATERAL = ("l", "lat", "lateral", "outer", "ext")
 _MEDIAL = ("m", "med", "medial", "inner", "int")
 # Words for the centre of a joint.
 _CENTRE = ("jc", "jointcentre", "jointcenter", "centre", "center", "joint", "jcs")
-# OpenCap ends names of markers on the skin by this.
+# OpenCap's suffix for markers on the skin.
 _SKIN_WORD, _ON_SKIN = "study", " on skin"
 
 # Abbreviations in names of markers on the skin.
@@ -81,7 +81,7 @@ class Recipe:
 
 
 class MarkerNames:
-    """The markers of one person, by what their names say."""
+    """The markers of one person, interpreted by name."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._numbers: dict[tuple[str, str], int] = {}
@@ -176,13 +176,13 @@ def _pairs_of(part: str) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
             tuple(text for stem in stems for word in words for text in (word + stem, stem + word))
             for words in (_LATERAL, _MEDIAL)
         )
-        # The marker without a word is the lateral one.
+        # The marker without such a word is the lateral one.
         pairs.insert(0, ((*lateral, *stems), medial))
     return pairs
 
 
 def _readings(name: str) -> list[tuple[str, str, bool]]:
-    """Return what the name of a marker may say: a side or "", the rest, and whether it is skin."""
+    """Return readings of a marker's name: a side or "", the rest, and whether it is on the skin."""
     words = re.findall(r"[A-Za-z]+|\d+", name.rpartition(":")[2].lower())
     if words[:1] == ["v"]:  # computed by Cortex
         words = words[1:]

@@ -1,4 +1,4 @@
-"""Skeletons whose joints are at centres that markers tell: gaps, the tree, and rotations."""
+"""Skeletons with joints at centres found from markers: gaps, the tree, and rotations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from riemhuman.retargeting.skeletons import (
 
 # Longest gaps that are filled: seconds, and frames where those are fewer.
 _LONGEST_GAP, _FRAMES_OF_GAP = 0.2, 3
-# A recipe is taken if it covers this share of the frames that another one does.
+# A recipe is used if it covers this share of the frames that another recipe covers.
 _COVERED = 0.95
 # Centres of hips behind, beside and below the front corners of the pelvis, as shares of the
 # distance between those (Bell, Pedersen and Brand 1990).
@@ -62,7 +62,7 @@ class Markers:
 def skeleton_of(
     markers: Markers, joints: Mapping[str, str | Sequence[str]] | None = None
 ) -> SkeletonMotion:
-    """Return the skeleton whose joints are where markers tell, with rotations that show bends."""
+    """Return the skeleton with joints located by markers, and rotations that show bends."""
     told = _told_markers(markers, joints or {})
     numbers = _markers_of_one_person(markers, told)
     centres, on_skin = _centres(markers, numbers, told)
@@ -89,7 +89,7 @@ def skeleton_of(
 def _told_markers(
     markers: Markers, joints: Mapping[str, str | Sequence[str]]
 ) -> dict[str, tuple[int, ...]]:
-    """Return the numbers of the markers that are told of joints."""
+    """Return the numbers of the markers that the user assigned to joints."""
     told = {}
     for role, chosen in joints.items():
         if role not in (*NEEDED, *_OPTIONAL):
@@ -179,7 +179,7 @@ def _best(positions: ndarray, recipes: Sequence[Recipe]) -> Recipe | None:
 
 
 def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray]:
-    """Return the centres of hips as the corners of the pelvis tell them."""
+    """Return the centres of the hips, estimated from the corners of the pelvis."""
     corners = names.pelvis()
     if corners is None:
         return {}
@@ -199,7 +199,7 @@ def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray
 def _head(
     positions: ndarray, head_markers: Mapping[str, int], markers: Markers
 ) -> dict[str, ndarray]:
-    """Return the centre of the head, and its axes where at least three markers tell them."""
+    """Return the centre of the head and, from three or more markers, its axes."""
     seen = {}
     for name, number in head_markers.items():
         path = _filled(positions[:, number], markers.frames_per_second)

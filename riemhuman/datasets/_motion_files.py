@@ -21,10 +21,10 @@ from riemhuman.retargeting.skeletons import shortest
 from riemhuman.retargeting.smpl_layout import N_HANDS, is_smpl, smpl_offsets
 from riemhuman.surfaces.procrustes import make_upright
 
-# Most programs take the numbers of a BVH file for centimetres.
+# Most programs read the numbers of a BVH file as centimetres.
 _CENTIMETRES = 100.0
 _EULER = "ZXY"
-# In files of AMASS, persons have so many coefficients.
+# Number of a person's shape coefficients in AMASS files.
 _N_BETAS = 16
 SAVED_FIELDS = ("riemhuman_joints", "riemhuman_poses", "riemhuman_trans", "riemhuman_betas")
 """Fields for a motion of another model than SMPL's, beside those of AMASS."""
@@ -43,13 +43,13 @@ _NEXT_JOINTS = {
         ("elbow", "wrist"),
     )
 }
-# Without a joint below them, these differ as the bone above does.
+# Joints without a child differ as the bone above them does.
 _LAST_JOINTS = ("left_toes", "right_toes", "left_wrist", "right_wrist")
 
 
 @dataclass(frozen=True)
 class PosedPerson:
-    """What a file of a motion holds: a person of a model in the poses of all frames."""
+    """The content of a motion file: a person of a model in the poses of all frames."""
 
     model: BodyModel
     betas: np.ndarray
@@ -112,7 +112,7 @@ def write_bvh(file: Path, person: PosedPerson) -> None:
 
 
 def _numbers(values: np.ndarray) -> str:
-    # A hundred-thousandth of a degree moves no hand by a thousandth of a millimetre.
+    # A hundred-thousandth of a degree moves a hand by less than a thousandth of a millimetre.
     return " ".join(f"{value:.5f}" for value in values.tolist())
 
 

@@ -75,7 +75,7 @@ def reach(
         )
         return np.concatenate(parts, axis=-1)
 
-    # Gauss–Newton's method for all people at once, with finite differences.
+    # Gauss–Newton for all people at once, with finite differences.
     vectors, step = np.zeros((len(betas), 9)), 1e-6
     nearby = np.concatenate([np.zeros((1, 9)), step * np.eye(9)])
     for _ in range(_N_STEPS):

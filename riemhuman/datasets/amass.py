@@ -46,7 +46,7 @@ FIELDS_READ = frozenset(
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4
-# Larger numbers are damage: of such an angle, double precision holds no digit within a circle.
+# Larger numbers mean damage: double precision cannot hold such an angle within a full turn.
 _LARGEST = 1e12
 
 
@@ -200,7 +200,7 @@ def _names(path: Path) -> tuple[str, str]:
 def _saved_motion(
     file: Path, model: BodyModel, frames: np.ndarray, rate: float
 ) -> ArrayMotion | None:
-    """Return the motion of this very model that `Motion.save` wrote beside poses of SMPL."""
+    """Return the motion of this model that `Motion.save` wrote beside poses of SMPL."""
     fields = load_arrays(file, (), (*SAVED_FIELDS, SAVED_REST))
     if not set(SAVED_FIELDS) <= fields.keys():
         return None
@@ -231,7 +231,7 @@ def _skeleton_motion(
 
 
 def _upward_axis(path: Path, last: int) -> str:
-    """Return the axis that points up in a file until a frame, with a warning if in doubt."""
+    """Return the axis that points up in a file, up to a frame; warn if in doubt."""
     recording = _read(path, last)
     axes = smpl_upward_axes(recording.poses[: last + 1], recording.translations[: last + 1], AMASS)
     warn_of_doubt(path.name, axes)
@@ -261,7 +261,7 @@ def _models(model: BodyModel | Mapping[str, BodyModel]) -> dict[str | None, Body
 
 def _read_header(file: Path) -> tuple[str, float, int]:
     """Return the gender, the frame rate and the number of frames of a file."""
-    # Others may hold objects of Python, as the markers of SMPL-X do.
+    # Other arrays may hold Python objects, like the markers of SMPL-X.
     names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
     rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
     needed = ["trans", "betas", rate_name]

@@ -46,7 +46,7 @@ class _Bone:
     length: float = 0.0
     # The axes in which it rotates, columns of a matrix.
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
-    # What a recording says of it, in this order; rotations are applied in this order, too.
+    # What a recording states for it, in this order, which is also that of the rotations.
     freedoms: tuple[str, ...] = ()
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
     is_placed: bool = False
@@ -385,7 +385,7 @@ def _skeleton_motion(
 
 
 def _column(bone: _Bone, values: np.ndarray, freedom: str) -> np.ndarray:
-    """Return what a recording says of one freedom of a bone, zeros where it has none."""
+    """Return the values of one degree of freedom of a bone, zeros if there are none."""
     if freedom in bone.freedoms:
         return np.asarray(values[:, bone.freedoms.index(freedom)])
     return np.zeros(len(values))

@@ -56,7 +56,7 @@ _TRANSLATIONS = (
 )
 _BETAS = ("betas", "smpl_betas", "pred_shape", "shape", "pred_betas")
 _RATES = ("fps", "frame_rate", "framerate", "mocap_framerate", "mocap_frame_rate")
-# AIST++ has translations in a unit of its own, of which so many are a metre.
+# AIST++ has its own unit of translations; this many of them are a metre.
 _SCALE = "smpl_scaling"
 # Of a person in space and before the camera, the first is wanted.
 _IN_SPACE, _BEFORE_CAMERA = ("global", "world"), ("incam", "cam")

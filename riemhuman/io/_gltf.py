@@ -21,7 +21,7 @@ from riemhuman.io.files import file_path, suffix_of, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 
 _FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
-# Surfaces more than so many extents from the origin are written beside it, and moved by their node.
+# Surfaces more than this many extents from the origin are written near it and moved by their node.
 _FAR = 50.0
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _SKIN = {

@@ -1,4 +1,4 @@
-"""Motions of body models in pages: a surface at rest, and what each bone does in every frame.
+"""Motions of body models in pages: a surface at rest, and the motion of each bone per frame.
 
 The page poses the surface by linear blend skinning, as `riemhuman.bodies.skin_surface` does.
 """
@@ -18,7 +18,7 @@ _STEP = 1e-4  # metres: of places in the page
 _UNIT = 2**15 - 1  # of quaternions
 # Pose correctives that the page leaves out are smaller than this in the mean over all vertices.
 _CORRECTIVE_ERROR = 2e-4
-_N_IN_EXTENT = 1200  # vertices by which the room that a motion takes is measured
+_N_IN_EXTENT = 1200  # number of vertices used to measure the room that a motion takes
 _FRAMES_AT_A_TIME = 64
 
 
@@ -52,7 +52,7 @@ def bone_record(motion: ModelMotion) -> dict[str, object]:
 
 
 def _packed_signed(values: ndarray, signed: str, unsigned: str) -> str:
-    """Return whole numbers with a sign; a row is a frame."""
+    """Return signed whole numbers with a row for each frame."""
     integers = np.ascontiguousarray(values.reshape(len(values), -1)).astype(signed)
     return packed(integers.view(unsigned))
 
@@ -65,7 +65,7 @@ def _influences(weights: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def _continued(quaternions: ndarray) -> ndarray:
-    """Return quaternions, shape (n_frames, J, 4), with the sign that is nearer to the last one."""
+    """Return quaternions, shape (n_frames, J, 4), with the sign nearer to the previous frame."""
     along = np.sum(quaternions[1:] * quaternions[:-1], axis=-1)
     signs = np.cumprod(np.where(along < 0, -1.0, 1.0), axis=0)
     return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
@@ -97,7 +97,7 @@ def _extent(
 
 
 def _correctives(model: BodyModel, poses: ndarray) -> dict[str, object]:
-    """Return the directions of pose correctives that this motion needs, and how far to go.
+    """Return the directions of pose correctives that this motion needs, and their weights.
 
     The displacements of all frames are a product of rank 9 (J - 1); few of its singular values
     matter within one motion.

@@ -18,8 +18,8 @@ from riemhuman.io.arrays import load_arrays
 from riemhuman.plots._occlusion import topology_name
 from riemhuman.plots._packing import deflated
 
-# Rings of an eyeball: degrees from where it looks, and the share of light that the ring throws
-# back. Pupil and iris end between two rings that nearly coincide.
+# Rings of an eyeball: degrees from the direction of gaze, and the share of light that they
+# reflect. Pupil and iris end between two rings that nearly coincide.
 _RINGS = (
     *((8.6, 0.14), (8.8, 0.40), (15.0, 0.46), (22.6, 0.34), (23.4, 0.92)),
     *((31.0, 1.0), (40.0, 1.0), (50.0, 1.0), (60.0, 0.9), (70.0, 0.8)),
@@ -54,7 +54,7 @@ class Eyes:
         return np.concatenate([triangles, triangles + len(ball)]) + n_vertices
 
     def shares(self) -> ndarray:
-        """Return the share of light that each vertex throws back, shape (n_points,)."""
+        """Return the share of light that each vertex reflects, shape (n_points,)."""
         return np.tile(eyeball()[2], 2)
 
     def socket_colors(self, corners: ndarray, faces: ndarray) -> ndarray:
@@ -89,7 +89,7 @@ def eyes_of(faces: ndarray) -> Eyes | None:
 
 @cache
 def eyeball() -> tuple[ndarray, ndarray, ndarray]:
-    """Return the front of a sphere that looks along z: vertices, triangles, shares of light."""
+    """Return the front of an eyeball looking along z: vertices, triangles, shares of light."""
     angles, shares = np.array(_RINGS).T
     angles = np.radians(angles)[:, np.newaxis]
     around = 2 * np.pi * np.arange(_AROUND) / _AROUND

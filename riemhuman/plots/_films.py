@@ -28,8 +28,8 @@ FILM_ENDINGS = (".gif", ".mp4")
 _HEIGHTS = {".gif": 400, ".mp4": 720}
 _RATES = {".gif": 20, ".mp4": 30}  # pictures a second
 _WIDEST = 1920
-_TURN_SECONDS = 4.0  # in which bodies that do not move turn once
-_MOST_LOOKED_AT = 48  # frames of a body by which the picture is framed
+_TURN_SECONDS = 4.0  # in which still bodies turn once
+_MOST_LOOKED_AT = 48  # number of a body's frames used to frame the picture
 _MOST_BODIES = 8
 _N_COLORS = 256  # of a GIF
 _QUALITY = "18"  # of H.264: smaller is better; 18 is hard to tell from the original
@@ -92,7 +92,7 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
     grounds = [Ground.below(_some_frames(body, turns)) for body in film.bodies]
     windows = _windows(film, grounds, turns)
     wide = sum(window.width for window in windows) / windows[0].height
-    height = 2 * (min(height, int(_WIDEST / wide)) // 2)  # H.264 takes even numbers of pixels
+    height = 2 * (min(height, int(_WIDEST / wide)) // 2)  # H.264 needs even numbers of pixels
     for number in range(n_pictures):
         view, share = View(), number / max(n_pictures - 1, 1)
         if turns:
@@ -114,7 +114,7 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
 
 
 def _some_frames(body: ViewedBody, turns: bool) -> list[ndarray]:
-    """Return frames by which the picture is framed; a body that turns is on its axis."""
+    """Return the frames used to frame the picture; a turning body is on its axis."""
     places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
     frames = [np.asarray(body.frames[k]) for k in sorted(set(places.round().astype(int).tolist()))]
     return [frame - _middle(body) for frame in frames] if turns else frames
@@ -128,7 +128,7 @@ def _middle(body: ViewedBody) -> ndarray:
 
 
 def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]:
-    """Return a window of the same size for each body, which holds it at all times."""
+    """Return a window of the same size for each body, which contains it at all times."""
     corners = []
     for body, ground in zip(film.bodies, grounds, strict=True):
         views = [View(azimuth=azimuth) for azimuth in range(0, 360, 15)] if turns else [View()]
@@ -138,7 +138,7 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
         halves = np.array([(box.width, box.height) for box in boxes]) / 2
         corners.append(((centres - halves).min(axis=0), (centres + halves).max(axis=0)))
     width, height = np.max([high - low for low, high in corners], axis=0)
-    # All stand on one floor, above the line of the names.
+    # All bodies stand on one floor, above the line of names.
     below, height = 0.08 * height, 1.08 * height
     return [
         Window(
@@ -169,7 +169,7 @@ def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], said: str) -> Ima
 
 
 def _gif(pictures: Iterator[Image.Image], rate: int) -> bytes:
-    """Return a GIF file that plays again and again; all pictures share one palette."""
+    """Return a GIF file that loops; all pictures share one palette."""
     first = next(pictures)
     palette = first.quantize(_N_COLORS, dither=Image.Dither.NONE)
     others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)

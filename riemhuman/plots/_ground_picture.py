@@ -12,12 +12,12 @@ from scipy.ndimage import uniform_filter
 from riemhuman.plots.windows import View, Window, window_around
 
 _CELLS = 96  # of the shadow, in each direction
-# Where feet touch the ground, and what the body keeps from the sky: height as a share of that of
-# the body, cells that a mean is taken over, and strength.
+# Contact of the feet with the ground, and the sky that the body hides: height as a share of the
+# body's, cells that are averaged, and strength.
 _LAYERS = ((0.025, 3, 0.9), (0.3, 15, 0.55))
 _DARKEST = 0.62
 _SPACING = 0.25  # metres between lines; every fourth is stronger
-SHOWN = 0.85  # share of the radius that pictures hold at least
+SHOWN = 0.85  # least share of the radius in pictures
 _INK = np.array([59.0, 70.0, 82.0])
 
 
@@ -83,7 +83,7 @@ class Ground:
         return np.concatenate([color, 255 * opacity[..., None]], axis=-1)
 
     def _seen(self, view: View, window: Window, shape: tuple[int, ...]) -> tuple[ndarray, ndarray]:
-        """Return the places x, z on the ground that pixels show, and their change per pixel."""
+        """Return the positions x, z on the ground that pixels show, and their change per pixel."""
         rows, columns = shape
         pixel = window.height / rows
         x = window.centre[0] + (np.arange(columns) + 0.5 - columns / 2) * pixel
@@ -121,7 +121,7 @@ def window_of(surface: ndarray, view: View, *, ground: bool) -> Window:
 
 
 def _lines(place: ndarray, wide: ndarray, spacing: float) -> ndarray:
-    """Return how much of a line of the grid is in each pixel; close lines become grey."""
+    """Return how much of each pixel a grid line covers; close lines become grey."""
     change = wide / spacing
     near = np.abs((place / spacing - 0.5) % 1 - 0.5) / change
     drawn = np.clip(1.2 - near, 0, 1) * np.clip(0.6 / change - 0.5, 0, 1)

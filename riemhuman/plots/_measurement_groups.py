@@ -1,4 +1,4 @@
-"""Measurements in groups that people look for: girths, heights, breadths and depths, lengths."""
+"""Measurements in familiar groups: girths, heights, breadths and depths, lengths."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class MeasurementGroup:
 
 
 def grouped(measurements: Sequence[Measurement]) -> list[MeasurementGroup]:
-    """Return measurements by their kind; those of classes of one's own are lengths."""
+    """Return measurements by kind; those of user-defined classes are lengths."""
     kinds = [_kind(measurement) for measurement in measurements]
     return [
         MeasurementGroup(title, tuple(k for k, kind in enumerate(kinds) if kind == number))
@@ -67,5 +67,5 @@ def pictured(measurements: Sequence[Measurement], lines: Lines) -> list[Measurem
 
 
 def _height(parts: Sequence[ndarray]) -> float:
-    """Return how high the highest point of lines is."""
+    """Return the height of the highest point of lines."""
     return float(np.concatenate([np.asarray(part) for part in parts])[:, 1].max())

@@ -24,7 +24,7 @@ _NEAR = 3e-3  # metres by which a surface must be nearer to the eye to hide a ve
 
 
 def shade_of(faces: ndarray) -> ndarray | None:
-    """Return the share of light that vertices of the open body model get, shape (V,).
+    """Return the share of light that reaches vertices of the open body model, shape (V,).
 
     None for other triangles, whose rest pose is not known.
     """
@@ -32,7 +32,7 @@ def shade_of(faces: ndarray) -> ndarray | None:
 
 
 def topology_name(faces: ndarray) -> str:
-    """Return a short name of triangles by their numbers."""
+    """Return a short name for triangles, computed from their indices."""
     return f"shares_{crc32(np.ascontiguousarray(faces, dtype='<i4').tobytes()):08x}"
 
 
@@ -60,7 +60,7 @@ def open_shares(
         rotated = centred @ frame
         depths = _depths(rotated, faces, radius, pixels)
         cosines = np.maximum(normals @ towards, 0.0)
-        # Vertices are a little outside, so that their own triangles do not hide them.
+        # Vertices are moved outward a little, so that their own triangles do not hide them.
         places = rotated + _NEAR * (normals @ frame)
         columns = ((places[:, 0] / radius + 1) * pixels / 2).astype(int).clip(0, pixels - 1)
         rows = ((1 - places[:, 1] / radius) * pixels / 2).astype(int).clip(0, pixels - 1)

@@ -1,4 +1,4 @@
-"""What pages show on their bodies, with controls beside them."""
+"""Panels of pages: drawings on bodies, with controls beside them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Panel(Protocol):
         """Return the controls, whose identifiers begin with that of the viewer."""
 
     def picture(self, height: int) -> ndarray | None:
-        """Return the picture that stands in without WebGL, shape (height, width, 4).
+        """Return the picture shown without WebGL, shape (height, width, 4).
 
         None if it is that of the bodies themselves.
         """

@@ -120,7 +120,7 @@ def _signed(value: float, _: object) -> str:
     return f"{value:+g}".replace("-", "\u2212") if value else "0"
 
 
-# More than eight arguments: each keyword is one choice about the picture.
+# More than eight arguments, because each keyword is one choice about the picture.
 def plot_path(
     path: ArrayLike | Sequence[Any],
     faces: ArrayLike | None = None,

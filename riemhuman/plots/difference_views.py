@@ -1,4 +1,4 @@
-"""Where two bodies differ: millimetres along the normal with their sign, or a metric's density.
+"""Where two bodies differ: signed millimetres along the normal, or a metric's density.
 
 Both bodies are coloured, each compared with the other.
 """
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from riemhuman.plots._panels import Panel
 
 _DENSITY = "Metric"
-_LENGTHS = {"cm": "Millimetres", "in": "Inches"}  # the name of the other choice, by units
+_LENGTHS = {"cm": "Millimetres", "in": "Inches"}  # the name of the other choice, with units
 
 
 @dataclass(frozen=True)

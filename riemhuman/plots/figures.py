@@ -38,7 +38,7 @@ _CLASSES = (
 # Share of values beyond the end of a colour scale.
 _OUTLIERS = 0.01
 
-# Red, green and blue of a body without other colour, and of a mean.
+# Red, green and blue of a plain body, and of a mean.
 SKIN = (0.80, 0.73, 0.66)
 MEAN = (0.93, 0.74, 0.30)
 UNKNOWN = (0.60, 0.63, 0.66)  # where a value is not known
@@ -147,7 +147,7 @@ def has_sign(values: ndarray) -> bool:
 
 def colour_limit(values: ndarray) -> float:
     """Return the end of the colour scale, which the sizes of 1 % of the values exceed."""
-    # One extreme triangle must not set the scale.
+    # A single extreme triangle must not set the scale.
     sizes = np.abs(values[np.isfinite(values)])
     if not len(sizes):
         return 0.0

@@ -1,4 +1,4 @@
-"""A map on a page: the pointer on a point shows its body."""
+"""A map on a page: pointing at a dot shows its body."""
 
 from __future__ import annotations
 

@@ -36,8 +36,8 @@ _LETTER_WIDTH, _LINE_HEIGHT, _POINT_INCHES = 0.09, 0.16, 0.05
 _BODY_PIXELS = 200
 _MOST_BODIES = 12
 _GRID = 90  # places for bodies in each direction
-_N_ORDERS = 24  # in which bodies take the nearest free place
-_DARKER = 0.62  # names than points, so that they can be read
+_N_ORDERS = 24  # orders in which bodies take the nearest free place
+_DARKER = 0.62  # names than points, for legibility
 LARGEST_STRESS = 0.4  # of a map that is shown
 _NO_STRESS = 0.01
 _FRACTIONS = {
@@ -113,7 +113,7 @@ def embed(
         learning_rate="auto",
         random_state=seed,
     )
-    with single_threaded_libraries():  # threads do not pay for so few points
+    with single_threaded_libraries():  # threads do not pay off for so few points
         return np.asarray(estimator.fit_transform(matrix), dtype=np.float64)
 
 

@@ -132,7 +132,7 @@ def measurement_panel(
 
 
 def _with_units(rows: list[_Row]) -> list[_Row]:
-    """Return rows that name their units, unless all have the first one's, which the head names."""
+    """Return rows that name their units, unless all share the unit in the heading."""
     first = rows[0].unit
     return [
         row if row.unit == first else replace(row, name=f"{row.name}, {row.unit}") for row in rows
@@ -161,7 +161,7 @@ def _row(k: int, measured: BodySizes | VisitComparison, has_line: bool, system: 
 
 
 def _text(value: float, unit: ReadableUnit, sign: str = "") -> str:
-    """Return a value with at most one digit behind the point of centimetres, and a true minus."""
+    """Return a value with at most one decimal for centimetres, and a true minus sign."""
     if np.isnan(value):
         return _NONE
     digits = min(unit.digits, 1) if unit.scale == 100.0 else unit.digits
@@ -218,7 +218,7 @@ def view_measurements(
 
 
 def _posed(measurements: Measurements, points: Any, pose: str) -> ndarray:
-    """Return a body, checked, in the standard pose or as it stands."""
+    """Return a checked body, in the standard pose or as it stands."""
     one_of(pose, "pose", _POSES)
     shape = (measurements.definitions.n_vertices, 3)
     surface = np.asarray(real_array(points, "points", shape, batched=False))
@@ -289,7 +289,7 @@ def plot_measurements(
 def _draw_group(
     ax: Axes, surface: ndarray, faces: ndarray, lines: Sequence[Sequence[ndarray]], height: int
 ) -> None:
-    """Draw lines with numbers on a body, from the side on which most of them are seen."""
+    """Draw numbered lines on a body, from the side on which most of them are visible."""
     collections = import_matplotlib("collections")
     normals = vertex_normals(surface, faces)
     nearest = [[_nearest(part, surface) for part in parts] for parts in lines]
@@ -340,7 +340,7 @@ def _length_seen(
 
 
 def _write_numbers(ax: Axes, places: Sequence[ndarray], middle: float, width: float) -> None:
-    """Write numbers in columns beside the body, with lines to the ends of those they name."""
+    """Write numbers in columns beside the body, with leader lines to their lines."""
     sides: dict[int, list[tuple[float, int, ndarray]]] = {-1: [], 1: []}
     for number, points in enumerate(places):
         side = 1 if points[:, 0].mean() >= middle else -1

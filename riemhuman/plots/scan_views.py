@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 # Points of a scan on a page: corners of triangles, and loose ones, each drawn as a disc.
 _MOST_CORNERS, _MOST_DISCS = 60_000, 40_000
-# Ends of the colour scale, of which the first is taken that most distances are within, millimetres.
+# Ends of the colour scale, millimetres; the first that covers most distances is used.
 _ENDS, _SHARE_WITHIN = (3, 5, 10, 15, 20, 30, 50), 0.97
 _NOT_SEEN = (0.62, 0.68, 0.76)
-# Points that are not of the body are shown this far from it, metres.
+# Points that do not belong to the body are shown up to this distance from it, metres.
 _AROUND_METRES = 0.3
 _STEPS = 10.0  # of distances on a page, a millimetre
 _LARGEST_DISC, _SMALLEST_DISC = 0.012, 0.0015  # radii, metres
@@ -159,7 +159,7 @@ def _sentence(over: ScanOverBody) -> str:
 
 
 def _around(over: ScanOverBody) -> ScanOverBody:
-    """Return the scan without what is far from the body, such as the far end of a floor."""
+    """Return the scan without parts far from the body, such as the far end of a floor."""
     low, high = over.points.min(axis=0) - _AROUND_METRES, over.points.max(axis=0) + _AROUND_METRES
     return over.chosen(np.all((over.scan_points > low) & (over.scan_points < high), axis=1))
 

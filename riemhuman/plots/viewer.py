@@ -445,7 +445,7 @@ def _coordinates(frames: ndarray) -> dict[str, Any]:
     low = frames.min(axis=(0, 1))
     size = frames.max(axis=(0, 1)) - low
     step = np.maximum(size, 1e-9) / LEVELS
-    # What is as large as a body is told to 0.1 mm, which compresses better.
+    # Things as large as a body are stored to 0.1 mm, which compresses better.
     step = np.where(size > _AS_LARGE_AS_BODIES, np.maximum(step, _STEP), step)
     integers = np.round((frames - low) / step).astype("<u2")
     # Differences in time, or along the surface of a single frame, are small.

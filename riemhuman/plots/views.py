@@ -1,4 +1,4 @@
-"""One function that opens an interactive view of whatever it is given."""
+"""One function that opens an interactive view of anything."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from riemhuman.registration import RegisteredScan
 from riemhuman.solvers import MeanResult, PathResult, TangentPCA
 from riemhuman.surfaces.template import Template
 
-# More would make a page of tens of megabytes.
+# With more, a page would have tens of megabytes.
 _MOST_BODIES = 10
 
 

@@ -91,7 +91,7 @@ def _retrieval(report: Report, task: Task) -> JSONRecord:
         "table": report.output.table(f"retrieval-{task.name}", list(rows.values())),
         "better": {key: numbers for key, numbers in better.items() if numbers},
         "opposite": rows[POSE_METRIC if task.metric == SHAPE_METRIC else SHAPE_METRIC],
-        # Of equal distances, scores are expected ones over all orders.
+        # For equal distances, scores are expectations over all orders.
         "chance": scores(np.ones_like(matrix), task.labels).first_tier,
         **(_retrieval_figures(report, task, distances) if has_figures else {}),
     }
@@ -145,7 +145,7 @@ def _map(report: Report, task: Task, method: str, positions: ndarray) -> JSONRec
     classes = [readable(name) for name in task.names]
     items = [name_of(bodies, number) for number in range(len(bodies))]
     shown: JSONRecord = {
-        "size": (4.5, 4.8),  # on which names are large enough for a telephone
+        "size": (4.5, 4.8),  # on which names are large enough for a phone
         "unit": "m" if method == "mds" else None,
     }
     if task.is_named_by_item:
@@ -204,7 +204,7 @@ def _maps(report: Report) -> Step:
 
 def sweep_section(report: Report) -> Section | None:
     tasks, plan = [task for task in report.tasks if task.is_retrieval], report.plan
-    # Among two classes, most weights are as good as others.
+    # With only two classes, most weights are equally good.
     if max((task.n_classes for task in tasks), default=0) < FEWEST_CLASSES:
         return None
     rows = _sweep(report, tasks).record["rows"]
@@ -349,7 +349,7 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
                 if unit == "m" and np.isfinite(own).any()
             ],
         }
-        # Without labels, several bodies may be of one person, which permutations do not bear.
+        # Without labels, several bodies may be of one person, which would invalidate permutations.
         if len(people) >= _FEWEST_PEOPLE and report.has_poses:
             girths = means[:, names.index(_ALONG)]
             space = AlignedSurfaces(bodies.template)

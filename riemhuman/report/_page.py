@@ -26,7 +26,7 @@ from riemhuman.plots.viewer import Viewer, page_scripts, page_styles, web_file, 
 from riemhuman.report._storage import Computed, ResultStore
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
-# Within a figure; smaller ones are colour scales, which stay as they are.
+# Size of images within a figure; smaller ones are colour scales, which are kept.
 _PICTURE = re.compile(r"data:image/png;base64,([\w+/=\s]{4000,})")
 _QUALITY = 88  # per cent, of WebP
 _quoted = cache(quote)  # the same characters come thousands of times
@@ -162,7 +162,7 @@ def _smaller(svg: str) -> str:
 
 
 def _described(arguments: Sequence[object]) -> list[object]:
-    """Return what the result of a function depends on, but for the bodies of the report."""
+    """Return what the result of a function depends on, except the bodies of the report."""
     return [
         None if hasattr(given, "points") else getattr(given, "fingerprint", given)
         for given in arguments
@@ -185,7 +185,7 @@ class Output:
         size: tuple[float, float] | None = None,
         **settings: object,
     ) -> Image:
-        """Return a figure, which is drawn unless the store has one of the same arguments."""
+        """Return a figure, drawn unless the store has one with the same arguments."""
         # With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments
         # are what JSON and fingerprints can describe, and the bodies of the report.
 
@@ -214,7 +214,7 @@ class Output:
         return Image(source, round(float(width)), round(float(height)), name)
 
     def view(self, name: str, make: Callable[..., Viewer], *arguments: object) -> str:
-        """Return the address of a page of bodies, made unless the store has one."""
+        """Return the address of a page of bodies, written unless the store has one."""
 
         def compute() -> Computed:
             return {"page": np.frombuffer(make(*arguments).page().encode(), np.uint8)}, {}

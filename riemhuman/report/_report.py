@@ -85,7 +85,7 @@ def name_of(bodies: Bodies, index: int) -> str:
 
 
 def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None:
-    """Return the pair that suits at a share of their order by distance; 1 is the farthest."""
+    """Return the suitable pair at a share of the order by distance; 1 is the farthest."""
     first, second = np.nonzero(np.triu(suits, 1))
     if not len(first):
         return None
@@ -171,7 +171,7 @@ class Report:
 
         @cache
         def described() -> dict[str, Described]:
-            # Called only if one of them is missing in the store: spectra take long.
+            # Called only if the store lacks one of them, because spectra take long.
             return described_together(self.representations, self.bodies)
 
         def compute(name: str, representation: Any) -> Computed:

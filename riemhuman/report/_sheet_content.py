@@ -22,7 +22,7 @@ from riemhuman.report.sheet_values import SheetRow, SheetSubject, SheetValues
 
 NOTHING = "–"
 _MINUS = "−"
-# Digits that the uncertainty of measurements leaves.
+# Digits justified by the uncertainty of measurements.
 _DIGITS = {"cm": 1, "kg": 1, "L": 1, "in": 1, "lb": 1, "in³": 0, "in²": 0, "m²": 2}
 _SQUARE_METRES = ReadableUnit("m²", 1.0, 2)
 _HEADLINE = {
@@ -126,7 +126,7 @@ class ChangesText:
 
 @dataclass(frozen=True)
 class Content:
-    """All that stands on a sheet."""
+    """The content of a sheet."""
 
     title: str
     about: str
@@ -308,7 +308,7 @@ def _headline(values: SheetValues, units: str) -> tuple[RowText, ...]:
 
 
 def row_text(row: SheetRow, units: str) -> RowText:
-    """Return a measurement in the units of people."""
+    """Return a measurement in everyday units."""
     unit = _unit(row.unit, units)
     is_known = bool(np.isfinite(row.percentile))
     return RowText(
@@ -349,14 +349,14 @@ def _value(value: float, unit: ReadableUnit, sign: str = "") -> str:
 
 
 def _uncertainty(value: float, unit: ReadableUnit) -> str:
-    """Return an uncertainty, with another digit where it would vanish."""
+    """Return an uncertainty, with one more digit if it would be 0."""
     digits = _DIGITS.get(unit.name, unit.digits)
     is_small = abs(value * unit.scale) < 0.5 * 10.0**-digits
     return f"{value * unit.scale:.{digits + 1}f}" if is_small else _value(value, unit)
 
 
 def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
-    """Return angles with the side or direction to which they go."""
+    """Return angles with their side or direction."""
 
     def directed(name: str, title: str, positive: str, negative: str) -> PostureText:
         angle = posture[name]

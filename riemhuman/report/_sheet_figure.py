@@ -42,7 +42,7 @@ def save_figure_pdf(content: Content, version: str, file: Path) -> None:
 
 
 class _Side:
-    """A page on which things are placed in millimetres from its upper left corner."""
+    """A page with items placed in millimetres from its upper left corner."""
 
     def __init__(self) -> None:
         module: Any = import_matplotlib("figure")
@@ -280,7 +280,7 @@ def _all_rows(side: _Side, y: float, rows: Sequence[RowText], *, has_percentiles
     _heading(side, _LEFT, y, f"All {len(rows)} measurements: {columns}")
     n_lines = -(-len(rows) // 3)
     width = (_RIGHT - _LEFT - 10.0) / 3
-    # They share what is left of the page.
+    # They share the rest of the page.
     step = min(_SMALL_ROW, (_BOTTOM - 14.0 - y) / (n_lines + 1))
     size = min(6.6, 6.6 * step / 3.2)
     for number, row in enumerate(rows):

@@ -19,7 +19,7 @@ from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import Average, SheetSubject, SheetValues
 
 _HIPS = "trochanterion"
-_DRAWING = Lock()  # matplotlib is not made for threads
+_DRAWING = Lock()  # matplotlib is not thread-safe
 
 
 @cache
@@ -34,7 +34,7 @@ def save_pdf(content: Content, file: Path, browser: str | None) -> None:
     """Write a PDF by the browser or, without one or if it fails, by matplotlib."""
     version = library_version()
     if browser is not None:
-        # In the same folder: a browser in a container may see no other one.
+        # In the same folder, because a browser in a container may see no other.
         page = file.with_name(f"{file.stem}.print.html")
         write_text(page, sheet_page(content, version, printed=True))
         try:

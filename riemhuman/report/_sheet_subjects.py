@@ -38,7 +38,7 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class PersonLabels:
-    """What a table of labels says about one file."""
+    """The labels of one file."""
 
     person: str = ""
     sex: str = "adult"
@@ -62,7 +62,7 @@ class Found:
     failures: list[tuple[str, str]]
 
     def earlier(self, number: int) -> int | None:
-        """Return the visit of the same person before a body's, if the labels tell it."""
+        """Return the same person's visit before this body's, if the labels name it."""
         order = self._visits(number)
         place = order.index(number) if order else 0
         return order[place - 1] if place else None
@@ -92,7 +92,7 @@ def find_subjects(
     unit: str | None = None,
     up: str | None = None,
 ) -> Found:
-    """Return the bodies in mesh files and folders; registered scans with what is known of them."""
+    """Return the bodies in mesh files and folders; registered scans with their records."""
     subjects: list[SheetSubject] = []
     faces: list[ndarray] = []
     failures: list[tuple[str, str]] = []
@@ -150,12 +150,12 @@ def read_people(table: Path) -> dict[str, PersonLabels]:
 
 
 def _warn_of_missing_labels(table: Path, subjects: Sequence[SheetSubject], n_known: int) -> None:
-    """Say that a table of labels names not all bodies; a table of others' names is a mistake."""
+    """Warn if a table of labels does not name all bodies."""
     if n_known == len(subjects):
         return
     names = f"{n_known or 'none'} of the {len(subjects)} bodies"
     warn(
-        f"{table} names {names}; the others are compared with adults of both sexes",
+        f"{table} names {names}; bodies without labels are compared with adults of both sexes",
         UserWarning,
     )
 
@@ -263,7 +263,7 @@ def subject_of_record(record: ScanRecord) -> SheetSubject:
     )
 
 
-# More than eight arguments: what a result of registration and a record on disk have in common.
+# More than eight arguments: what results of registration and records on disk share.
 def subject_of_scan(
     name: str,
     points: ndarray,

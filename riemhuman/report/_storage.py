@@ -52,7 +52,7 @@ def open_folder(path: str | os.PathLike[str]) -> Path:
     folder = check_folder(path)
     with convert_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        # The marker comes first: after a kill, a folder without it would be refused.
+        # The marker comes first: if the process is killed, a folder without it would be refused.
         write_provenance(folder, {"status": "begun"})
         for name in _SUBFOLDERS:
             (folder / name).mkdir(exist_ok=True)

@@ -131,7 +131,7 @@ def make_report(
     report = Report(bodies, plan, store, files, compared, basis, units)
     with figure_style():
         has_retrieval = any(task.is_retrieval for task in report.tasks)
-        # Who brings few scans asks for measurements first.
+        # With few scans, people want measurements first.
         order = _SECTIONS if has_retrieval else sorted(_SECTIONS, key=_comes_later)
         made = [section for make in order if (section := make(report)) is not None]
     sizes = _sizes(report)

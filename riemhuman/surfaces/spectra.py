@@ -142,7 +142,7 @@ def _constants(faces: Triangles, areas: Array) -> Array:
 # singular operator positive definite.
 _SHIFT = 0.01
 
-# Connected parts of up to so many vertices are solved densely, all of one size at once.
+# Connected parts with up to this many vertices are solved densely, all of one size at once.
 _SMALL_PART = 64
 
 
