@@ -49,7 +49,7 @@ def main(target: Path) -> int:
         tour.write_text(without_line_links(tour.read_text(encoding="utf-8")), encoding="utf-8")
         (source / "reference.md").write_text(reference(), encoding="utf-8")
         options = ["-W", "--keep-going", "-q", "-j", "auto", "-d", str(Path(folder) / "doctrees")]
-        built = Path(folder) / "site"  # notebooks leave pictures beside it, which nothing needs
+        built = Path(folder) / "site"  # notebooks leave unneeded pictures beside it
         code = sphinx([*options, "-b", "html", str(source), str(built)])
         if code == 0:
             shutil.copytree(built, target, dirs_exist_ok=True)
@@ -57,12 +57,12 @@ def main(target: Path) -> int:
 
 
 def without_line_links(text: str) -> str:
-    """Return a page without links to lines of source files, which the site does not hold."""
+    """Return a page without links to lines of source files, which the site does not include."""
     return re.sub(r"\[(`[^`]+`)\]\(\.\./riemhuman/[^)]+\)", r"\1", text)
 
 
 def with_viewers(path: Path) -> None:
-    """Show stored viewers as elements of the page, each with a name of its own."""
+    """Embed stored viewers in the page, each with its own identifier."""
     notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     viewers = [output["data"] for output in outputs if VIEWER in output.get("data", {})]
@@ -81,7 +81,7 @@ def with_viewers(path: Path) -> None:
 
 
 def gallery(notebooks: list[Path]) -> str:
-    """Return the page of all notebooks: of each a picture (`thumbnails.py`) and a sentence."""
+    """Return the page of all notebooks: a picture (`thumbnails.py`) and a sentence for each."""
     text = (SOURCES / "gallery.md").read_text(encoding="utf-8").split("- [")[0]
     cards = []
     for number, path in enumerate(notebooks, start=1):
@@ -176,7 +176,7 @@ TASKS = (
 
 
 def reference() -> str:
-    """Return the page of all public names by task, which makes Sphinx write a page for each."""
+    """Return the page of all public names by task, from which Sphinx writes a page for each."""
     introduction = (
         "Every public name, grouped by task; names without a subpackage are those of `riemhuman` "
         "itself, as `rh`. Examples assume `import numpy as np` and `import riemhuman as rh`."
@@ -207,8 +207,8 @@ def public_addresses() -> dict[str, list[str]]:
 
 
 def public_names(module: ModuleType) -> list[str]:
-    """Return the names of a module that are no modules themselves."""
-    if module is rh.kernels:  # its functions are parts of the metrics, and stand there
+    """Return the names of a module that are not modules themselves."""
+    if module is rh.kernels:  # its functions are documented with the metrics that use them
         return []
     names = getattr(module, "__all__", None)
     if names is None:
@@ -237,7 +237,7 @@ def defined_in(module: ModuleType, name: str) -> bool:
 
 
 def from_command_line() -> int:
-    """Build the site where the command line says, and say where it is."""
+    """Build the site in the folder named on the command line, and say where it is."""
     parser = argparse.ArgumentParser(description="Build the documentation site, in about a minute.")
     parser.add_argument("folder", nargs="?", default="site", type=Path, help="default: site")
     target = parser.parse_args().folder

@@ -19,7 +19,7 @@ extensions = [
 ]
 exclude_patterns = ["_build", "notebooks", "recordings"]
 
-# Notebooks are stored with their outputs, and a test runs them again: nothing runs here.
+# Notebooks are stored with their outputs, which a test checks, so nothing runs here.
 nb_execution_mode = "off"
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
@@ -40,13 +40,13 @@ html_copy_source = False
 html_logo = "_static/logo.svg"
 html_favicon = "_static/logo.svg"
 html_theme_options = {
-    "logo": {"text": "riemhuman", "alt_text": "riemhuman, the first page"},
+    "logo": {"text": "riemhuman", "alt_text": "riemhuman, home page"},
     "header_links_before_dropdown": 6,
     "navbar_persistent": [],
     "navbar_end": ["search-button", "theme-switcher"],
     "show_prev_next": True,
 }
-# Pages without pages below them have nothing to list beside their text.
+# These pages have no pages below them to list in a sidebar.
 html_sidebars: dict[str, list[str]] = {page: [] for page in ("index", "install", "search")}
 html_math_renderer = "mathml"
 
@@ -62,7 +62,7 @@ def setup(app):
 
 
 def _readable_defaults(app, what, name, value, options, signature, returned):
-    """Show dots for a default that a data class makes anew."""
+    """Show dots for a default that a data class creates for each instance."""
     return (signature and signature.replace("<factory>", "..."), returned)
 
 

@@ -30,7 +30,7 @@ from riemhuman.surfaces.template import Template
 
 # Weights in single precision, or rounded for storage, sum to one within this tolerance.
 _SUM_TOLERANCE = 1e-3
-# Bodies of more bytes are many, whose need of memory is foreseen.
+# For bodies with more bytes than this, the memory needed is checked first.
 _MANY_BYTES = 2**26
 _FEWER = "pose fewer at a time"
 
@@ -94,7 +94,7 @@ class BodyModel(Unchanging):
     (1202, 3)
     """
 
-    # More than eight arguments: the arrays of SMPL's files, under their names there.
+    # More than eight arguments: the arrays of SMPL's files, under their own names.
     def __init__(
         self,
         v_template: ArrayLike,

@@ -41,7 +41,7 @@ _LOSSES = ("squared", "huber")
 _FEW_POINTS = 1500
 _FEWEST_OF_A_JOINT = 20
 _CLOSED_FORM_ROUNDS = 2
-# A fit from the one before is dropped if it takes more steps, or is farther by this factor.
+# A fit from the previous one is dropped if it takes more steps, or is this factor farther.
 _WARM_STEPS, _WARM_LOSS = 12, 1.5
 _LEAST_DAMPING = 1e-9
 _MOST_DAMPING = 1e6
@@ -313,7 +313,7 @@ def _fit_after(
     max_iter: int,
     before: ModelFit | None,
 ) -> ModelFit:
-    """Return the fit that starts from another one, unless this does not come as near."""
+    """Return the fit that starts from another one, unless it does not come as near."""
     if before is not None:
         fit = _fit(stages, combine, target, tolerance, min(_WARM_STEPS, max_iter), before)
         if fit.converged and fit.mean_distance < _WARM_LOSS * before.mean_distance:

@@ -38,7 +38,7 @@ _INSTANCES = "EXT_mesh_gpu_instancing"
 
 
 class _Vertices(NamedTuple):
-    """Where vertices come from; primitives of one mesh that agree in it share them."""
+    """The source of vertices; primitives of a mesh with equal sources share them."""
 
     positions: int
     targets: tuple[int | None, ...]
@@ -155,7 +155,7 @@ class _Reader:
         parents: dict[int, int] = {}
         for number, node in enumerate(self._document.get("nodes", ())):
             for child in node.get("children", ()):
-                # The specification asks for trees. Shared nodes could be reached in 2^100 ways.
+                # The specification requires trees: shared nodes could be reached in 2^100 ways.
                 if child in parents:
                     raise FileFormatError(f"its node {child} has more than one parent")
                 parents[child] = number

@@ -29,7 +29,7 @@ Mesh = tuple[ndarray, ndarray]
 
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
-_HEADER_BYTES = 2**16  # no header of a PLY file is as long
+_HEADER_BYTES = 2**16  # longer than any header of a PLY file
 _SHOWN = 60  # characters of a name or a line in messages
 # Numbers and the three normals, corners and spare bytes of each triangle of a binary STL file.
 _STL_HEADER = 84
@@ -245,7 +245,7 @@ def _lines_of_words(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
     """Yield number and words of lines with some; a backslash at its end continues a line."""
     words: list[bytes] = []
     for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
-        # A backslash in a comment, as in a path of Windows, does not continue the line.
+        # A backslash in a comment, as in a Windows path, does not continue the line.
         text = line.partition(b"#")[0]
         words += text.removesuffix(b"\\").split()
         if words and not text.endswith(b"\\"):
@@ -281,7 +281,7 @@ def read_stl(content: bytes) -> Mesh:
 
 
 def _position(words: list[bytes]) -> list[float]:
-    """Return the position of a vertex, which its colour or normal may follow."""
+    """Return the position of a vertex; its colour or normal may follow it."""
     numbers = [float(word) for word in words]
     if len(numbers) < 3 or any(b"_" in word for word in words):  # Python reads 1_0 as 10
         raise ValueError

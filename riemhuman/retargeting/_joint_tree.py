@@ -16,7 +16,7 @@ from riemhuman.bodies.skinning import joints_to_root
 
 # Branches of a pair have lengths within this ratio, and limbs at least this share of the longest.
 _ALIKE, _LONG = 0.75, 0.45
-# Of pairs of bones in a limb that are about as long, those farther from the trunk are its own.
+# Of pairs of bones in a limb with similar lengths, those farther from the trunk are the limb's.
 _AS_LONG = 0.85
 # Joints nearer than this share of the skeleton's longest bone are in one place.
 _ONE_PLACE = 0.02
@@ -24,7 +24,7 @@ _FRAMES = 200
 
 
 def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
-    """Return the joints by their names in the open model, or none if it is no tree of a person."""
+    """Return the joints by their names in the open model; none if the tree is not a person's."""
     frames = np.unique(np.linspace(0, len(positions) - 1, _FRAMES).astype(np.int64))
     positions = positions[frames]
     lengths = bone_lengths(parents, positions)
@@ -102,7 +102,7 @@ def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, in
     def is_inside(pair: tuple[int, int], outer: tuple[int, int]) -> bool:
         return any(joint in joints_to_root(parents, pair[0]) for joint in outer)
 
-    # A pair of hands within a pair of arms is part of it.
+    # A pair of hands within a pair of arms is part of the arms.
     outer = [p for p in long if not any(q != p and is_inside(p, q) for q in long)]
     # Skirts and wings are shorter than limbs.
     limbs = sorted(outer, key=lambda pair: -size[pair])[:2]
@@ -116,7 +116,7 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     The joints of the limb are the ends of two long bones, one after the other.
     """
     nearby = _ONE_PLACE * lengths[path].max()
-    # Of joints in one place, the last moves what is below.
+    # Of joints in one place, the last one moves what is below.
     chain = [a for a, b in zip(path, [*path[1:], -1], strict=True) if b < 0 or lengths[b] > nearby]
     if len(chain) < 3:
         return []
@@ -127,7 +127,7 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     first = int(np.flatnonzero(pairs >= _AS_LONG * pairs.max())[-1])
     ends = [-1, *chain, -1]
     above, *limb, below = ends[first : first + 5]
-    # Fingers may begin in one place with the wrist: the first joint there moves the whole hand.
+    # Fingers may begin at the wrist: the first joint there moves the whole hand.
     place = path.index(limb[2])
     while reached[path.index(limb[2])] - reached[place - 1] <= nearby:
         place -= 1

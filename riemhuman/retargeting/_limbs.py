@@ -20,15 +20,15 @@ from riemhuman.retargeting.skeletons import (
     turned_towards,
 )
 
-# Limbs leave the recorded directions by at most so many radians.
+# Limbs deviate from the recorded directions by at most this many radians.
 _LIMB = np.radians(3.8)
 _BISECTIONS = 12
 _TRUNK_STEPS = 3
-# Share of the length of a limb that it is stretched to.
+# Limbs are stretched to at most this share of their length.
 _STRETCHED = 0.9995
 # Weight of the axis of a knee beside the sine of its angle: a straight knee bends about it.
 _HINGE_SHARE = 0.1
-# Rotations of the trunk that differ by more in the mean from what positions show are not used.
+# Rotations of the trunk are ignored if they differ by more than this from the positions.
 _UNLIKE = np.radians(30.0)
 
 
@@ -70,7 +70,7 @@ def reach(
     limb: tuple[str, ...],
     to_end: ndarray,
 ) -> ndarray:
-    """Bend a limb so that its end is as near to a place as its directions may go."""
+    """Bend a limb so that its end comes as near to a place as its directions allow."""
     a, b = (float(np.linalg.norm(figure.bone(*pair))) for pair in (limb[:2], limb[1:]))
     joints = [figure.joints[name] for name in limb[:2]]
     known = [_direction(source, *pair) for pair in (limb[:2], limb[1:])]
@@ -104,7 +104,7 @@ def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndar
     for name in ("pelvis", "chest"):
         shown = shown_rotations(source, figure, name)
         if np.linalg.norm(log(parts[name], shown), axis=-1).mean() > _UNLIKE:
-            # Some files place joints without rotating what they hang from.
+            # Some files place joints without rotating their parents.
             parts[name] = shown
     for limb in LIMBS:
         for pair in (limb[:2], limb[1:]):
@@ -153,5 +153,5 @@ def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, 
 
 
 def _interpolated(start: ndarray, end: ndarray, n: int) -> list[ndarray]:
-    """Return n rotations from a rotation to another, in each frame."""
+    """Return n rotations from one rotation to another, in each frame."""
     return [exp(share * log(start, end), start) for share in np.linspace(0.0, 1.0, n)]

@@ -14,9 +14,9 @@ from riemhuman.retargeting.skeletons import check_bones, has_bone, leg_length, m
 from riemhuman.retargeting.upward import rest_directions, upward_axis, warn_of_doubt
 from riemhuman.surfaces.procrustes import make_upright
 
-# A foot stands still below this speed, in lengths of the leg a second (some 12 cm a second) …
+# A foot stands still below this speed, in leg lengths per second (about 12 cm/s) …
 _STILL = 0.15
-# … averaged over so many seconds, against noise.
+# … averaged over this many seconds to suppress noise.
 _SMOOTHED = 0.1
 # Still feet so near to the floor in the recording stand on it, and their joints are at most so high
 # above its lowest point, in lengths of the leg (some 3 and 12 cm).
@@ -24,12 +24,12 @@ _NEAR_FLOOR, _FOOT = 0.04, 0.15
 # Where someone goes faster, in lengths of the leg a second, and so far from one frame to the next,
 # the recording may have been interrupted.
 _FASTEST, _FARTHEST = 8.0, 0.25
-# Parts of less than this share of the frames say nothing about the axis that points up.
+# Parts with less than this share of the frames do not count for the axis that points up.
 _LONG_PART = 0.05
 # After an interruption, a part whose lowest joints differ by so much from those of the longest part
 # is not on its floor, in lengths of the leg.
 _OTHER_FLOOR = 0.4
-# Joints nearer than this are in one place, lengths of the leg.
+# Joints nearer than this are in one place, leg lengths.
 _ONE_PLACE = 1e-3
 # Bones besides those of the limbs.
 _OTHER_BONES = tuple(
@@ -83,7 +83,7 @@ def read_skeleton(
     joints = find_joints(names, parents, None, positions) if known is None else dict(known)
     check_bones(positions, joints, names)
     for side in SIDES:
-        # An end site in one place with the ankle is no toe.
+        # An end site at the ankle is not a toe.
         if not has_bone(positions, joints, f"{side}_ankle", f"{side}_toes"):
             joints.pop(f"{side}_toes", None)
     leg = leg_length(positions, joints)
@@ -133,7 +133,7 @@ def _uninterrupted_parts(
     steps = np.linalg.norm(np.diff(hips, axis=0), axis=1) / leg
     jumps = (steps * recording.frames_per_second > _FASTEST) & (steps > _FARTHEST)
     parts = np.concatenate([[0], np.cumsum(jumps)])
-    # Programs write zeros where they lost someone.
+    # Programs write zeros where they lost the person.
     is_zero = np.all(recording.translations[:, recording.parents < 0] == 0.0, axis=(1, 2))
     if is_zero.any() and not is_zero.all():
         apart = np.median(hips[is_zero], axis=0) - np.median(hips[~is_zero], axis=0)
@@ -170,7 +170,7 @@ def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
 def _is_near_floor(
     positions: ndarray, balls: list[int], still: ndarray, kept: ndarray, leg: float
 ) -> ndarray:
-    """Return whether each foot is as low as where it stands, and near the lowest joint."""
+    """Return whether each foot is as low as when it stands, and near the lowest joint."""
     heights = positions[:, balls, 1]
     known = heights[still] if still.any() else heights[kept]
     lowest = np.percentile(positions[kept, :, 1].min(axis=1), 1.0)

@@ -17,17 +17,17 @@ from riemhuman.retargeting.joint_axes import Figure
 from riemhuman.retargeting.joint_names import LIMBS, SIDES
 from riemhuman.retargeting.skeletons import middle
 
-# Bodies so little below the floor touch it, metres.
+# Bodies less than this below the floor touch it, metres.
 _TOUCHING = 0.005
-# Still feet are moved by at most so much to stay in place, metres.
+# Still feet are moved by at most this much to stay in place, metres.
 _MOST_SHIFT = 0.05
-# The body moves with one foot or the other over so many seconds, and a little with feet in the air.
+# The body changes from one foot to the other in this many seconds; feet in the air count a little.
 _SHIFTED, _SWING = 0.25, 0.05
 # Vertices of a sole that are held above the floor.
 _SOLE_VERTICES = 40
-# Where no foot stands, the lowest points of this share of frames, percent, are on the floor.
+# If no foot stands, the lowest points of this percentage of frames are on the floor.
 _LOWEST_FRAMES = 5.0
-# Vertices of a body that are looked at, about, frames at a time, and seconds in which it is raised.
+# Approximate number of vertices checked, frames at a time, and seconds in which a body is raised.
 _BODY_VERTICES, _FRAMES_AT_A_TIME, _RAISED = 1500, 200, 0.2
 
 
@@ -64,15 +64,15 @@ def stand(
 
 
 def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
-    """Return how much a body is raised so that it is nowhere below the floor, smoothly."""
+    """Return how much a body is raised, smoothly, so that no part is below the floor."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d  # take long to import
 
     needed = np.maximum(0.0, depths - _TOUCHING)
     width = max(1, round(_RAISED * source.frames_per_second)) | 1
-    # A mean of largest values nearby is nowhere below the values themselves.
+    # A mean of nearby maxima is never below the values themselves.
     largest = maximum_filter1d(np.where(source.kept, needed, 0.0), width)
     smooth = uniform_filter1d(largest, width)
-    # Where the recording was interrupted, a body may be anywhere.
+    # After an interruption, a body may be anywhere.
     return np.asarray(np.where(source.kept, smooth, needed))
 
 
@@ -114,7 +114,7 @@ def _footholds(
     lows: ndarray,
     balls: ndarray,
 ) -> ndarray:
-    """Return where ankles must be for still feet to stay in place, and no sole below 0."""
+    """Return where ankles must be for still feet to stay in place with no sole below 0."""
     ankles = performance.positions[:, [figure.joints[f"{side}_ankle"] for side in SIDES]]
     heights = ankles[..., 1] + lows
     grounded = source.grounded

@@ -1,4 +1,4 @@
-"""Who performs a recording: a person with recorded bones, of recorded size, or the model's own."""
+"""The performer of a recording: a person with its bones, of its size, or of the model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LENGTHS = (*BONES, ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip
 # that writers use.
 _OWN_BONES, _OWN_UNITS = 2e-5, (1.0, 0.01, 0.001)
 _SMALLEST, _LARGEST = 0.2, 5.0
-# Sizes nearer to 1 are 1, rounded.
+# Sizes nearer to 1 than this become 1.
 _SAME_SIZE = 1e-6
 
 

@@ -41,9 +41,9 @@ from riemhuman.retargeting.skeletons import (
 BENT = 15.0
 # Bends, degrees, whose axis counts as much as that of a limb that is not rotated about itself.
 _TRUSTED_LEG, _TRUSTED_ARM = 35.0, 20.0
-# Level feet on the floor, as a share of frames, tell which way is across.
+# Level feet on the floor in this share of frames show which direction is across.
 _LEVEL_FEET = 0.02
-# Feet whose toes point down by so many degrees more than those at rest have raised heels.
+# Feet whose toes point down by this many degrees more than at rest have raised heels.
 _HEEL_RAISED = 15.0
 # Share of frames in which nobody stands upright, beside those in which someone does.
 _BENT_POSTURE = 0.02
@@ -217,7 +217,7 @@ def _axes_of_foot(
         return {ankle: mean_axes(rotations, level, weights)}
     directions = unit(bone(source.positions, source.joints, ankle, toes))
     rest = figure.bone(ankle, toes)
-    # Who stands still on the balls of the feet has no level soles.
+    # People who stand still on the balls of their feet do not have level soles.
     steepest = np.arcsin(-unit(rest) @ up) + np.radians(_HEEL_RAISED)
     flat = flat & (np.arcsin(np.clip(-directions[:, 1], -1.0, 1.0)) < steepest)
     toe_rotations = source.rotation(toes)

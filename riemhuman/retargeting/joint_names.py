@@ -1,4 +1,4 @@
-"""Which joint of a skeleton is which: by name, else by the shape of the tree, else as told."""
+"""Which joint of a skeleton is which: as told, by name, or by the shape of the tree."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _OTHER_NAMES = {
 _PARTS = {name for names in (*_SIDED_NAMES.values(), *_OTHER_NAMES.values()) for name in names}
 _SIDE_WORDS = {"left": "left", "l": "left", "lft": "left", "lt": "left"}
 _SIDE_WORDS |= {"right": "right", "r": "right", "rgt": "right", "rt": "right"}
-# What programs add to names of joints, and says nothing about them.
+# Meaningless additions of programs to names of joints.
 _ADDED_WORDS = frozenset(
     ("jnt", "joint", "jt", "j", "bone", "bn", "b", "bind", "skin", "skel", "sk", "node", "model")
     + (
@@ -118,7 +118,7 @@ def _told_joints(names: Sequence[str], table: Mapping[str, str]) -> dict[str, in
 def _named_joints(
     names: Sequence[str], parents: ndarray, told: Mapping[str, int]
 ) -> dict[str, int]:
-    """Return the joints that are told, and those that names tell."""
+    """Return the joints given by the user, and those found by name."""
     joints = dict(told)
     depths = [len(joints_to_root(parents, joint)) for joint in range(len(names))]
     read = [_read_name(name) for name in names]

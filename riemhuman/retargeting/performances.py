@@ -27,9 +27,9 @@ from riemhuman.retargeting.skeletons import body_frame, bone, bones, middle, tru
 _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
 _NECK = ("neck", "head")
 _PARTS = ("pelvis", "chest", "head")
-# Means over the frames that are warned of, degrees and metres.
+# Means over the frames above which a warning is issued, degrees and metres.
 _MOST_DEGREES, _MOST_METRES = 15.0, 0.07
-# Coefficients of the same person, found twice, differ by less.
+# Coefficients of the same person, estimated twice, differ by less than this.
 _SAME_BETAS = 1e-5
 # Mean cosine of feet to the front of the body that says that they point backward.
 _BACKWARD = 0.3

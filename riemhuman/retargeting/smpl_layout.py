@@ -100,7 +100,7 @@ def smpl_skeleton(
     scale = _leg_scale(motion, up)
     steps[:, 1:] *= scale
     scaled = replace(motion, offsets=scale * offsets, translations=steps)
-    # What is known of long recordings is not computed again.
+    # Results for long recordings are not computed again.
     root = motion.positions[:, :1]
     vars(scaled)["global_rotations"] = motion.global_rotations
     vars(scaled)["positions"] = root + scale * (motion.positions - root)
@@ -121,7 +121,7 @@ def _leg_scale(motion: SkeletonMotion, up: str) -> float:
     for _ in range(4):
         standing = np.linalg.norm(moved + scale * steps, axis=-1, keepdims=True) < _STANDING
         squares = np.sum(standing * steps**2)
-        # Where nobody walks, nothing is known about the length of the legs.
+        # Without walking, nothing is known about the length of the legs.
         if squares < 1e-2 * len(motion):
             return 1.0
         scale = float(np.clip(-np.sum(standing * steps * moved) / squares, 0.75, 1.3))

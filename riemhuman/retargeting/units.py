@@ -1,4 +1,4 @@
-"""Units of lengths in recordings, which most files do not say."""
+"""Units of lengths in recordings, which most files do not state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNITS = {
     "yards": (0.9144, ("yd", "yard", "yards")),
 }
 _SPELLINGS = {spelling: name for name, (_, some) in _UNITS.items() for spelling in some}
-# Units that files are in, without being asked; CMU's is 1 / 0.45 of an inch.
+# Units that are tried without being asked for; CMU's is 1 / 0.45 of an inch.
 _USUAL = ("metres", "centimetres", "millimetres", "inches", "feet")
 _CMU_UNIT = 0.0254 / 0.45
 _CMU_JOINTS = {"LHipJoint", "RHipJoint", "LowerBack", "lhipjoint", "rhipjoint", "lowerback"}

@@ -21,16 +21,16 @@ _AXES = {"x": (0, 1), "y": (1, 1), "z": (2, 1), "-x": (0, -1), "-y": (1, -1), "-
 _STANDS, _FLOOR_AT_ZERO, _BED, _AT_REST = 2.0, 2.5, 1.6, 1.0
 # Evidence against an axis that hardly anything uses.
 _RARE = 3.0
-# With so much evidence of a floor along the usual axis, another one is in doubt.
+# With this much evidence of a floor along the usual axis, another axis is in doubt.
 _DOUBTFUL_FLOOR = 1.2
-# With less, moving bodies have no floor along an axis.
+# With less evidence, moving bodies have no floor along an axis.
 _SOME_FLOOR = 0.5
 # The body is upright along an axis if shoulders are above feet by this cosine.
 _UPRIGHT = 0.8
 # The floor is at height 0 within, beds are at most so high, and tables where the body is at rest,
 # lengths of the leg.
 _NEAR_ZERO, _HIGHEST_BED, _HIGHEST_TABLE = 0.15, 0.8, 1.4
-# In fewer frames, moving bodies may be near a floor by chance.
+# In fewer frames than this, moving bodies may be near a floor by chance.
 _ENOUGH_FRAMES = 30
 # A body is supported in a frame if its lowest joint is so near to the floor, lengths of the leg.
 _SUPPORTED = 0.05
@@ -51,7 +51,7 @@ class Convention:
 
 
 BVH = Convention("y", {"z": 2.5})
-# Files of others are in this layout, too, and in them y is usual.
+# Files from elsewhere use this layout too, and in them y up is usual.
 AMASS = Convention("z", {"y": 1.5}, move=True)
 # In the axes of cameras, y points down.
 VIDEO = Convention("y", {"-y": 0.5, "z": 1.5}, move=True)
@@ -97,11 +97,11 @@ def upward_axis(
     chosen = max(evidence, key=lambda axis: evidence[axis])
     likely = max(seen, key=lambda axis: seen[axis])
     if likely != chosen:
-        # Rest pose and floor agree with someone who hardly moves: he or she lies there.
+        # Rest pose and floor agree about someone who hardly moves: the person is lying there.
         is_sure = rests[chosen] and floors[chosen] >= _FLOOR_AT_ZERO and supported[chosen] > 0.5
         is_sure |= convention.move and floors[likely] < _SOME_FLOOR
         return chosen, "" if is_sure else likely
-    # Who stands along the opposite axis has the head, not a floor, at the lowest place.
+    # For people who stand along the opposite axis, the lowest place is the head, not a floor.
     is_doubtful = chosen not in (usual, f"-{usual}") and floors[usual] > _DOUBTFUL_FLOOR
     return chosen, usual if is_doubtful else ""
 

@@ -70,7 +70,7 @@ def _in_turn(
     worker: Worker[Part],
     tiles: Sequence[tuple[int, Part]],
 ) -> Iterator[tuple[int, ndarray | RiemhumanError]]:
-    # Sent once; the scheduler sends it again to a worker that replaces a lost one.
+    # Sent once; the scheduler sends it again to workers that replace lost ones.
     sent = client.submit(copy, metric, pure=False)
     waiting = iter(tiles)
     running: dict[Hashable, int] = {}
@@ -137,7 +137,7 @@ def first_finished(
 
 
 def _check_workers(client: distributed.Client) -> None:
-    """Refuse workers that cannot import the library, for which the client would wait."""
+    """Refuse workers that cannot import the library; the client would wait for them."""
     try:
         answers = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
     except (OSError, TimeoutError) as failure:

@@ -302,7 +302,7 @@ def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
 
 
 def _learned_distances(bodies: Bodies | LabelledMeshes) -> dict[str, np.ndarray]:
-    """Return distances learned from labels, by task, from people to whom they were not fitted."""
+    """Return distances learned from labels, by task, for people they were not fitted to."""
     subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
     if not _is_registered(bodies) or subject is None or len(np.unique(subject)) < 5:
         return {}

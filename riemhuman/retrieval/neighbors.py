@@ -20,7 +20,7 @@ from riemhuman.retrieval.jobs import checked_part
 
 _ALGORITHMS = ("auto", "brute", "index")
 
-# Numbers of points that are added, and of queries that are answered, at a time.
+# Numbers of points added, and of queries answered, at a time.
 _BLOCK = 64
 
 # Largest number of lower bounds in memory.
@@ -35,8 +35,8 @@ _FIRST, _BATCH = 8, 32
 # Generous bound on the rounding error of squared lower bounds, relative to the largest.
 _SLACK = 1e-9
 
-# Fewer points are compared with all others, which takes less time than lower bounds do. So are all
-# points if bounds exclude less than this share of the points for a few trial queries.
+# With fewer points, all are compared, which is faster than lower bounds. So are all points
+# if bounds exclude less than this share of the points for a few trial queries.
 _FEW, _LEAST_EXCLUDED, _TRIALS = 1000, 0.5, 8
 
 

@@ -138,7 +138,7 @@ def adjacent_triangles(faces: Triangles) -> tuple[Integers, Integers]:
     """
     starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
     n_vertices = int(faces.max(initial=0)) + 1
-    # One number an edge: sorting pairs takes many times as long.
+    # One number per edge, because sorting pairs takes many times as long.
     keys = np.maximum(starts, ends) * n_vertices + np.minimum(starts, ends)
     order = np.argsort(keys, kind="stable")
     same = np.flatnonzero(np.diff(keys[order]) == 0)
