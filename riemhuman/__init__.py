@@ -1,9 +1,9 @@
 """Riemannian shape analysis of human bodies.
 
-A body registered to a template mesh T is a map f: T → R³. The library sends it to its metric
-field and its normal field, Φ(f) = (g, n), measures distances there in closed form, and finds
-geodesics and means under the metrics pulled back by Φ, after Pierson, Daoudi and Tumpach, "A
-Riemannian Framework for Analysis of Human Body Surface", WACV 2022.
+A body registered to a template mesh T is a map f: T → R³. It is represented by its first
+fundamental form g and its unit normals n, Φ(f) = (g, n). Distances of these fields have a closed
+form; geodesics and means are found under the metrics pulled back by Φ. See Pierson, Daoudi and
+Tumpach, "A Riemannian Framework for Analysis of Human Body Surface", WACV 2022.
 
 Examples in docstrings assume ``import numpy as np`` and ``import riemhuman as rh``.
 """
@@ -190,7 +190,7 @@ default_solvers.load_by(_load_default_solvers)
 notebook_pictures.load_by(_load_plots)
 
 
-if not TYPE_CHECKING:  # type checkers would take any name for one of the library
+if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
 
     def __getattr__(name: str) -> Any:
         if name in _MODULE_OF_NAME:

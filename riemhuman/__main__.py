@@ -13,13 +13,13 @@ _INTERRUPTED = 130
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
-    """End the process at once, with nothing begun or all done."""
+    """End the process at once, before it has begun or after everything is done."""
     os._exit(_INTERRUPTED)
 
 
 def main() -> int:
     """Run the command line."""
-    # Shells start what runs in the background, as nohup does, with interruptions ignored.
+    # Shells, like nohup, start background processes with interruptions ignored.
     listens = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
     if listens:
         signal.signal(signal.SIGINT, _leave)

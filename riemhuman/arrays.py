@@ -1,4 +1,4 @@
-"""Types of arrays by their role, and of what files hold.
+"""Types of arrays by role, and of the content of files.
 
 Arrays that autograd traces stand for the values that they trace, and have the same types: every
 function that is differentiated takes and returns them as it does arrays.

@@ -72,13 +72,13 @@ Newborns have 3 litres and more. A volume is the same in every pose, which an ex
 _LARGEST_RATIO = 8.0
 # Two bodies in different units differ by the ratio of the units times that of the bodies.
 _BODY_RATIO = 1.5
-# Some vertices tell the size of a surface well enough.
+# A sample of vertices is enough to tell the size of a surface.
 _N_SAMPLES = 256
 
-# Digits of the usual distance between neighbouring vertices: fewer are warned of, or refused.
+# Digits of the usual distance between neighbouring vertices; with fewer, warn or refuse.
 _ENOUGH_DIGITS, _FEWEST_DIGITS = 2.0, 0.5
-# In double precision, whatever the unit, nothing is lost so near the origin. Beyond so many extents
-# from it, coordinates may be rounded; shapes of fewer vertices may be on a grid by design.
+# In double precision, whatever the unit, nothing is lost this near the origin. Beyond the second
+# number of extents, coordinates may be rounded; with fewer vertices, grids may be intended.
 _NEAR, _FAR, _FEWEST_VERTICES = 30.0, 50.0, 100
 _N_SURFACES = 8
 
@@ -577,7 +577,7 @@ def check_basis(value: object, name: str) -> None:
 
 
 def _shown(value: object) -> str:
-    """Return the text of an argument, cut short, since one from a file may be of any length."""
+    """Return the text of an argument, cut short because texts in files may have any length."""
     text = repr(value)
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 

@@ -44,7 +44,7 @@ class Estimator:
             if inner:
                 getattr(self, name).set_params(**{inner: value})
             else:
-                setattr(self, name, value)  # by name, as scikit-learn's protocol has it
+                setattr(self, name, value)  # by name, as in scikit-learn's protocol
         return self
 
     def __repr__(self) -> str:

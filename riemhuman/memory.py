@@ -18,7 +18,7 @@ from riemhuman.errors import OutOfMemoryError
 USE_LESS = "compare fewer bodies at a time, or coarser ones"
 """What to do about a lack of memory, where nothing better is known."""
 
-# How libraries in C say in other errors than `MemoryError` that they got no memory.
+# How C libraries report a lack of memory in errors other than `MemoryError`.
 _NO_MEMORY = re.compile(
     r"(can(no|')t|unable to|failed to|could not) (allocate|map segment)|out of memory|"
     r"memory allocation failed|error -4 while",  # of zlib
@@ -112,7 +112,7 @@ def size_text(n_bytes: float) -> str:
 
 def available_memory() -> float:
     """Return the most bytes that this process may still take; infinity if that is unknown."""
-    # Of the addresses that a process holds, those without memory behind them may be used again.
+    # Addresses of the process that have no memory behind them can be used again.
     return max(0.0, min(_free_memory(), min(_limit(), _container_limit()) - _own_memory()))
 
 

@@ -34,7 +34,7 @@ def import_matplotlib(module: str = "", extra: str = "plot") -> ModuleType:
         asked = os.environ.pop("MPLBACKEND", None)
         if asked is None:
             raise
-        # The import that failed has left parts of the package behind.
+        # The failed import has left parts of the package behind.
         for part in [part for part in sys.modules if part.partition(".")[0] == "matplotlib"]:
             del sys.modules[part]
         try:

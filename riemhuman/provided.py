@@ -1,8 +1,8 @@
-"""What lower floors use of higher ones: handed down by `riemhuman` itself, never imported.
+"""What lower layers use from higher ones: provided by `riemhuman` itself, never imported.
 
-A metric without solvers takes default ones, and results draw themselves in notebooks; solvers and
-plots are above them. `riemhuman/__init__.py`, which stands above all floors, says where they are,
-and they are loaded when they are first used.
+A metric without solvers uses default ones, and results draw themselves in notebooks, but solvers
+and plots are in higher layers. `riemhuman/__init__.py`, above all layers, says where they are, and
+they are loaded on first use.
 """
 
 from __future__ import annotations

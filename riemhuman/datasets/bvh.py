@@ -95,7 +95,7 @@ class _Joint:
 
 
 class _Reader:
-    """Reads a file word by word, and knows the line of the last word."""
+    """Reads a file word by word and keeps the line of the last word."""
 
     def __init__(self, file: Path, content: bytes) -> None:
         self._file = file
@@ -113,7 +113,7 @@ class _Reader:
         return FileFormatError(f"{self._file}, line {self._line}: {problem}")
 
     def _next(self, *expected: str) -> str:
-        """Return the next word in capitals, which must be one of some words."""
+        """Return the next word in capitals, which must be one of the given words."""
         word = next(self._words, "the end of the file")
         if word.upper() not in expected:
             raise self._error(f"{' or '.join(expected)} expected; found {word[:60]!r}")
@@ -185,7 +185,7 @@ class _Reader:
         return channels
 
     def _read_frames(self, n_channels: int) -> tuple[np.ndarray, float]:
-        # Numbers belong to their lines: one too few must not shift all that follow.
+        # Numbers belong to their lines: a missing one must not shift all that follow.
         lines = (
             (number, line)
             for number, line in enumerate(self._lines[self._line :], self._line + 1)

@@ -172,7 +172,7 @@ def load_dfaust(
 def _motions(
     chosen: list[tuple[Path, str, str]], faces: np.ndarray, rate: float
 ) -> Motions[DynamicFaustMotion]:
-    """Return motions in files, of a subject and a sequence each; every file is opened once."""
+    """Return motions in files, each of a subject and a sequence; open every file once."""
     keys: dict[Path, list[str]] = {}
     for file, subject, sequence in chosen:
         keys.setdefault(file, []).append(f"{subject}_{sequence}")
@@ -200,7 +200,7 @@ def _shapes(file: Path, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
 
 
 def _stored(contents: h5py.Group, key: str, file: Path) -> h5py.Dataset | h5py.Group:
-    """Return what a file itself holds under a key, unless it is much larger than its storage."""
+    """Return the content of a file under a key, unless it is much larger than its storage."""
     h5py = import_optional("h5py", "data")
     if isinstance(contents.get(key, getlink=True), h5py.HardLink):
         data = contents[key]

@@ -153,12 +153,12 @@ def load_c3d(
 
 
 def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
-    """Return what `_c3d_points` copies from a file, in a process that damaged files may end."""
+    """Return what `_c3d_points` copies from a file, in a process that damaged files may kill."""
     import_optional("ezc3d", "recordings")
     script = Path(__file__).with_name("_c3d_points.py")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "points.npz"
-        # -P: modules beside the script are none of its own.
+        # -P: do not import modules from the script's folder.
         command = [sys.executable, "-P", str(script), str(file.absolute()), str(target)]
         seconds = timeout or _C3D_SECONDS + file.stat().st_size / _C3D_BYTES_A_SECOND
         try:
@@ -169,7 +169,7 @@ def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
             ) from None
         if done.returncode or not target.exists():
             lines = done.stderr.decode(errors="replace").strip().splitlines()
-            # Of a process that was ended, nothing is known.
+            # Nothing is known about a process that was ended.
             reason = lines[-1] if done.returncode > 0 and lines else "it cannot be read by ezc3d"
             raise FileFormatError(
                 f"{file}: damaged, or not a C3D file: {short_message(ValueError(reason))}"
@@ -178,7 +178,7 @@ def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
 
 
 def _declared_frames(content: bytes) -> int:
-    """Return how many frames the header of a C3D file says, at least: it counts to 65535."""
+    """Return the least number of frames by the header of a C3D file, which counts to 65535."""
     processor = _C3D_BLOCK * (content[0] - 1) + 3
     is_big = len(content) > processor > 0 and content[processor] == _C3D_BIG_ENDIAN
     first, last = struct.unpack_from(">HH" if is_big else "<HH", content, 6)
@@ -205,7 +205,7 @@ def _in_metres(
             metres = metres_in(str(written_unit))
         except ArgumentError:  # a word that names no unit
             metres = None
-    # Programs write zeros, or nothing, where they did not see a marker.
+    # Programs write zeros or nothing if they did not see a marker.
     unseen = ~np.isfinite(positions).all(axis=-1) | (positions == 0.0).all(axis=-1)
     seen = np.where(unseen[..., None], np.nan, positions)
     unit = None if metres is None else "metres"

@@ -1,4 +1,4 @@
-"""Motions from arrays of poses in SMPL's joint order, as methods that watch videos print them."""
+"""Motions from arrays of poses in SMPL's joint order, as video methods write them."""
 
 from __future__ import annotations
 

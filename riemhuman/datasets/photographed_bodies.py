@@ -25,7 +25,7 @@ from riemhuman.surfaces.procrustes import AXES, make_upright
 _VERTICES = "pred_vertices"
 # Cosine of the direction from the feet to the middle of a body with an axis that surely points up.
 _SURELY_UP = 0.3
-# The same where all six axes are possible.
+# The same if all six axes are possible.
 _STANDS = 0.8
 _N_EXTREMITIES = 5
 _OPTIONAL = ("pred_cam_t", "pred_keypoints_3d", "shape_params")

@@ -1,7 +1,7 @@
 """Recordings in any format that the library reads: one function for all.
 
-Methods that watch videos print poses in SMPL's joint order, each under names of its own. Here, a
-field is known by its name, wherever it stands in a file; rates and axes are those of the makers.
+Video methods write poses in SMPL's joint order, each under different names. Here, a field is
+recognised by its name, wherever it is in a file; rates and axes are those of the method.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ _BETAS = ("betas", "smpl_betas", "pred_shape", "shape", "pred_betas")
 _RATES = ("fps", "frame_rate", "framerate", "mocap_framerate", "mocap_frame_rate")
 # AIST++ has its own unit of translations; this many of them are a metre.
 _SCALE = "smpl_scaling"
-# Of a person in space and before the camera, the first is wanted.
+# Of a person in space and before the camera, use the former.
 _IN_SPACE, _BEFORE_CAMERA = ("global", "world"), ("incam", "cam")
 # AIST++ records 60 frames a second; most videos have 30.
 _RATE_OF_AIST, _RATE_OF_VIDEOS = 60.0, 30.0
 _AMASS = ("mocap_framerate", "mocap_frame_rate")
 _MOST_FIELDS = 24
-# What fields hold that the open model has no part for: it has neither a face nor single fingers.
+# Fields without counterpart in the open model, which has neither a face nor single fingers.
 _MEANINGS = {
     **dict.fromkeys(("dmpls", "dmpl"), "soft tissue"),
     **dict.fromkeys(("expression", "expressionParameters", "exp"), "expression of the face"),
@@ -173,7 +173,7 @@ def _leaves(content: object, depth: int = 0) -> set[str]:
     return names
 
 
-# More than eight arguments: each keyword states a fact that some kind of file leaves open.
+# More than eight arguments: each keyword states a fact that some kinds of files omit.
 @reads(
     FileKind(
         "skeletons, markers, and people in videos",
@@ -510,7 +510,7 @@ def _first_name(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> str
 
 
 def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
-    """Return the person who is wanted, or seen most."""
+    """Return the requested person, or the one seen most."""
     names = [candidate.name for candidate in people]
     if person is not None:
         if person not in names:

@@ -176,7 +176,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
         files = [file for file in root.iterdir() if is_visible(file, MESH_ENDINGS)]
     if not files:
         raise no_meshes(root)
-    # Beside other meshes, a GLB file is their animation.
+    # Next to other meshes, a GLB file is their animation.
     files = [file for file in files if file.suffix.lower() != ".glb"] or files
     return sorted(files, key=lambda file: natural_key(file.name))
 
@@ -250,7 +250,7 @@ def load_faust(
     return _load(list(files.values()), labels, template, align=align)
 
 
-# More than eight arguments: each keyword states a fact that files of meshes leave open.
+# More than eight arguments: each keyword states a fact that mesh files omit.
 @reads(
     FileKind(
         "meshes of one topology other than the open model's",
@@ -435,7 +435,7 @@ class LabelColumns(TypedDict, total=False):
     pose_names: tuple[str, ...]
 
 
-# More than eight arguments: those of `load_bodies`, handed on.
+# More than eight arguments: those of `load_bodies`, passed on.
 def _load(
     files: Sequence[Path],
     labels: LabelColumns,
@@ -449,7 +449,7 @@ def _load(
     progress: bool = False,
 ) -> Bodies:
     """Load registered meshes with their labels."""
-    # By default the first body: the mean of several poses is no body, its arms shrink.
+    # By default the first body, because the mean of several poses has shrunken arms.
     reference = files[0] if template is None else template
     meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up, seams=seams)
     if isinstance(reference, Template):

@@ -64,7 +64,7 @@ class RetargetedMotion(ModelMotion):
     >>> other = jump.performed_by(-jump.betas)  # doctest: +SKIP
     """
 
-    # More than eight arguments: what was recorded, and what readers know of its file.
+    # More than eight arguments: the recording, and what readers know about its file.
     def __init__(
         self,
         recording: SkeletonMotion | Callable[[], SkeletonMotion],

@@ -157,7 +157,7 @@ class AreaProjectionTransform(Descriptor):
 
 def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Spread points over triangles, a voxel apart; return them with unit normals and areas."""
-    # Normals are interpolated: those of triangles would leave gaps along the edges.
+    # Normals are interpolated, because those of triangles would leave gaps along the edges.
     areas, normals = triangle_areas(points, faces), vertex_normals(points, faces)
     if not areas.any():
         raise DegenerateSurfaceError("no triangle of the mesh has area")
@@ -222,7 +222,7 @@ def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
 
 def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Return which voxels are inside a mesh with corners (F, 3, 3), which may have small holes."""
-    # Inside for rays along two of the three axes: a hole matters where two axes see it.
+    # Inside for rays along two of the three axes: a hole matters only if two axes see it.
     votes = np.zeros(shape, dtype=np.int8)
     for axis in range(3):
         order = [(axis + 1) % 3, (axis + 2) % 3, axis]

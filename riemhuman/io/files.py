@@ -25,7 +25,7 @@ from riemhuman.errors import (
 )
 from riemhuman.memory import lack_of_memory
 
-# How to convert files of point clouds that the library does not read.
+# How to convert point clouds that the library cannot read.
 _POINT_CLOUDS = {
     ".pcd": "open3d.io.write_point_cloud('scan.ply', open3d.io.read_point_cloud('scan.pcd'))",
     ".e57": "CloudCompare -SILENT -O scan.e57 -C_EXPORT_FMT PLY -SAVE_CLOUDS",
@@ -122,7 +122,7 @@ def atomic_file(file: Path) -> Iterator[Path]:
         try:
             temporary.touch(exist_ok=False)
             yield temporary
-            # On the disk before the rename: else a power failure may leave an empty file.
+            # On the disk before the rename; otherwise a power failure may leave an empty file.
             with temporary.open("rb+") as stream:
                 os.fsync(stream.fileno())
             if file.exists():
@@ -225,7 +225,7 @@ def lock_file(file: Path, message: str) -> Iterator[None]:
     try:
         yield
     finally:
-        # While it is locked: later, another process may use it. Windows removes no open file.
+        # While it is locked: later, another process may use it. Windows cannot remove open files.
         with suppress(OSError):
             file.unlink()
         lock.release()

@@ -83,7 +83,7 @@ class ShownLimbs(NamedTuple):
     """What a scan shows of limbs."""
 
     matched: np.ndarray  # (V,) vertices that have counterparts in it
-    excess: np.ndarray  # (J,) by which factor it is farther from a limb than from the rest
+    excess: np.ndarray  # (J,) how many times farther it is from a limb than from the rest
 
 
 def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) -> list[LimbDoubt]:

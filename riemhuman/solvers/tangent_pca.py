@@ -23,7 +23,7 @@ from riemhuman.solvers.results import MeanResult, interruptible
 # Squared singular values below this share of the first are rounding errors.
 _ROUNDING = 1e-13
 
-# Draws, for every sample asked for, before those that are not accepted are too many.
+# Draws per requested sample before too many are rejected.
 _MOST_DRAWN = 100
 
 IMAGES = ("auto", "fields", "points")
@@ -231,7 +231,7 @@ class TangentPCA(ImageEstimator, Transformer):
             )
         self.n_components_ = wanted
         components = (vectors[:, :wanted] / np.sqrt(values[:wanted])).T @ rows
-        # Of the two signs of a direction, that with the largest entry positive.
+        # Of the two signs of a direction, choose that with the largest entry positive.
         largest = np.take_along_axis(components, np.abs(components).argmax(axis=1)[:, None], axis=1)
         components *= np.sign(largest)
         self.components_ = components.reshape(wanted, *logs.shape[1:])

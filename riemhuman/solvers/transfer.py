@@ -145,7 +145,7 @@ class MotionTransfer:
                 surface = poses.solve(target, frame)
             else:
                 surface = changes.solve(frame, target + (frame - source))
-            # Mean displacements agree, above all those of what is at rest.
+            # Mean displacements agree, above all those of vertices at rest.
             change = frame - source
             weights = space.template.vertex_areas / (_AT_REST**2 + np.sum(change**2, axis=1))
             moved.append(surface + np.average(start + change - surface, axis=0, weights=weights))
@@ -352,7 +352,7 @@ class Disentangling:
         pose: Array,
         posed: Array,
     ) -> DisentanglingResult:
-        """Return the surface that is found from A in the pose of B."""
+        """Return the surface found from A in the pose of B."""
         space = shape_metric.space
         terms = [(shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed)]
         faces = space.template.faces
@@ -464,7 +464,7 @@ class PoseTransfer:
         """Return a body in the pose of another, with its centroid, shape (V, 3)."""
         frames = triangle_frames(shape, self._template.differential_operator)
         rotations, heat = self._rotations(frames, pose), self._template.heat
-        # Of one implicit step alone, short waves fade too little: each flow has two.
+        # A single implicit step would damp short waves too little, so each flow has two.
         trust = self._trust(heat_flow(heat.step(0.5 * self._time), rotations))
         along_bones = heat.step_through(trust, 0.5 * self._bone_smoothing * self._time)
         # By the trust of the second field, which bends sharply, few triangles would take all strain

@@ -13,7 +13,7 @@ from riemhuman.testing.reports import Properties, PropertyReport, report_of, sha
 
 __all__ = ["check_dataset"]
 
-# Number of surfaces of a data set, which may be larger than memory, that are read.
+# Number of surfaces read from a data set, which may be larger than memory.
 _N_READ = 8
 _NEEDED = ("points", "template", "subject", "pose")
 

@@ -73,7 +73,7 @@ def check_solver(
 
 @dataclass(frozen=True)
 class _Trial:
-    """A solver tried on some points; a subclass for each kind of solver."""
+    """A trial of a solver on some points; a subclass for each kind of solver."""
 
     solver: Any
     metric: RiemannianMetric
@@ -272,7 +272,7 @@ _KINDS: dict[str, tuple[tuple[str, ...], Callable[[Any, RiemannianMetric, ndarra
 
 
 def _trial_class(solver: Any) -> Callable[[Any, RiemannianMetric, ndarray], _Trial]:
-    """Return what tries a solver of this kind, told by the arguments of its method `solve`."""
+    """Return the trial of a solver, whose kind follows from the arguments of `solve`."""
     solve = getattr(solver, "solve", None)
     if solve is None:
         raise ArgumentError(f"solver must have a method solve; {type(solver).__name__} has none")
