@@ -146,13 +146,13 @@ def maps(bodies, space) -> None:
 
 
 def differences(bodies, people) -> None:
-    """Draw two people in the standard pose, the second coloured by where it is outside."""
+    """Draw two people in the standard pose, each coloured by where it lies outside the other."""
     names = ("lanky man", "heavy man")
     first, second = (bodies.subject_names.index(name) for name in names)
     figure = rh.plots.plot_difference(
         people[first, 0], people[second, 5], bodies.template.faces, names=names
     )
-    figure.set_size_inches(9, 5)
+    figure.set_size_inches(7.4, 5)
     save(figure, "differences", dpi=100)
 
 
