@@ -135,7 +135,7 @@ def view_difference(
         difference.faces,
         choices,
         legend="Colours",
-        title=title or f"Differences of {names[0]} and {names[1]}",
+        title=title or f"Differences between {names[0]} and {names[1]}",
         description=_description(difference, names, gap),
         panel=difference.panel,
     )

@@ -153,8 +153,8 @@ def _sentence(over: ScanOverBody) -> str:
         return "No point of the scan is near the body."
     median, most = np.quantile(gaps, [0.5, 0.95])
     return (
-        f"Half of the scan is within {median:.1f} mm of the body, 95 % within {most:.1f} mm; it "
-        f"shows {100 * over.seen.mean():.0f} % of the body."
+        f"Half of the scan is within {median:.1f} mm of the body, 95 % within {most:.1f} mm; "
+        f"the scan shows {100 * over.seen.mean():.0f} % of the body."
     )
 
 

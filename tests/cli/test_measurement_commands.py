@@ -128,7 +128,7 @@ def test_the_page_of_two_bodies(run, scans, tmp_path):
     only = ("--only", "stature", "--only", "waist girth")
     assert run("compare", *files, *only, "--view", page).code == 0
     text = page.read_text(encoding="utf-8")
-    assert "Differences of body_0 and body_2" in text
+    assert "Differences between body_0 and body_2" in text
     assert text.count("data-row=") == 2
     assert "Millimetres" in text
     assert run("compare", *files, *only, "--view", page, "--units", "in", "--force").code == 0
