@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._posed_body import ModelSamples
@@ -15,46 +16,49 @@ from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
 
+@dataclass(frozen=True, eq=False)
 class ArmSurface:
-    """The surface of a forearm with its hand, and the axes of the elbow and the wrist."""
+    """The surface of a forearm with its hand, and the axes of the elbow and the wrist.
 
-    def __init__(
-        self,
-        model: BodyModel,
-        parts: BodyParts,
-        joints: np.ndarray,
-        skin: ModelSamples,
-        few: ModelSamples,
-        settings: ArmSettings,
-    ) -> None:
-        # `skin` are all vertices of the model, `few` some points of it.
-        self.joints = joints  # from the collar to the wrist
-        self.side = parts.names[joints[-1]].split("_")[0]
-        self.settings = settings
-        inside = parts.vertices(joints[-2:].tolist())
-        faces = model.faces[inside[model.faces].all(axis=1)]
-        self.vertices, corners = np.unique(faces, return_inverse=True)  # numbers in the model
-        self.faces = corners.reshape(-1, 3)
-        template = Template(model.template.vertices[self.vertices], self.faces)
-        self.metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0)
-        self.skin = skin.only(self.vertices)
-        # A few points of the whole arm, and the vertices that poses of the hand move.
-        on_arm = parts.vertices(joints[1:].tolist())
-        self.samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
-        moves = np.abs(model.hand_directions[self.vertices]).max(axis=(1, 2), initial=0.0)
-        self.on_hand = self.vertices[moves > settings.hand_moves_metres]
-        # Coefficients of poses of this hand; NaN for the other.
-        hands = [model.hand_pose(pose).reshape(2, -1) for pose in model.hand_poses]
-        on_side = np.array([[self.side == "left"], [self.side == "right"]])
-        self.hands = [np.where(on_side, both, np.nan).ravel() for both in hands]
+    Parameters
+    ----------
+    joints : array of int, shape (4,)
+        From the collar to the wrist.
+    side : {"left", "right"}
+    settings : ArmSettings
+    vertices : array of int, shape (n,)
+        Numbers in the model of the vertices of the surface.
+    faces : array of int, shape (F, 3)
+        Triangles of these vertices.
+    metric : ElasticMetric
+    skin : ModelSamples
+        The vertices of the surface.
+    samples : ModelSamples
+        Some points of the whole arm.
+    on_hand : array of int
+        Numbers in the model of the vertices that poses of the hand move.
+    hands : list of array
+        Coefficients of the poses of this hand; NaN for those of the other.
+    forearm : array, shape (3,)
+        Direction of the forearm in the rest pose.
+    raised, straight : array, shape (3, 3)
+        Rotations of the upper arm and the forearm from the rest pose to a T-pose with the palms
+        down: there, y is up and z forward, the hinge of the elbow is y and that of the wrist z.
+    """
 
-        # Rotations of the bones from the rest pose to a T-pose, with the palms down: there, y is up
-        # and z forward, the hinge of the elbow is y and that of the wrist z.
-        shoulder, elbow, wrist = self.samples.skeleton.rest_joints[joints[1:]]
-        upper, self._forearm = unit_vectors(np.stack([elbow - shoulder, wrist - elbow]))
-        sideways = np.array([1.0 if self.side == "left" else -1.0, 0.0, 0.0])
-        self._raised = _shortest(upper, sideways)
-        self._straight = _shortest(self._raised @ self._forearm, sideways) @ self._raised
+    joints: np.ndarray
+    side: str
+    settings: ArmSettings
+    vertices: np.ndarray
+    faces: np.ndarray
+    metric: ElasticMetric
+    skin: ModelSamples
+    samples: ModelSamples
+    on_hand: np.ndarray
+    hands: list[np.ndarray]
+    forearm: np.ndarray
+    raised: np.ndarray
+    straight: np.ndarray
 
     def distances(self, surface: np.ndarray, points: np.ndarray, farthest: float) -> np.ndarray:
         """Return the distances of points from the surface of the arm, metres."""
@@ -63,9 +67,9 @@ class ArmSurface:
     def strain(self, local: np.ndarray) -> float:
         """Return the factor by which distances count more, the less plausible the arm is."""
         elbow, wrist = local[self.joints[-2:]]
-        height = (self._raised @ elbow @ self._forearm)[1]
+        height = (self.raised @ elbow @ self.forearm)[1]
         outward = np.degrees(np.arcsin(np.clip(height, 0.0, 1.0)))
-        turned = Rotation.from_matrix(self._straight @ wrist @ self._straight.T).as_rotvec()
+        turned = Rotation.from_matrix(self.straight @ wrist @ self.straight.T).as_rotvec()
         off_hinge = np.degrees(np.hypot(turned[0], turned[1]))
         settings = self.settings
         outward, off_hinge = outward / settings.elbow_degrees, off_hinge / settings.hinge_degrees
@@ -78,11 +82,50 @@ class ArmSurface:
         """
         *_, elbow, hand = self.joints
         turned = local.copy()
-        about_forearm = Rotation.from_rotvec(np.radians(forearm) * self._forearm).as_matrix()
+        about_forearm = Rotation.from_rotvec(np.radians(forearm) * self.forearm).as_matrix()
         turned[elbow] = local[elbow] @ about_forearm
-        hinge = self._straight.T @ np.array([0.0, 0.0, np.radians(wrist)])
+        hinge = self.straight.T @ np.array([0.0, 0.0, np.radians(wrist)])
         turned[hand] = Rotation.from_rotvec(hinge).as_matrix()
         return turned
+
+
+def make_arm_surface(
+    parts: BodyParts,
+    joints: np.ndarray,
+    skin: ModelSamples,
+    few: ModelSamples,
+    settings: ArmSettings,
+) -> ArmSurface:
+    """Return the surface of an arm; `skin` are all vertices of the model, `few` some points."""
+    model, side = parts.model, parts.names[joints[-1]].split("_")[0]
+    inside = parts.vertices(joints[-2:].tolist())
+    vertices, corners = np.unique(model.faces[inside[model.faces].all(axis=1)], return_inverse=True)
+    faces = corners.reshape(-1, 3)
+    template = Template(model.template.vertices[vertices], faces)
+    on_arm = parts.vertices(joints[1:].tolist())
+    samples = few.only(on_arm[few.numbers] & (few.numbers >= 0))
+    moves = np.abs(model.hand_directions[vertices]).max(axis=(1, 2), initial=0.0)
+    hands = [model.hand_pose(pose).reshape(2, -1) for pose in model.hand_poses]
+    on_side = np.array([[side == "left"], [side == "right"]])
+    shoulder, elbow, wrist = samples.skeleton.rest_joints[joints[1:]]
+    upper, forearm = unit_vectors(np.stack([elbow - shoulder, wrist - elbow]))
+    sideways = np.array([1.0 if side == "left" else -1.0, 0.0, 0.0])
+    raised = _shortest(upper, sideways)
+    return ArmSurface(
+        joints=joints,
+        side=side,
+        settings=settings,
+        vertices=vertices,
+        faces=faces,
+        metric=ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0),
+        skin=skin.only(vertices),
+        samples=samples,
+        on_hand=vertices[moves > settings.hand_moves_metres],
+        hands=[np.where(on_side, both, np.nan).ravel() for both in hands],
+        forearm=forearm,
+        raised=raised,
+        straight=_shortest(raised @ forearm, sideways) @ raised,
+    )
 
 
 def _shortest(start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.registration._arm_surfaces import ArmSurface
+from riemhuman.registration._arm_surfaces import ArmSurface, make_arm_surface
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, sample_model
 from riemhuman.registration._start_poses import BodyParts, joint_precisions, start_poses
 from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
@@ -52,9 +52,9 @@ class RegistrationModel:
 
     @cached_property
     def arm_surfaces(self) -> list[ArmSurface]:
-        settings, model, parts = self.settings.arms, self.model, self.parts
+        settings, parts = self.settings.arms, self.parts
         skin, few = self.samples(None), self.samples(settings.n_samples)
-        return [ArmSurface(model, parts, joints, skin, few, settings) for joints in self.arms]
+        return [make_arm_surface(parts, joints, skin, few, settings) for joints in self.arms]
 
     @cached_property
     def poses(self) -> dict[str, np.ndarray]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -82,21 +84,41 @@ def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
     return renamed
 
 
+@dataclass(frozen=True, eq=False)
 class BodyParts:
     """The joints of a model by their usual names, and the vertices that each moves most."""
 
-    def __init__(self, model: BodyModel) -> None:
-        self.model, self.names = model, usual_joint_names(model)
-        self.owners = model.weights.argmax(axis=1)
+    model: BodyModel
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Return the usual names of the joints."""
+        return usual_joint_names(self.model)
+
+    @cached_property
+    def owners(self) -> np.ndarray:
+        """Return the joint that moves each vertex most."""
+        owners: np.ndarray = self.model.weights.argmax(axis=1)
+        return owners
+
+    @cached_property
+    def arms(self) -> list[np.ndarray]:
+        """Return the joints of each arm, from the collar to the wrist."""
         arms = [[f"{side}_{joint}" for joint in _ARM_JOINTS] for side in ("left", "right")]
-        # The joints of each arm, from the collar to the wrist.
-        self.arms = [np.array(self.numbers(*arm)) for arm in arms if {*arm} <= {*self.names}]
-        self.on_hands = self.vertices(int(arm[-1]) for arm in self.arms)
-        # The legs, and what is above the waist: halves that scans may lack.
-        self.halves: list[np.ndarray] = []
-        if {"left_hip", "right_hip", "middle_spine"} <= {*self.names}:
-            ends = (("left_hip", "right_hip"), ("middle_spine",))
-            self.halves = [self.vertices(self.numbers(*names)) for names in ends]
+        return [np.array(self.numbers(*arm)) for arm in arms if {*arm} <= {*self.names}]
+
+    @cached_property
+    def on_hands(self) -> np.ndarray:
+        """Return which vertices belong to the hands."""
+        return self.vertices(int(arm[-1]) for arm in self.arms)
+
+    @cached_property
+    def halves(self) -> list[np.ndarray]:
+        """Return which vertices are of the legs, and which above the waist."""
+        if not {"left_hip", "right_hip", "middle_spine"} <= {*self.names}:
+            return []
+        ends = (("left_hip", "right_hip"), ("middle_spine",))
+        return [self.vertices(self.numbers(*names)) for names in ends]
 
     def numbers(self, *names: str) -> list[int]:
         """Return the joints with these names that the model has."""
