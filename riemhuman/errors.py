@@ -53,7 +53,8 @@ class FileFormatError(RiemhumanError, ValueError):
     """A file is damaged or has the wrong content."""
 
 
-class OutOfMemoryError(RiemhumanError, MemoryError):
+# MemoryError first: otherwise tblib, by which Dask sends errors, cannot make it again.
+class OutOfMemoryError(MemoryError, RiemhumanError):
     """There is too little memory to read a file, which need not be damaged, or to compute.
 
     Parameters

@@ -11,8 +11,6 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from riemhuman.errors import OutOfMemoryError
 
 USE_LESS = "compare fewer bodies at a time, or coarser ones"
@@ -76,6 +74,7 @@ def _keep_buffers() -> None:
 
     OpenBLAS does this in its first call, and tries again forever if it gets no memory.
     """
+    import numpy as np  # here: the command line imports this file before it needs NumPy
     from scipy.linalg import lapack
 
     matrix = np.eye(2)

@@ -315,6 +315,7 @@ def test_one_or_two_bodies_have_what_they_can_say(undrawn, nine_bodies, tmp_path
     assert len(rows_of(tmp_path / "two", "measurements")) == 2
 
 
+@pytest.mark.slow
 def test_without_labels_nothing_is_said_of_people_or_poses(undrawn, nine_bodies, tmp_path):
     bodies = chosen_bodies(nine_bodies, slice(None), labelled=False)
     text = make_report(tmp_path / "r", bodies=bodies, quick=True).read_text(encoding="utf-8")
