@@ -138,14 +138,18 @@ def _convert(options: argparse.Namespace) -> cli.Answer:
 def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[ndarray, ndarray]]:
     """Return the bodies in a file or a folder by name."""
     if faces is not None:
-        found = rh.datasets.load_photographed_bodies(source, faces)
-        if len(set(found.names)) == len(found):
-            names = list(found.names)
+        photographed = rh.datasets.load_photographed_bodies(source, faces)
+        if len(set(photographed.names)) == len(photographed):
+            names = list(photographed.names)
         else:
-            numbers = [found.names[:index].count(name) for index, name in enumerate(found.names)]
-            names = [f"{a}_{b}" for a, b in zip(found.names, numbers, strict=True)]
+            numbers = [
+                photographed.names[:index].count(name)
+                for index, name in enumerate(photographed.names)
+            ]
+            names = [f"{a}_{b}" for a, b in zip(photographed.names, numbers, strict=True)]
         return {
-            name: (points, found.faces) for name, points in zip(names, found.points, strict=True)
+            name: (points, photographed.faces)
+            for name, points in zip(names, photographed.points, strict=True)
         }
     files = rh.datasets.find_meshes(source) if source.is_dir() else [source]
     bodies = {file.stem: rh.load_mesh(file) for file in files}
@@ -188,10 +192,10 @@ def _convert_motion(options: argparse.Namespace) -> cli.Answer:
 
 def _convert_photographs_to_motion(options: argparse.Namespace) -> cli.Answer:
     """Write the bodies in a file, seen from a camera, as a motion of the open model."""
-    found = rh.datasets.load_photographed_bodies(options.source, options.faces)
+    photographed = rh.datasets.load_photographed_bodies(options.source, options.faces)
     topology = rh.registration.TopologyMap.load(options.map)
     rate = _RATE_OF_VIDEOS if options.fps is None else options.fps
-    motion = topology.to_motion(found.places, rate, name=options.source.stem)
+    motion = topology.to_motion(photographed.places, rate, name=options.source.stem)
     motion.save(options.output)
     record = {"frames": len(motion), "frames_per_second": motion.frames_per_second}
     return cli.Answer(record, record)

@@ -438,7 +438,7 @@ def _photograph_facts(file: Path, names: set[str]) -> JSONRecord:
     return {
         "kind": "bodies of SAM 3D Body",
         "vertices": shape[-2],
-        "lacks": ", ".join(["triangles", *(each for each in expected if each not in names)]),
+        "lacks": ", ".join(["triangles", *(field for field in expected if field not in names)]),
         "next": f"riemhuman convert {file} -o body.ply --faces MESH",
     }
 

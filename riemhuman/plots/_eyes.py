@@ -67,8 +67,8 @@ class Eyes:
         faces : array of int, shape (n_faces, 3)
         """
         means = [corners[np.isin(faces, socket)].mean(axis=0) for socket in self.sockets]
-        each = np.repeat(means, len(eyeball()[1]), axis=0)
-        return np.repeat(each[:, np.newaxis], 3, axis=1)
+        socket_means = np.repeat(means, len(eyeball()[1]), axis=0)
+        return np.repeat(socket_means[:, np.newaxis], 3, axis=1)
 
     def record(self) -> dict[str, object]:
         """Return what the page needs, in types that JSON can hold."""

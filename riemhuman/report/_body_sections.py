@@ -80,9 +80,9 @@ def _retrieval(report: Report, task: Task) -> JSONRecord:
         name: {"representation": name, **vars(scores(matrix, task.labels))}
         for name, matrix in distances.items()
     }
-    own = rows[task.metric]
+    task_scores = rows[task.metric]
     better = {
-        key: [number for number, row in enumerate(rows.values()) if row[key] > own[key]]
+        key: [number for number, row in enumerate(rows.values()) if row[key] > task_scores[key]]
         for key in ("nn", "first_tier", "second_tier")
     }
     matrix, has_figures = distances[task.metric], task.n_classes >= FEWEST_CLASSES
@@ -230,12 +230,14 @@ def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
     plan, points = report.plan, report.bodies.points
 
     def row(squared: ndarray, **weights: float | None) -> JSONRecord:
-        found: JSONRecord = dict(weights)
+        weight_scores: JSONRecord = dict(weights)
         for task in tasks:
-            own = scores(np.sqrt(squared), task.labels)
-            found[f"{task.name}_nn"] = own.nn
-            found[f"{task.name}_mean_average_precision"] = own.mean_average_precision
-        return found
+            task_scores = scores(np.sqrt(squared), task.labels)
+            weight_scores[f"{task.name}_nn"] = task_scores.nn
+            weight_scores[f"{task.name}_mean_average_precision"] = (
+                task_scores.mean_average_precision
+            )
+        return weight_scores
 
     def compute() -> Computed:
         normal = report.metric(POSE_WEIGHTS).dist_pairwise(points, n_jobs=-1) ** 2
@@ -263,8 +265,8 @@ def best_weights(
     for task in tasks:
         values = [row[f"{task.name}_mean_average_precision"] for row in rows]
         value, classes = max(values), "people" if task.kind == "person" else "poses"
-        own = {"row": rows[values.index(value)], "n_ties": values.count(value) - 1}
-        best.append({"classes": classes, "value": value, **own})
+        best_row = {"row": rows[values.index(value)], "n_ties": values.count(value) - 1}
+        best.append({"classes": classes, "value": value, **best_row})
     return best
 
 
@@ -336,17 +338,17 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
         record: JSONRecord = {
             "units": units,
             "means": [
-                {"person": bodies.subject_names[person], **dict(zip(names, own, strict=True))}
-                for person, own in zip(people, means.tolist(), strict=True)
+                {"person": bodies.subject_names[person], **dict(zip(names, sizes, strict=True))}
+                for person, sizes in zip(people, means.tolist(), strict=True)
             ],
             "spreads": [
                 {
                     "measurement": name,
-                    "median": float(np.nanmedian(own)),
-                    "worst": float(np.nanmax(own)),
+                    "median": float(np.nanmedian(sizes)),
+                    "worst": float(np.nanmax(sizes)),
                 }
-                for (name, unit), own in by_name
-                if unit == "m" and np.isfinite(own).any()
+                for (name, unit), sizes in by_name
+                if unit == "m" and np.isfinite(sizes).any()
             ],
         }
         # Without labels, several bodies may be of one person, which would invalidate permutations.

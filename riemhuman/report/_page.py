@@ -152,9 +152,9 @@ def _smaller(svg: str) -> str:
     if not PIL.features.check("webp"):
         return svg
 
-    def webp(found: re.Match[str]) -> str:
+    def webp(png: re.Match[str]) -> str:
         content = io.BytesIO()
-        with PIL.Image.open(io.BytesIO(base64.b64decode(found[1]))) as picture:
+        with PIL.Image.open(io.BytesIO(base64.b64decode(png[1]))) as picture:
             picture.save(content, format="WEBP", quality=_QUALITY)
         return f"data:image/webp;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
 

@@ -90,9 +90,11 @@ def silhouette_picture(values: SheetValues, faces: ndarray) -> Picture | None:
     average = _centred(values.average, values.average_faces)
     sides = (SIDES["front"], SIDES["side"])
     windows = _windows(np.concatenate([person, average]), sides)
-    own = _views(person, faces, windows, np.array(SKIN), ("front", "side"))
-    other = _views(average, values.average_faces, windows, np.array(SKIN), ("front", "side"))
-    first, second = own.pixels[..., 3] / 255.0, other.pixels[..., 3] / 255.0
+    person_views = _views(person, faces, windows, np.array(SKIN), ("front", "side"))
+    average_views = _views(
+        average, values.average_faces, windows, np.array(SKIN), ("front", "side")
+    )
+    first, second = person_views.pixels[..., 3] / 255.0, average_views.pixels[..., 3] / 255.0
     layers = (
         (SHARED, np.minimum(first, second) * _SHARED_OPACITY),
         (LARGER, np.clip(first - second, 0.0, 1.0)),
@@ -103,7 +105,9 @@ def silhouette_picture(values: SheetValues, faces: ndarray) -> Picture | None:
     pixels = np.zeros((*first.shape, 4), dtype=np.uint8)
     pixels[..., :3] = np.round(mixed / np.maximum(opacity, 1e-6)[..., None])
     pixels[..., 3] = np.round(255 * np.clip(opacity, 0.0, 1.0))
-    return Picture(pixels, own.low, own.high, own.middles, own.titles)
+    return Picture(
+        pixels, person_views.low, person_views.high, person_views.middles, person_views.titles
+    )
 
 
 def change_picture(values: SheetValues, faces: ndarray) -> Picture | None:
@@ -131,14 +135,14 @@ def _centred(points: ndarray, faces: ndarray) -> ndarray:
 def _windows(points: ndarray, azimuths: tuple[float, ...]) -> list[tuple[View, Window]]:
     """Return views and windows of one height, each as wide as the points."""
     low, high = points[:, 1].min() - _MARGIN, points[:, 1].max() + _MARGIN
-    found = []
+    views = []
     for azimuth in azimuths:
         view = View(azimuth=azimuth, elevation=0.0)
         columns = view.rotate(points)[:, 0]
         left, right = columns.min() - _GAP, columns.max() + _GAP
         window = Window(((left + right) / 2, (low + high) / 2), right - left, high - low)
-        found.append((view, window))
-    return found
+        views.append((view, window))
+    return views
 
 
 def _views(

@@ -98,23 +98,26 @@ def find_subjects(
     failures: list[tuple[str, str]] = []
     for place in paths:
         if place.is_dir():
-            own, triangles, failed = _of_folder(place, unit, up)
+            place_subjects, triangles, failed = _of_folder(place, unit, up)
         else:
-            own, triangles, failed = *_of_files([place], unit, up), []
-        subjects += own
+            place_subjects, triangles, failed = *_of_files([place], unit, up), []
+        subjects += place_subjects
         faces += triangles
         failures += failed
     if not subjects and not failures:
         raise FileError("there are no bodies to make sheets for")
     table = _table_of(paths, labels)
     known = {} if table is None else read_people(table)
-    named = [known.get(each.file.casefold(), known.get(each.name.casefold())) for each in subjects]
+    named = [
+        known.get(subject.file.casefold(), known.get(subject.name.casefold()))
+        for subject in subjects
+    ]
     if table is not None:
         _warn_of_missing_labels(table, subjects, sum(label is not None for label in named))
     chosen = [label or PersonLabels() for label in named]
     subjects = [
-        replace(each, person=label.person, sex=label.sex, visit=label.when)
-        for each, label in zip(subjects, chosen, strict=True)
+        replace(subject, person=label.person, sex=label.sex, visit=label.when)
+        for subject, label in zip(subjects, chosen, strict=True)
     ]
     return Found(subjects, faces, chosen, failures)
 

@@ -120,7 +120,7 @@ def _changes(sheets: Sheets) -> Rows:
                 [
                     *(subject.name, subject.person, subject.visit, values.since),
                     *(name, result.units[k]),
-                    *(_number(float(each[k])) for each in numbers),
+                    *(_number(float(column[k])) for column in numbers),
                     "yes" if result.is_significant[k] else "no",
                 ]
             )

@@ -32,8 +32,8 @@ _SECONDS = 90
 
 def find_browser() -> str | None:
     """Return the program of Chromium or a browser of its family, or None."""
-    found = next((path for path in map(shutil.which, _BROWSERS) if path), None)
-    return found or next((path for path in _MAC if os.access(path, os.X_OK)), None)
+    browser = next((path for path in map(shutil.which, _BROWSERS) if path), None)
+    return browser or next((path for path in _MAC if os.access(path, os.X_OK)), None)
 
 
 def check_printing() -> None:

@@ -100,8 +100,8 @@ def make_sheets(
     is_ours = re.compile(SHEET_FILES).fullmatch
     check_output_folder(folder, lambda name: bool(is_ours(name)), force=replace_output)
     with progress("Reading bodies"):
-        found = find_subjects(paths, labels, unit=unit, up=up)
-    known = _known(found, measurements, units, progress)
+        subjects_found = find_subjects(paths, labels, unit=unit, up=up)
+    known = _known(subjects_found, measurements, units, progress)
     with atomic_folder(folder, lambda name: bool(is_ours(name))) as temporary:
         _write(temporary, known, progress)
     return folder / _INDEX
@@ -123,29 +123,33 @@ class _Known:
 
 
 def _known(
-    found: Found, measurements: Measurements | None, units: str, progress: Progress
+    subjects_found: Found, measurements: Measurements | None, units: str, progress: Progress
 ) -> _Known:
     """Return what is known about all bodies, those of one triangulation measured together."""
     kinds: dict[int, list[int]] = {}
-    own: dict[int, Measurements] = {}
-    for number, (subject, faces) in enumerate(zip(found.subjects, found.faces, strict=True)):
+    measurements_of: dict[int, Measurements] = {}
+    for number, (subject, faces) in enumerate(
+        zip(subjects_found.subjects, subjects_found.faces, strict=True)
+    ):
         key = len(subject.points)
-        if key not in own:
-            own[key] = _measurements_of_file(measurements, subject, faces)
-        surface = own[key].definitions.surface
+        if key not in measurements_of:
+            measurements_of[key] = _measurements_of_file(measurements, subject, faces)
+        surface = measurements_of[key].definitions.surface
         surface.check_faces(faces, subject.file)
         check_body_sizes(subject.points, surface, subject.file)
         kinds.setdefault(key, []).append(number)
     values: dict[int, SheetValues] = {}
     for key, numbers in kinds.items():
-        average = average_for(own[key])
+        average = average_for(measurements_of[key])
         for part, words in _parts(numbers):
             with progress(f"Measurements of {words}"):
-                measured = values_of(own[key], [found.subjects[k] for k in part], average)
+                measured = values_of(
+                    measurements_of[key], [subjects_found.subjects[k] for k in part], average
+                )
             values |= dict(zip(part, measured, strict=True))
-    for number, subject in enumerate(found.subjects):
-        earlier = found.earlier(number)
-        if found.is_without_order(number):
+    for number, subject in enumerate(subjects_found.subjects):
+        earlier = subjects_found.earlier(number)
+        if subjects_found.is_without_order(number):
             remark = (
                 "changes since an earlier visit are left out: the labels do not give this "
                 "person's bodies different dates or visits"
@@ -154,17 +158,19 @@ def _known(
             values[number] = replace(values[number], remarks=remarks)
         if earlier is None:
             continue
-        before = found.subjects[earlier]
+        before = subjects_found.subjects[earlier]
         if len(before.points) != len(subject.points):
             remark = f"no comparison with {before.name}: its triangles differ"
             remarks = (*values[number].remarks, remark)
             values[number] = replace(values[number], remarks=remarks)
             continue
         with progress(f"Changes of {subject.name} since {before.name}"):
-            values[number] = with_changes(own[len(subject.points)], values[number], before, subject)
+            values[number] = with_changes(
+                measurements_of[len(subject.points)], values[number], before, subject
+            )
         if values[number].doubt:
             warn(f"{before.name} and {subject.name} are {values[number].doubt}", UserWarning)
-    return _Known(found, [values[k] for k in range(len(values))], own, units)
+    return _Known(subjects_found, [values[k] for k in range(len(values))], measurements_of, units)
 
 
 def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
