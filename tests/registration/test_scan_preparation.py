@@ -105,6 +105,7 @@ def test_a_wall_is_no_floor_where_up_is_known(scan, registration):
     np.testing.assert_array_equal(found.up, [0.0, 1.0, 0.0])
 
 
+@pytest.mark.slow
 def test_who_leans_against_a_wall_stands_on_the_floor(scan, registration):
     """Without the floor, a body that leans is one that lies on the wall, and up= decides."""
     rng = np.random.default_rng(0)

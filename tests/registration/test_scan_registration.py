@@ -116,6 +116,7 @@ def test_wrong_choices_are_refused(registration, arguments, error, message):
         ScanRegistration(**({"model": registration.model} | arguments))
 
 
+@pytest.mark.slow
 def test_offsets_are_removed_in_double_precision(registration, scan):
     # Rounded so that no sum is: the scan far away and the one near the origin have the same bits.
     points = np.round(scan.points * 2.0**20) / 2.0**20

@@ -297,6 +297,7 @@ def chosen_bodies(bodies, numbers, *, labelled=True):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_one_or_two_bodies_have_what_they_can_say(undrawn, nine_bodies, tmp_path):
     single = chosen_bodies(nine_bodies, [0])
     one = make_report(tmp_path / "one", bodies=single, quick=True, units="in")

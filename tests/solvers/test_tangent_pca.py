@@ -309,6 +309,7 @@ def share_turned(points, noise=0.0):
     return turned_share(template, points, points[0])
 
 
+@pytest.mark.everyday("plain")
 @pytest.mark.parametrize("variant", ["plain", "natural"])
 def test_one_pose_of_many_people_is_one(variant):
     """Whatever their builds, and however differently people hold it; scale does not matter."""
@@ -319,6 +320,7 @@ def test_one_pose_of_many_people_is_one(variant):
     assert share_turned(squat, noise=0.003) < _MOST_TURNED
 
 
+@pytest.mark.everyday("plain")
 @pytest.mark.parametrize("variant", ["plain", "natural"])
 def test_several_poses_are_seen(variant):
     """Also where one body alone is in another pose. A tilted head alone is no other pose."""
