@@ -64,6 +64,7 @@ def test_hands_on_hips(registration, natural_bodies):
     assert error(result, scan) < 0.02
 
 
+@pytest.mark.slow
 def test_a_hand_on_the_ear(model, natural_bodies):
     """No start pose has one hand on the ear and the other arm hanging: arms are tried alone."""
     settings = settings_with(poses=("a", "down", "head", "elbows"))

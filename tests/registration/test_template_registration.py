@@ -20,6 +20,7 @@ def bent(points):
     return moved
 
 
+@pytest.mark.slow
 def test_a_bent_template_is_found_in_any_unit(registration):
     size = 250.0
     template = rh.Template(size * registration.template.vertices, registration.template.faces)

@@ -240,6 +240,7 @@ def test_provenance(folder, nine_bodies):
     assert all(step["seconds"] >= 0 for step in found["steps"])
 
 
+@pytest.mark.slow
 def test_run_again_nothing_is_computed(folder, make_small_report, tmp_path):
     before = (folder / "index.html").read_text(encoding="utf-8")
     again = shutil.copytree(folder, tmp_path / "again")

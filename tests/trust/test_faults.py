@@ -85,7 +85,8 @@ def is_old_or_new(found, old, new):
     )
 
 
-@pytest.mark.parametrize("step", [19, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.everyday("resumable_matrix-19")
+@pytest.mark.parametrize("step", [19, 1])
 @each_operation
 def test_killed_before_every_change_of_a_file(server, undisturbed, operation, step, tmp_path):
     new, n_changes = undisturbed(operation, server.inputs)
