@@ -92,7 +92,7 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
     --------
     >>> rh.datasets.load_open_model("coarse").save("model.npz")
     >>> print(rh.bodies.model_contents("model.npz"))
-    SMPL's layout: used are 23 joints, 32 shape coefficients, 4 poses of each hand
+    SMPL's layout: used: 23 joints, 32 shape coefficients, 4 poses of each hand
     """
     return _contents(_load_arrays(path), n_betas)
 
