@@ -182,7 +182,7 @@ def find_excess(
 
 @dataclass(frozen=True)
 class FitQuality:
-    """Numbers that tell whether a registered body is right."""
+    """Measures of how well a registered body explains its scan."""
 
     likelihood: float
     margin: float  # factor by which it is likelier than bodies elsewhere

@@ -137,7 +137,7 @@ def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
 
 
 def _measure(search: Search, fitted: BodyFit, vertices: _Parts, likelihood: float) -> FitQuality:
-    """Return the numbers that tell whether a body is right."""
+    """Return how well a body explains its scan."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, model = body.settings.trust, body.model
     some = scan.points[even_points(scan.points, settings.n_samples)]
