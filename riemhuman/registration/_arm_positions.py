@@ -10,8 +10,11 @@ from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._posed_body import Pose
 
-# Arms are never moved to be straighter than this share of their length, or more bent than this.
-_STRAIGHTEST, _MOST_BENT = 0.995, 0.25
+# Limbs are never moved to reach farther than this share of their length: a straight one, which
+# bends by less than 11 degrees, would not say in which plane it bends.
+_STRAIGHTEST = 0.995
+# Nor less far: with bones of equal length, that is a bend by 151 degrees; people reach about 150.
+_MOST_BENT = 0.25
 
 
 def elbow_bend(skeleton: Skeleton, pose: Pose, joints: np.ndarray) -> float:

@@ -8,10 +8,11 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, nearest_vertices
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
@@ -22,6 +23,9 @@ from riemhuman.surfaces.nearest_points import nearest_points
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+# Points of a scan that are farther from all vertices belong to no part, metres: a point near the
+# surface (5 cm) has a vertex within this, even of a coarse mesh with edges of 15 cm.
+_FARTHEST_VERTEX = 0.1
 # Inverse variance of parameters that are held while a limb is fitted.
 _FIXED = 1e15
 
@@ -233,7 +237,9 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
 
 def points_on(points: np.ndarray, surface: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Return the points of a scan that lie near some vertices of a surface."""
-    near: np.ndarray = points[np.isin(nearest_vertices(surface, points), vertices)]
+    # V where no vertex is near.
+    nearest = cKDTree(surface).query(points, distance_upper_bound=_FARTHEST_VERTEX)[1]
+    near: np.ndarray = points[np.isin(nearest, vertices)]
     return near
 
 

@@ -16,9 +16,6 @@ from riemhuman.registration._soft_assignment import anneal_finely
 from riemhuman.registration._starts import Candidate
 from riemhuman.surfaces.nearest_points import nearest_points
 
-# Points of a scan farther from the body belong to no part of it, metres.
-_FAR_METRES = 0.1
-
 
 @dataclass(frozen=True)
 class DenseTask:
@@ -109,12 +106,6 @@ def fit_closest(
             settings.longest_rotation,
         )
     return pose
-
-
-def nearest_vertices(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the vertex nearest to each point of a scan, or V if none is near."""
-    near: np.ndarray = cKDTree(surface).query(points, distance_upper_bound=_FAR_METRES)[1]
-    return near
 
 
 def is_clearly_refused(body: RegistrationModel, pose: Pose, points: np.ndarray) -> bool:

@@ -15,6 +15,7 @@ from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
 from riemhuman.registration._crossed_limbs import uncross_limbs
 from riemhuman.registration._dense_fit import fit_densely, is_clearly_refused
 from riemhuman.registration._elastic_step import leave_model
+from riemhuman.registration._lost_limbs import leave_out_lost_limbs
 from riemhuman.registration._posed_body import pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
@@ -82,14 +83,15 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     arms = fit_arms_and_hands(dense, known=best.known)
     times.append(perf_counter())
     elastic = leave_model(arms.task, arms.pose)
-    times.append(perf_counter())
     fitted = BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
-    verdict = judge(search, fitted, unit_is_known=unit_is_known)
-    up = find_up(search.body, elastic.pose, search.scan, best.up)
+    fitted, shown = leave_out_lost_limbs(fitted, search.scan, is_refused=dense.is_refused)
+    times.append(perf_counter())
+    verdict = judge(search, fitted, shown, unit_is_known=unit_is_known)
+    up = find_up(search.body, fitted.fit.pose, search.scan, best.up)
     times.append(perf_counter())
     later = ("dense fit", "arms and hands", "elastic step", "trust")
     seconds = {"search": search.seconds, **dict(zip(later, np.diff(times).tolist(), strict=True))}
-    return RegistrationTrace(search, dense, arms, elastic, verdict, up, seconds)
+    return RegistrationTrace(search, dense, arms, fitted.fit, verdict, up, seconds)
 
 
 def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:

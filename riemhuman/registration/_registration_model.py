@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import JointMotions
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.registration._arm_surfaces import ArmSurface, make_arm_surface
@@ -103,6 +104,10 @@ class RegistrationModel:
 
     def surface(self, pose: Pose) -> np.ndarray:
         return pose_body(self.samples(None), pose).points[: self.model.n_vertices]
+
+    def joint_motions(self, pose: Pose) -> JointMotions:
+        """Return rotations and positions of the joints before the translation of a pose."""
+        return JointMotions(self.samples(None).skeleton, pose.local, pose.betas)
 
     def prior(self, pose: Pose) -> Prior:
         """Return the prior of a search around a pose."""

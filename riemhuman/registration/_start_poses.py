@@ -30,6 +30,8 @@ _MIRRORED = _TABLE["mirrored"]
 UP_POSES = _TABLE["up_poses"]
 # Standard deviations of joints from a start pose, degrees.
 _DEGREES = _TABLE["degrees"]
+# That of joints whose names say nothing: between those of spines (8 to 10) and limbs (40 to 45),
+# because either may be meant.
 _OTHER_DEGREES = 15.0
 
 _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")

@@ -3,128 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._messages import LANDMARKS_DECIDE
-from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings, TrustSettings
-from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.template import Template
 
-_LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
 # Joints of the parts of limbs that are compared with the rest of the body.
 _LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
 # With fewer points of the scan, nothing is known about a part of a limb.
 _LEAST_POINTS = 20
-_FOLDING = {"elbow": "wrist", "knee": "ankle"}
-
-
-def find_seen(
-    template: Template,
-    points: np.ndarray,
-    matched: np.ndarray,
-    scan: PreparedScan,
-    settings: TrustSettings,
-) -> np.ndarray:
-    """Return which vertices are matched or near those that are, along the surface."""
-    if not matched.any():
-        return matched
-    first, second = template.edges.T
-    lengths = edge_lengths(template.vertices, template.edges)
-    shape = (template.n_vertices, template.n_vertices)
-    graph = sparse.csr_array((lengths, (first, second)), shape=shape)
-    distances = csgraph.dijkstra(
-        graph,
-        directed=False,
-        indices=np.flatnonzero(matched),
-        limit=settings.seen_metres,
-        min_only=True,
-    )
-    nearest = cKDTree(scan.points).query(points)[1]
-    heights = np.einsum("nx,nx->n", points - scan.points[nearest], scan.normals[nearest])
-    seen: np.ndarray = matched | (np.isfinite(distances) & (heights < settings.outside_metres))
-    return seen
-
-
-class Overlaps(NamedTuple):
-    """Matched vertices that lie where another matched part of the body lies.
-
-    At a seam, where a calf is folded onto a thigh, the other part is near on one side only; where
-    one limb is fitted to the scan of another, it is all around.
-    """
-
-    near: np.ndarray
-    around: np.ndarray
-
-
-def find_overlaps(
-    template: Template, points: np.ndarray, matched: np.ndarray, settings: TrustSettings
-) -> Overlaps:
-    """Return which matched vertices lie in the same place as another matched part of the body."""
-    overlaps = Overlaps(*np.zeros((2, len(points)), dtype=bool))
-    matched_numbers = np.flatnonzero(matched)
-    if not len(matched_numbers):
-        return overlaps
-    normals = vertex_normals(points, template.faces)[matched_numbers]
-    count = min(settings.n_neighbours, len(matched_numbers))
-    ends = template.vertices[template.edges]
-    edge = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
-    farthest = np.clip(edge, *settings.overlap_metres)
-    distances, near = cKDTree(points[matched_numbers]).query(
-        points[matched_numbers], k=count, distance_upper_bound=farthest
-    )
-    close = np.isfinite(distances)
-    near[~close] = 0
-    gaps = points[matched_numbers][near] - points[matched_numbers, np.newaxis]
-    heights = np.einsum("nkx,nx->nk", gaps, normals)
-    close &= np.abs(heights) < settings.along_metres
-    rest = template.vertices[matched_numbers]
-    apart = np.linalg.norm(rest[near] - rest[:, np.newaxis], axis=-1) > settings.apart_metres
-    alike = np.einsum("nkx,nx->nk", normals[near], normals) > 0.5
-    others = apart & alike & close
-    sideways = gaps - heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    lengths = np.linalg.norm(sideways, axis=-1)
-    directions = sideways / np.maximum(lengths, 1e-12)[:, :, np.newaxis]
-    counts = np.maximum(others.sum(axis=1), 1)
-    towards = np.linalg.norm((directions * others[:, :, np.newaxis]).sum(axis=1), axis=1) / counts
-    same_place = (others & (lengths < settings.same_place * farthest)).any(axis=1)
-    overlaps.near[matched_numbers] = others.any(axis=1)
-    overlaps.around[matched_numbers] = others.any(axis=1) & (
-        same_place | (towards < settings.one_sided)
-    )
-    return overlaps
-
-
-def find_lost_limbs(
-    parts: BodyParts,
-    points: np.ndarray,
-    matched: np.ndarray,
-    overlaps: np.ndarray,
-    settings: TrustSettings,
-) -> np.ndarray:
-    """Return which vertices belong to limbs that match little of the scan."""
-    # The model always has all limbs. A limb that the scan does not show is fitted to points of
-    # other parts: most of what it matches is matched by another part of the body too, or it is
-    # folded into the part above it.
-    names, model = parts.names, parts.model
-    few = parts.shares(matched & ~overlaps) < settings.limb_elsewhere
-    shared = parts.shares(overlaps) > settings.shared_limb * parts.shares(matched)
-    lost = [int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS]
-    joints = model.joint_regressor @ points
-    for k, name in enumerate(names):
-        side, _, joint = name.partition("_")
-        for end in parts.numbers(f"{side}_{_FOLDING.get(joint)}"):
-            above, below = joints[k] - joints[model.parents[k]], joints[end] - joints[k]
-            if above @ below < settings.least_bent * np.linalg.norm(above) * np.linalg.norm(below):
-                lost.append(k)
-    return parts.vertices(lost)
 
 
 def find_facet_heights(parts: BodyParts, template: Template, points: np.ndarray) -> np.ndarray:

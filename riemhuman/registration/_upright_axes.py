@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
 
 _SIDES = ("left", "right")
 # Cosine of the pelvis' left with the horizontal below which the forward direction is used instead.
 _LEAST_LEVEL = 0.3
-# Number of model points; only their joints are used, so it changes no result.
-_N_FEW = 1000
 
 
 def find_up(
@@ -29,7 +27,7 @@ def _standing_up(body: RegistrationModel, pose: Pose, up: np.ndarray) -> np.ndar
     names, settings = body.parts.names, body.settings.trust
     if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
         return up
-    motions = pose_body(body.samples(_N_FEW), pose).motions
+    motions = body.joint_motions(pose)
     left, right = (motions.rotations[names.index(f"{s}_ankle")][:, 1] for s in _SIDES)
     trunk = motions.positions[names.index("neck")] - motions.positions[body.root]
     trunk, feet = (way / np.linalg.norm(way) for way in (trunk, left + right))
@@ -41,7 +39,7 @@ def _upright_plane(
     body: RegistrationModel, pose: Pose, up: np.ndarray, other_ups: tuple[np.ndarray, ...]
 ) -> np.ndarray:
     """Return the plane's normal along which the trunk is upright, or else `up`."""
-    root = pose_body(body.samples(_N_FEW), pose).motions.rotations[body.root]
+    root = body.joint_motions(pose).rotations[body.root]
     best = max((up, *other_ups), key=lambda normal: float(root[:, 1] @ normal))
     return best if root[:, 1] @ best > body.settings.trust.leaning else up
 

@@ -15,6 +15,7 @@ from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb
 from riemhuman.registration._messages import in_words, join_reasons, part_in_words, say_unseen
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
+from riemhuman.registration._shown_parts import ShownParts
 from riemhuman.registration._soft_assignment import find_likelihood_of_area
 from riemhuman.registration._start_search import Search
 from riemhuman.registration._trust import (
@@ -22,15 +23,13 @@ from riemhuman.registration._trust import (
     find_doubts,
     find_excess,
     find_facet_heights,
-    find_lost_limbs,
-    find_overlaps,
-    find_seen,
 )
 from riemhuman.registration.scans import Scan
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
 
-# Number of model points; only their joints are used.
-_N_FEW = 1000
+# Number of points by which bodies are compared: other bodies are 15 cm away in the mean, which a
+# thousand points tell to within some millimetres.
+_N_COMPARED = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +44,17 @@ class Verdict:
     correspondence: SurfacePoints  # of all points of the scan
     distances: np.ndarray  # (N,)
     background: np.ndarray  # (N,)
+    excess: np.ndarray  # (J,) how many times farther the scan is from a limb than from the rest
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """What is known about the vertices of a registered body."""
-
-    matched: np.ndarray
-    overlaps: np.ndarray
-    lost: np.ndarray
-    seen: np.ndarray
-
-
-def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
-    """Return which parts of a body, fitted to the scan of a search, are trusted."""
+def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_known: bool) -> Verdict:
+    """Return which of the vertices of a body, fitted to the scan of a search, are trusted."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, parts, whole = body.settings.trust, body.parts, scan.whole
     places, distances = nearest_points(whole.points, fit.points, body.model.faces)
     background = scan.background | find_hair(body, fit.model_points, whole.points)
-    visible = body.find_visible(fit.model_points, scan.points, search.candidates[0].up)
-    vertices = _find_parts(search, fitted, visible)
-    likelihood = find_likelihood_of_area(body, fit.pose, scan, search.candidates[0].up, visible)
+    up = search.candidates[0].up
+    likelihood = find_likelihood_of_area(body, fit.pose, scan, up, vertices.visible)
     quality = _measure(search, fitted, vertices, likelihood)
     doubts, limb_doubts = find_doubts(quality, settings)
     # If it does not look like a body, nothing is said about its parts.
@@ -102,6 +91,7 @@ def judge(search: Search, fitted: BodyFit, *, unit_is_known: bool) -> Verdict:
         correspondence=places,
         distances=distances,
         background=background,
+        excess=shown.excess,
     )
 
 
@@ -120,23 +110,9 @@ def _find_excess(
     return find_excess(body.parts, owners, distances[near], facets, body.settings.rivals)
 
 
-def _find_parts(search: Search, fitted: BodyFit, visible: np.ndarray) -> _Parts:
-    """Return which vertices are matched, lie where another part does, are lost, and are seen."""
-    body, fit = search.body, fitted.fit
-    settings, parts, template = body.settings.trust, body.parts, body.model.template
-    near = fit.matches.distances < settings.matched_metres
-    matched = visible & near & (fit.matches.reliable > settings.least_reliable)
-    # Hands that lie on the body are so thin that they count as being in it, though they are right.
-    overlaps = find_overlaps(template, fit.points, matched & ~parts.on_hands, settings)
-    lost = find_lost_limbs(parts, fit.points, matched, overlaps.near, settings)
-    if lost.any():
-        chosen = matched & ~parts.on_hands & ~lost
-        overlaps = find_overlaps(template, fit.points, chosen, settings)
-    seen = find_seen(template, fit.points, matched, search.scan, settings) & visible & ~lost
-    return _Parts(matched, overlaps.around, lost, seen)
-
-
-def _measure(search: Search, fitted: BodyFit, vertices: _Parts, likelihood: float) -> FitQuality:
+def _measure(
+    search: Search, fitted: BodyFit, vertices: ShownParts, likelihood: float
+) -> FitQuality:
     """Return how well a body explains its scan."""
     body, scan, fit = search.body, search.scan, fitted.fit
     settings, model = body.settings.trust, body.model
@@ -161,7 +137,7 @@ def _measure(search: Search, fitted: BodyFit, vertices: _Parts, likelihood: floa
 
 def find_margin(search: Search) -> float:
     """Return how much likelier the best body is than all bodies whose visible part is elsewhere."""
-    candidates, samples = search.candidates, search.body.samples(_N_FEW)
+    candidates, samples = search.candidates, search.body.samples(_N_COMPARED)
     surface = pose_body(samples, candidates[0].pose).points
     end = search.body.end_of(search.scan.points, candidates[0].up)
     shown = np.ones(len(surface), bool)
@@ -182,7 +158,7 @@ def find_margin(search: Search) -> float:
 def _landmark_doubts(
     body: RegistrationModel, pose: Pose, landmarks: Mapping[int, np.ndarray]
 ) -> list[str]:
-    joints = pose_body(body.samples(_N_FEW), pose).points[-body.model.n_joints :]
+    joints = body.joint_motions(pose).positions + pose.trans
     misses = {k: np.linalg.norm(joints[k] - place) for k, place in landmarks.items()}
     return [
         f"the {in_words(body.parts.names[k])} is {100 * miss:.0f} cm from its landmark"
@@ -191,7 +167,7 @@ def _landmark_doubts(
     ]
 
 
-def _unseen_parts(body: RegistrationModel, vertices: _Parts, *, up_is_known: bool) -> list[str]:
+def _unseen_parts(body: RegistrationModel, vertices: ShownParts, *, up_is_known: bool) -> list[str]:
     """Return a message about the parts that a scan does not show."""
     areas, settings = body.model.template.vertex_areas, body.settings.trust
     share = 1.0 - areas @ vertices.seen / areas.sum()

@@ -32,7 +32,8 @@ class RegistrationTrace:
     arms : ArmsFit
         The `pose` after other ways to hold forearms and hands were tried, and `doubtful_arms`.
     elastic : ElasticFit
-        The last `pose`, its `model_points`, and `points`, the surface that left the model.
+        The last `pose`, its `model_points`, and `points`, the surface that left the model. If the
+        scan does not show all limbs, it is that of the fit without those that are lost.
     verdict : Verdict
         What is trusted, and why not.
     up : array, shape (3,)

@@ -15,7 +15,7 @@ from riemhuman.kernels.surface import vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.registration._elastic_step import fit_elastic
 from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
-from riemhuman.registration._trust import find_seen
+from riemhuman.registration._shown_parts import find_seen
 from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.scans import Scan, as_scan
 from riemhuman.surfaces.nearest_points import nearest_points

@@ -9,13 +9,12 @@ import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._messages import OPEN_HANDS, join_reasons
 from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._shown_parts import find_overlaps, find_seen
 from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration._trust import (
     FitQuality,
     find_excess,
     find_facet_heights,
-    find_overlaps,
-    find_seen,
 )
 from riemhuman.registration._trust import find_doubts as find_doubts_of
 from riemhuman.registration.settings import RivalSettings, TrustSettings

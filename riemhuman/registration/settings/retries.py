@@ -34,6 +34,10 @@ class RetrySettings:
     warm_loss : float
         If the log-likelihood of a scan is lower than that of the previous frame by more than this,
         the search starts from scratch.
+    farther_without_limbs : float
+        A body is fitted again without the limbs that the scan does not show. This fit is kept
+        unless the scan is farther from it by more than this factor: a forearm that is in the scan
+        after all makes it 1.7.
     agreement : float
         If a smaller share of the estimated normals agrees with the body, their signs are ignored.
 
@@ -52,11 +56,15 @@ class RetrySettings:
     fewer_starts: float = 0.5
     retry_gain: float = 0.05
     warm_loss: float = 0.25
+    farther_without_limbs: float = 1.1
     agreement: float = 0.85
 
     def __post_init__(self) -> None:
         check_amounts(
-            more_starts=self.more_starts, retry_gain=self.retry_gain, warm_loss=self.warm_loss
+            more_starts=self.more_starts,
+            retry_gain=self.retry_gain,
+            warm_loss=self.warm_loss,
+            farther_without_limbs=self.farther_without_limbs,
         )
         check_counts(n_near=self.n_near)
         check_shares(

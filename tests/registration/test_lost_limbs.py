@@ -1,0 +1,48 @@
+"""Limbs that a scan does not show leave those that it shows where they are."""
+
+import numpy as np
+import pytest
+from limbs_right_and_wrong import without
+from scanned_people import fit_body, task_of
+
+import riemhuman as rh
+from riemhuman.registration import simulated_scan
+from riemhuman.registration._lost_limbs import leave_out_lost_limbs
+from riemhuman.registration._start_search import search_scan
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
+
+
+def fits_of(registration_from, model, body, joints):
+    """Return fits with all limbs and without lost ones, and what is shown of the second."""
+    scan = simulated_scan(body, model.faces, rng=0, n_points=4000, rotate=False)
+    task = task_of(registration_from("t", "down"), without(model, body, joints, scan.points))
+    search = search_scan(task.models.whole, task.scan)
+    fitted = fit_body(search.body, search.candidates[0], search.scan)
+    return fitted, *leave_out_lost_limbs(fitted, search.scan, is_refused=False)
+
+
+@pytest.mark.parametrize("joint", ["left_elbow", "right_knee"])
+def test_what_is_above_a_missing_limb_stays_in_place(registration_from, model, bodies, joint):
+    body, parts = bodies[30], {"left_elbow": "left_shoulder", "right_knee": "right_hip"}
+    whole, fitted, shown = fits_of(registration_from, model, body, (joint,))
+    owners = model.weights.argmax(axis=1)
+    above = owners == model.joint_names.index(parts[joint])
+    errors = [
+        np.linalg.norm(each.fit.points - body, axis=1)[above].mean() for each in (whole, fitted)
+    ]
+    assert errors[1] < 0.01
+    assert errors[1] < 0.85 * errors[0]
+    np.testing.assert_array_equal(
+        shown.lost, whole.task.body.parts.vertices([model.joint_names.index(joint)])
+    )
+    assert not shown.seen[shown.lost].any()
+
+
+def test_a_whole_body_stays_as_it_is(registration_from, model, bodies):
+    whole, fitted, shown = fits_of(registration_from, model, bodies[30], ())
+    assert fitted is whole
+    assert not shown.lost.any()

@@ -1,0 +1,147 @@
+"""Registered limbs that are right, and such as are deliberately wrong, with how far scans are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from people_who_touch import people_who_touch, scan_of_touching
+from scanned_people import bodies_to_scan, foreign_bodies, points_at, task_of, wrong_starts
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+import riemhuman as rh
+from riemhuman.bodies.skinning import usual_joint_names
+from riemhuman.registration import simulated_scan
+from riemhuman.registration._pipeline import register_scan, register_whole
+from riemhuman.registration._start_search import KnownBody
+from riemhuman.registration.scan_registration import known_body, result_of
+
+# What scanners and people do to scans, and what may be missing from them.
+SCANS = {
+    "2 mm noise": {},
+    "no noise": {"noise": 0.0},
+    "5 mm noise": {"noise": 0.005},
+    "1,500 points": {"n_points": 1500},
+    "clothes, up to 1.5 cm": {"clothing": 0.015},
+    "clothes, up to 3 cm": {"clothing": 0.03},
+    "30 % in holes": {"missing": 0.3},
+    "one view": {"view": (0.3, 0.1, 1.0)},
+    "hand missing": {},
+    "forearm missing": {},
+    "arm missing": {},
+    "shin missing": {},
+    "forearm and shin missing": {},
+}
+# The first joints of what is missing.
+_MISSING = {
+    "hand missing": ("left_wrist",),
+    "forearm missing": ("right_elbow",),
+    "arm missing": ("left_shoulder",),
+    "shin missing": ("right_knee",),
+    "forearm and shin missing": ("left_elbow", "left_knee"),
+}
+_N_POINTS = 8000
+_LEAST_DEGREES, _MOST_DEGREES = 20.0, 90.0
+_TURNED = ("shoulder", "elbow", "hip", "knee")
+_SHOWN_METRES = 0.05
+# Mean errors of right and wrong parts of limbs; few are between.
+RIGHT_METRES, WRONG_METRES = 0.03, 0.05
+
+
+@dataclass(frozen=True)
+class LimbPart:
+    """A part of a limb of a registered body."""
+
+    kind: str  # of scan, and what was done to the body
+    part: str  # name of its joint
+    error: float  # mean of what the scan shows, metres
+    excess: float  # factor by which the scan is farther from it than from the rest
+    trusted: float  # share of its vertices
+    accepted: bool  # whether the body is trusted
+
+
+def scans_of_limbs(model, seed):
+    """Yield kinds, points, true surfaces and their places on the model, None for its own."""
+    natural = rh.datasets.load_open_bodies("coarse", variant="natural", people=seed)
+    moving = [surface for *_, surface in bodies_to_scan(model, seed)]
+    rng = np.random.default_rng([seed, 48])
+    for number, (name, options) in enumerate(SCANS.items()):
+        for body in (natural[int(rng.integers(100))], moving[int(rng.integers(100))]):
+            chosen = {"n_points": _N_POINTS, "rotate": False} | options
+            scan = simulated_scan(body, model.faces, rng, **chosen)
+            points = without(model, body, _MISSING.get(name, ()), scan.points)
+            yield name, points, body, None
+    for posture, surface in people_who_touch(model, seed, 1):
+        yield posture, scan_of_touching(model, surface, rng, n_points=_N_POINTS), surface, None
+    foreign, triangles, places = foreign_bodies(model, seed, 2, 2)
+    for number, body in enumerate(foreign.reshape(-1, *foreign.shape[2:])):
+        scan = simulated_scan(body, triangles, number, n_points=_N_POINTS, rotate=False)
+        yield "another mesh", scan.points, body, places
+
+
+def without(model, body, joints, points):
+    """Return points of a scan without those on some joints and what they carry."""
+    names = list(usual_joint_names(model))
+    lost = {names.index(joint) for joint in joints}
+    for k in map(int, model.joint_order):
+        if int(model.parents[k]) in lost:
+            lost.add(k)
+    owners = model.weights.argmax(axis=1)[cKDTree(body).query(points)[1]]
+    return points[~np.isin(owners, sorted(lost))]
+
+
+def limb_parts(registration, seed):
+    """Yield the parts of all limbs of registered scans, and of bodies deliberately wrong."""
+    rng = np.random.default_rng([seed, 49])
+    for kind, points, truth, places in scans_of_limbs(registration.model, seed):
+        task = task_of(registration, points)
+        first = register_scan(task)
+        yield from _parts_of(kind, first, truth, places)
+        if not first.verdict.trusted:
+            continue
+        for change, start in wrong_limbs(registration, first, rng):
+            yield from _parts_of(f"{kind}, {change}", register_whole(task, start), truth, places)
+
+
+def wrong_limbs(registration, trace, rng, n_turned=2):
+    """Yield names and starts of a registered body whose limbs are turned or exchanged."""
+    names = list(usual_joint_names(registration.model))
+    pose = trace.elastic.pose
+    for _ in range(n_turned):
+        joint = f"{('left', 'right')[rng.integers(2)]}_{_TURNED[rng.integers(len(_TURNED))]}"
+        degrees = rng.uniform(_LEAST_DEGREES, _MOST_DEGREES)
+        axis = rng.standard_normal(3)
+        turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis))
+        local = pose.local.copy()
+        local[names.index(joint)] = local[names.index(joint)] @ turn.as_matrix()
+        known = KnownBody(pose._replace(local=local), trace.up, -np.inf)
+        yield f"{joint} turned by {degrees:.0f} degrees", known
+    for name, start in wrong_starts(registration, result_of(trace, trace=False)):
+        if name.endswith("exchanged"):
+            yield name, known_body(start)
+
+
+def _parts_of(kind, trace, truth, places):
+    """Yield what is known about every part of a limb that a scan shows."""
+    body, verdict = trace.search.body, trace.verdict
+    surface, faces = trace.elastic.points, body.model.faces
+    owners, trusted = body.parts.owners, verdict.trusted_vertices
+    if places is not None:
+        on_model = faces[places.triangles, 0]
+        surface, owners, trusted = (
+            points_at(places, surface, faces),
+            owners[on_model],
+            trusted[on_model],
+        )
+    shown = cKDTree(trace.search.scan.points).query(truth)[0] < _SHOWN_METRES
+    errors = np.linalg.norm(surface - truth, axis=1)
+    for k, name in enumerate(body.parts.names):
+        chosen = shown & (owners == k)
+        if name.split("_")[-1] in (*_TURNED, "wrist") and chosen.sum() > 0.3 * (owners == k).sum():
+            yield LimbPart(
+                kind,
+                name,
+                float(errors[chosen].mean()),
+                float(verdict.excess[k]),
+                float(trusted[chosen].mean()),
+                verdict.trusted,
+            )
