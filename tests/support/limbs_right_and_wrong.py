@@ -39,6 +39,7 @@ _MISSING = {
     "shin missing": ("right_knee",),
     "forearm and shin missing": ("left_elbow", "left_knee"),
 }
+_POSTURES = ("arms folded", "hands on belly", "hands on hips", "wrists crossed", "feet crossed")
 _N_POINTS = 8000
 _LEAST_DEGREES, _MOST_DEGREES = 20.0, 90.0
 _TURNED = ("shoulder", "elbow", "hip", "knee")
@@ -65,14 +66,13 @@ def scans_of_limbs(model, seed):
     moving = [surface for *_, surface in bodies_to_scan(model, seed)]
     rng = np.random.default_rng([seed, 48])
     for number, (name, options) in enumerate(SCANS.items()):
-        for body in (natural[int(rng.integers(100))], moving[int(rng.integers(100))]):
-            chosen = {"n_points": _N_POINTS, "rotate": False} | options
-            scan = simulated_scan(body, model.faces, rng, **chosen)
-            points = without(model, body, _MISSING.get(name, ()), scan.points)
-            yield name, points, body, None
-    for posture, surface in people_who_touch(model, seed, 1):
+        body = (natural, moving)[number % 2][int(rng.integers(100))]
+        chosen = {"n_points": _N_POINTS, "rotate": False} | options
+        scan = simulated_scan(body, model.faces, rng, **chosen)
+        yield name, without(model, body, _MISSING.get(name, ()), scan.points), body, None
+    for posture, surface in people_who_touch(model, seed, 1, _POSTURES):
         yield posture, scan_of_touching(model, surface, rng, n_points=_N_POINTS), surface, None
-    foreign, triangles, places = foreign_bodies(model, seed, 2, 2)
+    foreign, triangles, places = foreign_bodies(model, seed, 2, 1)
     for number, body in enumerate(foreign.reshape(-1, *foreign.shape[2:])):
         scan = simulated_scan(body, triangles, number, n_points=_N_POINTS, rotate=False)
         yield "another mesh", scan.points, body, places
