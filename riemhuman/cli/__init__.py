@@ -61,11 +61,11 @@ interrupted; 141 closed output pipe
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
     terminal.tolerate_ascii()
     try:
         try:
-            return _run(given)
+            return _run(words)
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -80,12 +80,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _NOT_DONE
 
 
-def _run(given: Sequence[str]) -> int:
+def _run(words: Sequence[str]) -> int:
     parser = make_parser(__version__, _DESCRIPTION, _EPILOG)
     if "_ARGCOMPLETE" in os.environ:  # set by the shell while it completes a line
         import_optional("argcomplete", "completion").autocomplete(parser)
     try:
-        options = parser.parse_args(given)
+        options = parser.parse_args(words)
     except RiemhumanError as error:  # an argument that cannot be a path
         terminal.note(str(error))
         return _NOT_DONE
@@ -93,12 +93,14 @@ def _run(given: Sequence[str]) -> int:
         parser.print_help()
         return _DONE
     options.bars = not options.quiet and sys.stderr.isatty()
-    options.task, options.written, options.files = partial(terminal.task, options), [], {}
+    options.task = partial(terminal.task, options)
+    options.written = []  # places of outputs, which the declarations of outputs add
+    options.files = {}  # those of them that are files, by the name of their option
     compilation_time.tell(terminal.say_compilation if options.bars else None)
     start = time.perf_counter()
-    words = f"{options.parser.prog}: {options.summary}" if options.bars else ""
+    status = f"{options.parser.prog}: {options.summary}" if options.bars else ""
     try:
-        with terminal.short_warnings() as unconverged, terminal.status.of_command(words):
+        with terminal.short_warnings() as unconverged, terminal.status.of_command(status):
             for check in (*options.input_checks, *options.checks):
                 check(options)
             answer = _answer(options)
@@ -110,8 +112,8 @@ def _run(given: Sequence[str]) -> int:
         if isinstance(error, RiemhumanError):
             terminal.note(str(error))
         elif lack_of_memory(error):
-            needed = f": {error}" if str(error) else ""
-            terminal.note(f"not enough memory; use fewer or coarser meshes{needed}")
+            details = f": {error}" if str(error) else ""
+            terminal.note(f"not enough memory; use fewer or coarser meshes{details}")
         else:
             terminal.note(
                 f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"
@@ -144,6 +146,7 @@ def _text(answer: Answer, options: argparse.Namespace) -> str:
             record = record | {"output": options.output if places else None}
         return terminal.as_json(record)
     if isinstance(answer.text, str):
-        said = [f"written to {place}" if answer.text else str(place) for place in places]
-        return "\n".join([answer.text] * bool(answer.text) + said)
+        if not answer.text:
+            return "\n".join(map(str, places))
+        return "\n".join([answer.text, *(f"written to {place}" for place in places)])
     return terminal.lines({**answer.text, "written to": " and ".join(map(str, places)) or None})

@@ -71,8 +71,14 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
         f"{result.energy:.4g}, length {length:.4g}\u00a0m; no path is shorter than "
         f"{distance:.4g}\u00a0m. Converged: {terminal.convergence(result)}."
     )
-    title, summary = "Geodesic between two bodies", answer.record
-    inputs.write_path(options, result.path, surfaces.faces, title, description, summary=summary)
+    inputs.write_path(
+        options,
+        result.path,
+        surfaces.faces,
+        "Geodesic between two bodies",
+        description,
+        summary=answer.record,
+    )
     return answer
 
 
@@ -101,10 +107,10 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     with options.task(f"Mean of {len(points)}, {metric}"):
         result = rh.solvers.BasisMean(basis, progress=options.bars).solve(metric, points)
     rh.save_mesh(options.output, result.point, surfaces.faces)
-    shown = None
+    picture = None
     if options.picture is not None:
         names = [*(file.stem for file in surfaces.files), "Karcher mean"]
-        shown = rh.plots.save_picture(
+        picture = rh.plots.save_picture(
             options.picture,
             [*points, result.point],
             surfaces.faces,
@@ -113,7 +119,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
             mean=True,
         )
     record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
-    values = {"variance": result.variance, "picture": shown}
+    values = {"variance": result.variance, "picture": picture}
     return terminal.solved(result, values, variances=result.variances, **record)
 
 
@@ -194,12 +200,12 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     with inputs.mesh_folder(options, meshes, surfaces.faces, record) as folder:
         titles = [name.replace("_", " ") for name in names]
         viewer = rh.plots.view_components(pca, surfaces.faces, title="Components of bodies")
-        written = rh.plots.view_bodies(np.array(bodies), surfaces.faces, titles)
-        choices = {**viewer.choices, "Bodies in this folder": written.choices["Bodies"]}
+        folder_view = rh.plots.view_bodies(np.array(bodies), surfaces.faces, titles)
+        choices = {**viewer.choices, "Bodies in this folder": folder_view.choices["Bodies"]}
         dataclasses.replace(viewer, choices=choices).save(folder / "components.html")
     shares = zip(numbers, pca.explained_variance_ratio_, strict=True)
-    said = [f"component {k}  {100 * share:.1f} % of the variance" for k, share in shares]
-    return cli.Answer("\n".join(said), record)
+    lines = [f"component {k}  {100 * share:.1f} % of the variance" for k, share in shares]
+    return cli.Answer("\n".join(lines), record)
 
 
 @cli.command(
@@ -230,7 +236,7 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.progress import ProgressBar
 
     surfaces = inputs.read_surfaces(options, [*options.meshes, options.onto])
-    *files, onto = surfaces.files
+    files, onto = surfaces.files[:-1], surfaces.files[-1]
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     with options.task(f"Transfer of {len(files)} meshes"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
@@ -277,8 +283,10 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     rh.save_mesh(options.output, result.surface, surfaces.faces)
     if options.picture is not None:
         names = [f"shape of {options.shape.stem}", f"pose of {options.pose.stem}", "both"]
-        bodies, title = [*surfaces[:], result.surface], "Shape and pose"
-        rh.plots.save_picture(options.picture, bodies, surfaces.faces, names, title=title)
+        bodies = [*surfaces[:], result.surface]
+        rh.plots.save_picture(
+            options.picture, bodies, surfaces.faces, names, title="Shape and pose"
+        )
     values = {"shape_distance": result.shape_dist, "pose_distance": result.pose_dist}
     record = {"shape": options.shape, "pose": options.pose, "pose_weight": options.pose_weight}
     return terminal.solved(result, values, **record)
@@ -316,9 +324,9 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     with inputs.mesh_folder(options, dict(zip(names, points, strict=True)), faces) as folder:
         page = folder / "aligned.html"
         rh.plots.save_picture(page, points, faces, titles, title="Aligned meshes")
-    said = ["root mean square distances to the template:"]
-    said += _gap_lines(names, distances.tolist(), options)
-    return cli.Answer("\n".join(said), {"files": surfaces.files, "root_mean_square": distances})
+    lines = ["root mean square distances to the template:"]
+    lines += _gap_lines(names, distances.tolist(), options)
+    return cli.Answer("\n".join(lines), {"files": surfaces.files, "root_mean_square": distances})
 
 
 @cli.command(
@@ -366,13 +374,12 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
         rh.plots.save_picture(options.picture, bodies, surfaces.faces, titles, title=title)
     means = [float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
-    said = ["mean distances between mesh and model:"]
-    lines = _gap_lines(names, means, options)
-    for line, done in zip(lines, converged, strict=True):
-        said.append(f"{line}{'' if done else '  (did not converge)'}")
+    lines = ["mean distances between mesh and model:"]
+    for line, has_converged in zip(_gap_lines(names, means, options), converged, strict=True):
+        lines.append(line if has_converged else f"{line}  (did not converge)")
     millimetres = [1000.0 * mean for mean in means]
     record = {"files": files, "mean_distance_mm": millimetres, "converged": converged}
-    return cli.Answer("\n".join(said), record, trusted=all(converged))
+    return cli.Answer("\n".join(lines), record, trusted=all(converged))
 
 
 def _gap_lines(
@@ -443,10 +450,10 @@ def _basis_motions(options: argparse.Namespace) -> Sequence[Motion | Array]:
     """Return the chosen motions, whose frames are read when they are needed."""
     if options.open == bool(options.motions):
         raise ArgumentError("give either files or folders of motions, or --open")
-    chosen = {"subjects": options.subjects, "sequences": options.sequences}
+    choice = {"subjects": options.subjects, "sequences": options.sequences}
     if options.open:
-        return rh.datasets.load_open_motions(options.resolution, **chosen)
-    return inputs.read_motions(options, *options.motions, **chosen).motions
+        return rh.datasets.load_open_motions(options.resolution, **choice)
+    return inputs.read_motions(options, *options.motions, **choice).motions
 
 
 @cli.command(

@@ -17,6 +17,8 @@ from riemhuman.optional import import_matplotlib
 if TYPE_CHECKING:
     from riemhuman.arrays import JSONRecord
 
+# The wrong word within argparse's messages: the first unknown option, without the value after "=",
+# or an unknown choice.
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 
 UNITS = ("metres", "centimetres", "millimetres", "inches")
@@ -135,12 +137,16 @@ def several(
 
 def check_needs(options: argparse.Namespace, names: str, *needed: str) -> None:
     """Raise an error if an option is given without any of those that it needs."""
-    given = [need.split()[0].strip("-").replace("-", "_") for need in needed]
-    if any(getattr(options, name) for name in given):
+    if any(getattr(options, _attribute(need.split()[0])) for need in needed):
         return
     for name in names.split():
-        if getattr(options, name.strip("-").replace("-", "_")):
+        if getattr(options, _attribute(name)):
             raise ArgumentError(f"{name} needs {' or '.join(needed)}; add that, or leave it out")
+
+
+def _attribute(flags: str) -> str:
+    """Return the attribute of an option, which argparse names after its last flag."""
+    return flags.split()[-1].strip("-").replace("-", "_")
 
 
 def path(text: str) -> Path:
@@ -173,11 +179,11 @@ def mesh_option(
 
 def _existing(declared: Argument, flags: str) -> Argument:
     """Return the declaration of inputs, which must exist before anything else is checked."""
-    dest = flags.split()[-1].strip("-").replace("-", "_")
+    attribute = _attribute(flags)
 
     def check(options: argparse.Namespace) -> None:
-        given = getattr(options, dest)
-        for place in given if isinstance(given, list) else [given]:
+        value = getattr(options, attribute)
+        for place in value if isinstance(value, list) else [value]:
             if place is not None and not place.exists():
                 raise FileError(f"there is no file {place}")
 
@@ -197,37 +203,41 @@ def output(
     required: bool = True,
 ) -> Argument:
     """Return the declaration of an output: a file or, with a pattern of names in it, a folder."""
-    dest = flags.split()[-1].strip("-")
+    attribute = _attribute(flags)
 
     def check(options: argparse.Namespace) -> None:
         # Before the command runs; `options.ending` is empty for a folder.
         from riemhuman.io.outputs import check_output_file, check_output_folder
 
-        given = getattr(options, dest)
-        if given in (None, "-"):
+        text = getattr(options, attribute)
+        if text in (None, "-"):
             return
-        place = path(given)
-        may_be_folder = not endings or given.endswith("/") or place.is_dir() or not place.suffix
+        place = path(text)
+        may_be_folder = not endings or text.endswith("/") or place.is_dir() or not place.suffix
         if names is not None and may_be_folder:
-            options.ending, options.is_ours = "", re.compile(names).fullmatch
+            options.ending = ""
+            options.is_ours = re.compile(names).fullmatch
             check_output_folder(place, options.is_ours, force=options.force)
         else:
             options.ending = place.suffix.lower()
-            known = [*endings, *["/ (a folder)"] * (names is not None)]
-            check_output_file(place, known, force=options.force)
-            options.files[dest] = place
+            accepted = endings if names is None else (*endings, "/ (a folder)")
+            check_output_file(place, accepted, force=options.force)
+            options.files[attribute] = place
         if options.ending in FIGURE_ENDINGS or (not options.ending and options.has_figure):
             import_matplotlib()  # before the work, not after it
-        setattr(options, dest, place)  # argparse named the attribute after the flag
+        setattr(options, attribute, place)
         options.written.append(place)
 
-    kinds = ["folder"] * (names is not None) + ["file"] * bool(endings)
-    declared = option(
-        flags, text or f"{' or '.join(kinds)} to write", metavar=metavar, required=required
-    )
+    if text is None and names is None:
+        text = "file to write"
+    elif text is None:
+        text = "folder or file to write" if endings else "folder to write"
+    declared = option(flags, text, metavar=metavar, required=required)
 
     def declare(parser: argparse._ActionsContainer) -> None:
-        several(declared, *[FORCE] * (dest == "output"))(parser)
+        declared(parser)
+        if attribute == "output":  # one --force is enough for a command of several outputs
+            FORCE(parser)
         parser.set_defaults(checks=(*parser.get_default("checks"), check))
 
     return declare
@@ -280,11 +290,11 @@ class Parser(argparse.ArgumentParser):
         return options
 
     def error(self, message: str) -> NoReturn:
-        known = [*self._option_string_actions]
-        known += [word for action in self._actions for word in action.choices or ()]
+        words = [*self._option_string_actions]
+        words += [word for action in self._actions for word in action.choices or ()]
         wrong = _WRONG_WORD.search(message)
-        near = difflib.get_close_matches(wrong[1], known, 1) if wrong else []
-        super().error(message + "".join(f"; did you mean {name}?" for name in near))
+        suggestions = difflib.get_close_matches(wrong[1], words, 1) if wrong else []
+        super().error(message + "".join(f"; did you mean {name}?" for name in suggestions))
 
 
 def _topics_text() -> str:
@@ -292,14 +302,14 @@ def _topics_text() -> str:
     summaries = {name: texts["help"] for name, (texts, _, _) in COMMANDS.items() if " " not in name}
     summaries |= {name: summary for name, (summary, _) in GROUPS.items()}
     named = {name for names in TOPICS.values() for name in names}
-    others = tuple(name for name in summaries if name not in named)
-    topics = {**TOPICS, "more": others} if others else TOPICS
+    unnamed = tuple(name for name in summaries if name not in named)
+    topics = {**TOPICS, "more": unnamed} if unnamed else TOPICS
     width = max(map(len, summaries))
-    said = []
+    lines = []
     for topic, names in topics.items():
-        said.append(f"{topic}:")
-        said += [f"  {name:{width}}  {summaries[name]}" for name in names]
-    return "\n".join(said)
+        lines.append(f"{topic}:")
+        lines += [f"  {name:{width}}  {summaries[name]}" for name in names]
+    return "\n".join(lines)
 
 
 @cache

@@ -119,8 +119,9 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
     )
     natural = options.open == "natural" and not options.all
     compared = rh.retrieval.representations(bodies) if options.all else None
-    how = {"learned": natural, "progress": options.bars, "task": options.task}
-    records = rh.retrieval.benchmark(bodies, compared, **how)
+    records = rh.retrieval.benchmark(
+        bodies, compared, learned=natural, progress=options.bars, task=options.task
+    )
     if options.all:
         return cli.Answer(f"{head}\n\n{rh.retrieval.format_benchmark(records)}", records)
     titles = rh.retrieval.benchmarks.TITLES
@@ -238,11 +239,11 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
     surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
     metric = inputs.metric_of_people(options, surfaces)
-    said = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances, {metric}"
+    count = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances, {metric}"
     try:
-        with options.task(said):
+        with options.task(count):
             compute = _path_distances if options.paths else _distances
-            matrices, *about = compute(metric, surfaces, options)
+            matrices, remarks = compute(metric, surfaces, options)
     except KeyboardInterrupt:
         if options.resume is not None:
             terminal.note(
@@ -260,38 +261,43 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         return cli.Answer(text.rstrip("\n"), record, written=False)
     if options.csv is not None:
         write_text(options.csv, text)
-    return cli.Answer("\n".join([f"{len(names)} meshes, {said}", *about]), record)
+    return cli.Answer("\n".join([f"{len(names)} meshes, {count}", *remarks]), record)
 
 
 def _distances(
     metric: RiemannianMetric, surfaces: inputs.Surfaces, options: argparse.Namespace
-) -> tuple[dict[str, Array]]:
+) -> tuple[dict[str, Array], list[str]]:
+    """Return the matrix of distances by its name, and no remarks."""
     settings = {"n_jobs": options.jobs, "precision": options.precision, "progress": options.bars}
     if options.resume is None:
-        return ({"distances": metric.dist_pairwise(surfaces, **settings)},)
-    return ({"distances": rh.pairwise_job(metric, surfaces, options.resume, **settings)},)
+        distances = metric.dist_pairwise(surfaces, **settings)
+    else:
+        distances = rh.pairwise_job(metric, surfaces, options.resume, **settings)
+    return {"distances": distances}, []
 
 
 def _path_distances(
     metric: RiemannianMetric, surfaces: inputs.Surfaces, options: argparse.Namespace
-) -> tuple[dict[str, Array], *tuple[str, ...]]:
+) -> tuple[dict[str, Array], list[str]]:
+    """Return the matrices of distances and of path lengths by their names, and remarks on them."""
     import numpy as np
 
     basis = inputs.chosen_basis(options, surfaces.template)
-    solver, points = rh.solvers.BasisPath(basis, options.n_nodes or _N_NODES), surfaces[:]
+    solver = rh.solvers.BasisPath(basis, options.n_nodes or _N_NODES)
+    points = surfaces[:]
     settings = {"n_jobs": options.jobs, "progress": options.bars}
     if options.resume is None:
         paths = rh.solvers.path_distances(solver, metric, points, **settings)
     else:
         paths = rh.path_job(solver, metric, points, options.resume, **settings)
-    said = [paths.message]
-    excess = paths.excess[np.isfinite(paths.excess)]  # not of bodies whose distance is zero
+    remarks = [paths.message]
+    excess = paths.excess[np.isfinite(paths.excess)]  # undefined where the distance is zero
     if len(excess):
-        said.append(
+        remarks.append(
             f"paths are longer than distances by {np.median(excess):.2f} % in the median, "
             f"{excess.max():.2f} % at most"
         )
-    return {"distances": paths.bounds, "lengths": paths.lengths}, *said
+    return {"distances": paths.bounds, "lengths": paths.lengths}, remarks
 
 
 @cli.command(
@@ -314,20 +320,24 @@ def _retrieve(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError(f"-k must be at least 1; found {options.k}")
     query = options.query
     options.template = options.template or query
-    asked = inputs.read_surfaces(options, [query])
+    query_surfaces = inputs.read_surfaces(options, [query])
     files = [f for f in rh.datasets.find_meshes(options.folder) if not f.samefile(query)]
     if not files:
         raise ArgumentError(f"{options.folder} holds no mesh other than the query")
-    others = inputs.read_surfaces(options, files)
-    asked.are_scans |= others.are_scans
-    metric = inputs.metric_of_people(options, asked)
+    candidates = inputs.read_surfaces(options, files)
+    query_surfaces.are_scans |= candidates.are_scans
+    metric = inputs.metric_of_people(options, query_surfaces)
     with options.task(f"{len(files):,} distances, {metric}"):
-        (distances,) = metric.cdist(asked[:], others, -1, precision="double", progress=options.bars)
+        (distances,) = metric.cdist(
+            query_surfaces[:], candidates, n_jobs=-1, precision="double", progress=options.bars
+        )
     nearest = np.argsort(distances, kind="stable")[: options.k]
     results = [{"file": files[i], "distance": distances[i]} for i in nearest]
-    said = [f"{rank:>3}  {distances[i]:.6f}  {files[i]}" for rank, i in enumerate(nearest, start=1)]
+    lines = [
+        f"{rank:>3}  {distances[i]:.6f}  {files[i]}" for rank, i in enumerate(nearest, start=1)
+    ]
     record = {"query": query, "metric": inputs.metric_record(metric), "results": results}
-    return cli.Answer("\n".join(said), record)
+    return cli.Answer("\n".join(lines), record)
 
 
 def _matrix_options(*, required: bool) -> cli.Argument:
@@ -339,7 +349,7 @@ def _matrix_options(*, required: bool) -> cli.Argument:
 
 
 def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[str, list[str]]]:
-    """Return the distances between meshes, of those with labels if a table is given, and both."""
+    """Return distances, names and labels of meshes: if a table is given, of those in it."""
     file = options.matrix
     arrays: dict[str, ndarray] = rh.io.load_arrays(file, ["distances", "names"])
     distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
@@ -366,10 +376,10 @@ def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[
     _matrix_options(required=True),
 )
 def _scores(options: argparse.Namespace) -> cli.Answer:
-    distances, _, both = _read_matrix(options)
+    distances, _, labels_by_question = _read_matrix(options)
     scores = {
         name: rh.retrieval.scores(distances, labels)
-        for name, labels in both.items()
+        for name, labels in labels_by_question.items()
         if len(set(labels)) < len(labels)
     }
     if not scores:
@@ -404,10 +414,12 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
-    distances, names, both = _read_matrix(options)
-    item_names, unit, meshes = None, None, None
-    if both:
-        classes, items = np.unique(both[options.by], return_inverse=True)
+    distances, names, labels = _read_matrix(options)
+    item_names = None
+    unit = None
+    meshes = None
+    if labels:
+        classes, items = np.unique(labels[options.by], return_inverse=True)
         class_names = [str(name) for name in classes]
     else:
         items, class_names = np.zeros(len(names), dtype=int), None
@@ -434,7 +446,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     if options.ending == ".html":
         _map_page(options, positions, items, class_names, names, meshes, scale)
         return cli.Answer(record, record)
-    if not both:  # names of files stand beside their points; one body would not show a class
+    if not labels:  # names of files stand beside their points; one body would not show a class
         meshes = None
     with rh.plots.figure_style():
         ax = rh.plots.plot_embedding(

@@ -26,7 +26,7 @@ PEOPLE = {
     "henry": "older lean man",
 }
 
-# Files with their person and, of visits, the day.
+# File, person and, for visits, the date.
 _FILES_OF_PEOPLE = (
     ("anna.ply", "anna", ""),
     ("ben.ply", "ben", ""),
@@ -46,18 +46,25 @@ _SITTING: Angles = {
     "knee": ("x", 84),
 }
 
-# Points of a scan's mesh, noise in metres, and the share of the surface in holes.
-_SCAN_POINTS, _SCAN_NOISE, _SCAN_HOLES = 12_000, 0.0015, 0.06
+_SCAN_POINTS = 12_000
+_SCAN_NOISE = 0.0015  # metres
+_SCAN_HOLES = 0.06  # share of the surface
 _OTHER_POINTS = 6_000
-_FLOOR_METRES, _FLOOR_SPACING, _FLOOR_NOISE = 0.8, 0.03, 0.001
+# In metres; the first is from the middle of the floor to its sides.
+_FLOOR_METRES = 0.8
+_FLOOR_SPACING = 0.03
+_FLOOR_NOISE = 0.001
 
-# Between the visits: four kilograms less, as shape coefficients, and noise in metres.
+# Changes of shape coefficients between the visits, about four kilograms, and noise in metres.
 _CHANGE_OF_SHAPE = {1: 0.4, 2: -0.3}
 _VISIT_NOISE = 0.0005
 
-# Of a walk: degrees over one stride of the left side, from the moment its heel touches the floor.
-_STRIDE_SECONDS, _STRIDES, _FRAMES_PER_SECOND = 1.1, 4, 60
+_STRIDE_SECONDS = 1.1
+_STRIDES = 4
+_FRAMES_PER_SECOND = 60
 _STEPS, _STEP_FRAMES = 12, 66
+# Joint angles of a walk in degrees, at equal intervals of one stride of the left side, which begins
+# when its heel touches the floor.
 _HIP = (28, 24, 12, 0, -10, -2, 20, 30)
 _KNEE = (6, 18, 12, 6, 12, 48, 60, 22)
 _ANKLE = (0, 6, -4, -10, -6, 16, 4, 0)
@@ -68,8 +75,8 @@ def write_example_files(folder: Path) -> dict[str, str]:
     """Fill a folder with example files; return a description of each for readers."""
     bodies = rh.datasets.load_open_bodies("coarse")
     betas = {
-        name: np.asarray(bodies.betas)[bodies.subject == bodies.subject_names.index(kind)][0]
-        for name, kind in PEOPLE.items()
+        name: np.asarray(bodies.betas)[bodies.subject == bodies.subject_names.index(subject)][0]
+        for name, subject in PEOPLE.items()
     }
     rng = np.random.default_rng(0)
     _write_bodies(folder / "bodies", bodies)
@@ -123,8 +130,8 @@ def _write_people(file: Path, people: Sequence[tuple[str, str, str]]) -> None:
 def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
     folder.mkdir()
     rows: list[Sequence[object]] = [("file", "subject", "pose", "sex")]
-    for name, kind in PEOPLE.items():
-        of_person = np.flatnonzero(bodies.subject == bodies.subject_names.index(kind))
+    for name, subject in PEOPLE.items():
+        of_person = np.flatnonzero(bodies.subject == bodies.subject_names.index(subject))
         for number in of_person:
             pose = bodies.pose_names[bodies.pose[number]]
             file = folder / f"{name}_{pose}.ply"
@@ -134,13 +141,13 @@ def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
 
 
 def _write_single_bodies(folder: Path, betas: Mapping[str, np.ndarray]) -> None:
+    model = rh.datasets.load_open_model("coarse")
     for file, person, angles in (
         ("anna.ply", "anna", _STANDING),
         ("ben.ply", "ben", _STANDING),
         ("sit.ply", "felix", _SITTING),
         ("stand.ply", "felix", _STANDING),
     ):
-        model = rh.datasets.load_open_model("coarse")
         rh.save_mesh(folder / file, _on_the_floor(model, betas[person], angles), model.faces)
 
 
@@ -239,8 +246,8 @@ def _walk(betas: np.ndarray) -> rh.datasets.ArrayMotion:
 def _stride(phase: float) -> Angles:
     """Return the joint angles of a walk at a phase in strides."""
     angles: dict[str, tuple[str, *tuple[float, ...]]] = {"pelvis": ("x", 3)}
-    for side, sign, own_phase in (("left", 1, phase), ("right", -1, phase + 0.5)):
-        hip, knee, ankle, arm = _angles_at(own_phase)
+    for side, sign, side_phase in (("left", 1, phase), ("right", -1, phase + 0.5)):
+        hip, knee, ankle, arm = _angles_at(side_phase)
         angles[f"{side}_hip"] = ("zx", sign * 2, -hip)
         angles[f"{side}_knee"] = ("x", knee)
         angles[f"{side}_ankle"] = ("x", ankle)
@@ -251,7 +258,7 @@ def _stride(phase: float) -> Angles:
 
 def _angles_at(phase: float) -> np.ndarray:
     """Return the angles of hip, knee, ankle and arm at a phase of their side."""
-    written = np.array([_HIP, _KNEE, _ANKLE, _ARM], dtype=np.float64).T
-    closed = np.concatenate([written, written[:1]])
+    angles = np.array([_HIP, _KNEE, _ANKLE, _ARM], dtype=np.float64).T
+    closed = np.concatenate([angles, angles[:1]])
     curve = CubicSpline(np.linspace(0.0, 1.0, len(closed)), closed, bc_type="periodic")
     return np.asarray(curve(phase % 1.0))

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 _SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
 
-# Of a path, in its folder.
+# The array path in a folder that `riemhuman geodesic` writes.
 _PATH_FILE = "path.npz"
-# Sizes in an answer: lengths, an area and a volume.
+# Powers of the unit of the sizes in an answer.
 _POWERS = {"extents": 1, "largest_extents": 1, "area": 2, "volume": 3}
-# Of an archive of any number of arrays.
+# Archives may hold any number of arrays: those beyond this number are only counted.
 _MOST_LISTED = 100
 
 
@@ -52,8 +52,8 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
         atomic_folder(options.folder, is_ours=lambda name: False) as temporary,
     ):
         contents = write_example_files(temporary)
-    said = "\n".join(f"{names:32}{text}" for names, text in contents.items())
-    return cli.Answer(said, {"folder": options.folder, "contents": contents})
+    lines = [f"{names:32}{text}" for names, text in contents.items()]
+    return cli.Answer("\n".join(lines), {"folder": options.folder, "contents": contents})
 
 
 @cli.command(
@@ -91,8 +91,6 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     cli.UNIT,
 )
 def _view(options: argparse.Namespace) -> cli.Answer:
-    from riemhuman.representation import join_names
-
     first = options.meshes[0]
     if len(options.meshes) == 1 and (first / _PATH_FILE).is_file():
         first = first / _PATH_FILE
@@ -104,18 +102,25 @@ def _view(options: argparse.Namespace) -> cli.Answer:
             motion, faces, timing = inputs.read_motion(first, is_shown=True)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
             viewer = rh.plots.view_path(motion, faces, title=title, **timing)
-        elif (scan_and_body := _scan_and_body(options)) is not None:
-            viewer = _scan_over_body(*scan_and_body, options)
         else:
-            surfaces = inputs.read_surfaces(options, options.meshes)
-            names = [file.stem for file in surfaces.files]
-            title = join_names(names) if len(names) < 4 else f"{names[0]} to {names[-1]}"
-            if options.motion:
-                viewer = rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
-            else:
-                viewer = rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
+            viewer = _view_of_meshes(options)
         page = inputs.save_or_open(viewer, options)
     return cli.Answer(record={}) if page is None else cli.Answer({"page": page}, {"page": page})
+
+
+def _view_of_meshes(options: argparse.Namespace) -> Viewer:
+    """Return a view of a scan over its body, of registered meshes, or of the frames of a motion."""
+    from riemhuman.representation import join_names
+
+    scan_and_body = _scan_and_body(options)
+    if scan_and_body is not None:
+        return _scan_over_body(*scan_and_body, options)
+    surfaces = inputs.read_surfaces(options, options.meshes)
+    names = [file.stem for file in surfaces.files]
+    title = join_names(names) if len(names) < 4 else f"{names[0]} to {names[-1]}"
+    if options.motion:
+        return rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
+    return rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
 
 
 def _scan_and_body(options: argparse.Namespace) -> tuple[Path, Path] | None:
@@ -125,20 +130,22 @@ def _scan_and_body(options: argparse.Namespace) -> tuple[Path, Path] | None:
     files = options.meshes
     if len(files) != 2 or options.motion or any(map(_is_not_scan, files)):
         return None
-    (first, faces), (second, others) = (rh.io.load_points(file)[:2] for file in files)
-    if faces is None or others is None:
-        return None if faces is others else _body_last(files, others is None)
-    if np.array_equal(faces, others):
-        return None
-    are_bodies = [rh.io.is_registered_scan(file) for file in files]
-    if not any(are_bodies):
-        are_bodies = [_is_open_body(first, faces), _is_open_body(second, others)]
-    return _body_last(files, are_bodies == [True, False])
-
-
-def _body_last(files: Sequence[Path], is_body_first: bool) -> tuple[Path, Path]:
     first, second = files
-    return (second, first) if is_body_first else (first, second)
+    first_points, first_faces, *_ = rh.io.load_points(first)
+    second_points, second_faces, *_ = rh.io.load_points(second)
+    if first_faces is None and second_faces is None:
+        return None
+    if first_faces is None or second_faces is None:
+        return (first, second) if first_faces is None else (second, first)
+    if np.array_equal(first_faces, second_faces):
+        return None
+    is_first_body = rh.io.is_registered_scan(first)
+    is_second_body = rh.io.is_registered_scan(second)
+    if not (is_first_body or is_second_body):
+        is_first_body = _is_open_body(first_points, first_faces)
+        is_second_body = _is_open_body(second_points, second_faces)
+    is_first_only = is_first_body and not is_second_body
+    return (second, first) if is_first_only else (first, second)
 
 
 def _is_not_scan(file: Path) -> bool:
@@ -185,8 +192,8 @@ def _with_units(facts: JSONRecord, system: str) -> JSONRecord:
     from riemhuman.checks import UNITS as UNITS_OF_FILES
 
     if "extents" in facts and "unit" in facts:  # of points, which are read in metres
-        said = f"{facts['unit']}, by its size"
-        return facts | {"extents": _size("extents", facts["extents"], 1.0, system), "unit": said}
+        extents = _size("extents", facts["extents"], 1.0, system)
+        return facts | {"extents": extents, "unit": f"{facts['unit']}, by its size"}
     if "unit_guess" not in facts:
         return facts
     guess = facts["unit_guess"]

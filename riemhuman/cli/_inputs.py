@@ -152,10 +152,8 @@ def metric_options(
     reference: str, default: tuple[float, float, float] = _PRESETS["shape"]
 ) -> cli.Argument:
     """Return the declaration of the template, alignment and metric, with default weights."""
-    of_distances = default == _PRESETS["shape"]
-    name = "-a {:g} -l {:g} -c {:g}".format(*default)
-    if of_distances:
-        name = "--area for bodies of riemhuman register, else --shape"
+    a, lam, c = default
+    name = f"-a {a:g} -l {lam:g} -c {c:g}"
 
     def preset(name: str, text: str) -> cli.Argument:
         return cli.option(f"--{name}", text, dest="metric", action="store_const", const=name)
@@ -163,21 +161,22 @@ def metric_options(
     def weight(flags: str, text: str, value: float, metavar: str) -> cli.Argument:
         return cli.option(flags, f"{text} (default: {value:g})", type=float, metavar=metavar)
 
-    a, lam, c = default
+    presets = [
+        preset("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
+        preset("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
+        preset("srnf", "square root normal fields, for comparison"),
+    ]
+    if default == _PRESETS["shape"]:  # the command computes distances, not paths
+        name = "--area for bodies of riemhuman register, else --shape"
+        presets.insert(1, preset("area", "compares people who were scanned: AreaMetric"))
+    extension = cli.option(
+        "--metric",
+        "metric of another package, see riemhuman.extensions",
+        dest="extension",
+        metavar="NAME",
+    )
     metric = cli.several(
-        cli.several(
-            preset("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
-            *[preset("area", "compares people who were scanned: AreaMetric")] * of_distances,
-            preset("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
-            preset("srnf", "square root normal fields, for comparison"),
-            cli.option(
-                "--metric",
-                "metric of another package, see riemhuman.extensions",
-                dest="extension",
-                metavar="NAME",
-            ),
-            exclusive=True,
-        ),
+        cli.several(*presets, extension, exclusive=True),
         weight("-a", "weight of the metric part", a, "A"),
         weight("-l --lam", "weight λ of area within the metric part", lam, "LAMBDA"),
         weight("-c", "weight of the normal part", c, "C"),
@@ -194,8 +193,8 @@ def chosen_metric(
     """Return the metric that the options choose; by default that of areas for scanned people."""
     # Surfaces share a unit: this is checked when they are read.
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
-    given = {"-a": options.a, "-l": options.lam, "-c": options.c}
-    flags = ", ".join(flag for flag, weight in given.items() if weight is not None)
+    weights = {"-a": options.a, "-l": options.lam, "-c": options.c}
+    flags = ", ".join(flag for flag, weight in weights.items() if weight is not None)
     preset = options.metric or (options.extension and f"metric {options.extension}")
     if preset and flags:
         raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
@@ -205,9 +204,14 @@ def chosen_metric(
         return rh.SRNFMetric(space)
     if options.metric == "area" or (are_scans and not (options.metric or flags)):
         return rh.AreaMetric(space)
-    default = _PRESETS.get(options.metric, options.default_metric)
-    pairs = zip(given.values(), default, strict=True)
-    return rh.ElasticMetric(space, *(d if weight is None else weight for weight, d in pairs))
+    a, lam, c = _PRESETS.get(options.metric, options.default_metric)
+    if options.a is not None:
+        a = options.a
+    if options.lam is not None:
+        lam = options.lam
+    if options.c is not None:
+        c = options.c
+    return rh.ElasticMetric(space, a, lam, c)
 
 
 def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> RiemannianMetric:
@@ -347,7 +351,7 @@ class Motions(NamedTuple):
 
 
 def read_motions(
-    options: argparse.Namespace, *places: Path, **chosen: Sequence[str] | None
+    options: argparse.Namespace, *places: Path, **choice: Sequence[str] | None
 ) -> Motions:
     """Return motions in files and folders, those of Dynamic FAUST by people and sequences."""
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
@@ -362,7 +366,7 @@ def read_motions(
             if file.suffix.lower() in rh.datasets.recordings.RECORDING_ENDINGS
         ]
         is_hdf5 = place.suffix.lower() in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
-        if any(chosen.values()) and not is_hdf5:
+        if any(choice.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
         if recorded and not any(file.suffix.lower() in cli.MESH_ENDINGS for file in files):
             loaded_motions += [
@@ -370,14 +374,17 @@ def read_motions(
             ]
         else:
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions
-            loaded = load(place, **(chosen if is_hdf5 else units))
+            loaded = load(place, **(choice if is_hdf5 else units))
             loaded_motions += [(motion.sequence, motion, motion.faces) for motion in loaded]
-    names, motions, triangles = zip(*loaded_motions, strict=True)
+    names = [name for name, _, _ in loaded_motions]
+    motions = [motion for _, motion, _ in loaded_motions]
     if options.template is None:
-        body, source = rh.Template(motions[0][0], triangles[0]), names[0]
+        source, first_motion, faces = loaded_motions[0]
+        body = rh.Template(first_motion[0], faces)
     else:
         meshes = rh.datasets.RegisteredMeshes([options.template], **units)
-        body, source = rh.Template(meshes.reference, meshes.faces), options.template.name
-    for name, faces in zip(names, triangles, strict=True):
+        source = options.template.name
+        body = rh.Template(meshes.reference, meshes.faces)
+    for name, _, faces in loaded_motions:
         body.check_faces(faces, f"with {source} as the template, the triangles of {name}")
     return Motions(names, motions, body)

@@ -82,22 +82,26 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     if options.output is not None:
         titles = [f"{name} ({unit})" for name, unit in units.items()]
         _write_table(options.output, [["file", *titles], *rows])
-    pose = "as is" if options.as_is else "seated" if options.seated else "standard"
+    if options.as_is:
+        pose = "as is"
+    elif not options.seated:
+        pose = "standard"
     bodies = {file: dict(zip(names, values, strict=True)) for file, *values in rows}
-    missing, said = _missing(files, measured)
+    missing, reasons = _missing(files, measured)
     record = {"pose": pose, "units": units, "bodies": bodies, "missing": missing}
-    return cli.Answer("\n".join([*_measured_table(files, measured, options.units), *said]), record)
+    lines = [*_measured_table(files, measured, options.units), *reasons]
+    return cli.Answer("\n".join(lines), record)
 
 
 def _missing(
     files: Sequence[Path], result: BodySizes | VisitComparison
 ) -> tuple[list[JSONRecord], list[str]]:
     """Return what was not measured and why, as records and in words."""
-    missing, said = [], []
+    records, lines = [], []
     for (number, name), reason in result.why_missing.items():
-        missing.append({"file": files[number], "measurement": name, "why": reason})
-        said.append(f"no {name} of {files[number].name}: {reason}")
-    return missing, said
+        records.append({"file": files[number], "measurement": name, "why": reason})
+        lines.append(f"no {name} of {files[number].name}: {reason}")
+    return records, lines
 
 
 def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> list[str]:
@@ -105,15 +109,15 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
     shown = files[:_MOST_COLUMNS]
     columns = [max(9, len(file.stem)) for file in shown]
     titles = " ".join(f"{file.stem:>{w}}" for file, w in zip(shown, columns, strict=True))
-    said = [f"{'':{width}}  {titles}"]
+    lines = [f"{'':{width}}  {titles}"]
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
         shown_unit = rh.measurements.readable_unit(unit, system)
         numbers = " ".join(shown_unit.text(value, w) for value, w in values)
-        said.append(f"{name:{width}}  {numbers} {shown_unit.name}")
+        lines.append(f"{name:{width}}  {numbers} {shown_unit.name}")
     if len(files) > len(shown):
-        said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
-    return said
+        lines.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
+    return lines
 
 
 @cli.command(
@@ -155,17 +159,14 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         people = rh.measurements.person_distance(points[0], points[1], faces)
     if people.is_hardly_one_person:
         terminal.note(f"warning: these are {people.text}")
-    columns = (
-        *(result.names, result.units, result.before, result.after),
-        *(result.changes, result.thresholds, result.is_significant),
-    )
-    rows = list(zip(*columns, strict=True))
-    titles = ["measurement", "unit", "before", "after", "change", "threshold", "exceeds threshold"]
     if options.output is not None:
-        _write_table(options.output, [titles, *([*row[:-1], bool(row[-1])] for row in rows)])
-    missing, said_missing = _missing(files, result)
-    moved = 1000.0 * result.displacements
-    outward = moved[np.isfinite(moved)] if np.isfinite(moved).any() else moved
+        titles = ["measurement", "unit", "before", "after", "change", "threshold"]
+        _write_table(options.output, [[*titles, "exceeds threshold"], *_changes(result)])
+    missing, reasons = _missing(files, result)
+    millimetres = 1000.0 * result.displacements
+    if np.isfinite(millimetres).any():  # the others were not seen
+        millimetres = millimetres[np.isfinite(millimetres)]
+    least, most = float(millimetres.min()), float(millimetres.max())
     record = {
         "before": options.before,
         "after": options.after,
@@ -176,33 +177,64 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "thresholds": result.thresholds,
         "exceeds_threshold": result.is_significant,
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
-        "outward_millimetres": {"least": outward.min(), "most": outward.max()},
+        "outward_millimetres": {"least": least, "most": most},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
         "area_distance": people.distance,
         "usual_area_distances": vars(people.usual),
     }
-    gaps = [
-        rh.measurements.readable_gap(1e-3 * end, options.units)
-        for end in (float(outward.min()), float(outward.max()))
-    ]
-    width = max(map(len, result.names))
-    said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
-    for name, unit, before, after, change, threshold, is_significant in rows:
-        mark = "  changed" if is_significant else ""
-        shown_unit = rh.measurements.readable_unit(unit, options.units)
-        signed = ((before, ""), (after, ""), (change, "+"), (threshold, ""))
-        numbers = " ".join(shown_unit.text(value, 9, sign) for value, sign in signed)
-        said.append(f"{name:{width}}  {numbers} {shown_unit.name}{mark}")
-    said += [
-        *said_missing,
+    count = len(result.names)
+    gaps = [rh.measurements.readable_gap(1e-3 * end, options.units) for end in (least, most)]
+    lines = [
+        *_table_of_changes(result, options.units),
+        *reasons,
         (
-            f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; "
-            f"expect about {result.expected_by_chance:.1f} false alarms among {len(rows)}"
+            f"{result.is_significant.sum()} of {count} exceed their thresholds; "
+            f"expect about {result.expected_by_chance:.1f} false alarms among {count}"
         ),
         f"surface moved outward by {gaps[0]} to {gaps[1]}",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
-    return cli.Answer("\n".join(said), record)
+    return cli.Answer("\n".join(lines), record)
+
+
+_Change = tuple[str, str, float, float, float, float, bool]
+
+
+def _changes(result: VisitComparison) -> list[_Change]:
+    """Return a row for each measurement: name, unit, before, after, change, threshold, verdict."""
+    rows: list[_Change] = []
+    for number, (name, unit) in enumerate(zip(result.names, result.units, strict=True)):
+        rows.append(
+            (
+                name,
+                unit,
+                float(result.before[number]),
+                float(result.after[number]),
+                float(result.changes[number]),
+                float(result.thresholds[number]),
+                bool(result.is_significant[number]),
+            )
+        )
+    return rows
+
+
+def _table_of_changes(result: VisitComparison, system: str) -> list[str]:
+    """Return the printed table of two visits, in everyday units."""
+    width = max(map(len, result.names))
+    lines = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
+    for name, si_unit, before, after, change, threshold, is_significant in _changes(result):
+        unit = rh.measurements.readable_unit(si_unit, system)
+        numbers = " ".join(
+            [
+                unit.text(before, 9),
+                unit.text(after, 9),
+                unit.text(change, 9, "+"),
+                unit.text(threshold, 9),
+            ]
+        )
+        mark = "  changed" if is_significant else ""
+        lines.append(f"{name:{width}}  {numbers} {unit.name}{mark}")
+    return lines
 
 
 def _view_differences(

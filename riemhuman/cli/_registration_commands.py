@@ -76,10 +76,7 @@ def _register(options: argparse.Namespace) -> cli.Answer:
 
     is_folder = options.scans.is_dir()
     cli.check_needs(options, "--sex", "--sheet")
-    for name in ("untrusted", "landmarks", "sex") if is_folder else ("sequence",):
-        if getattr(options, name):
-            what = "one scan" if is_folder else "a folder"
-            raise ArgumentError(f"--{name} is for {what}; {options.scans} is not")
+    _check_input_options(options)
     if not is_folder:
         check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
         for place in _sheet_files(options):
@@ -92,7 +89,21 @@ def _register(options: argparse.Namespace) -> cli.Answer:
         rh.measurements.Measurements(registration.model)  # an error before the work
         if not is_folder:
             rh.report.printing.check_printing()
-    return (_register_folder if is_folder else _register_file)(registration, options)
+    if is_folder:
+        return _register_folder(registration, options)
+    return _register_file(registration, options)
+
+
+def _check_input_options(options: argparse.Namespace) -> None:
+    """Refuse options for one scan if there is a folder, and those for a folder if there is none."""
+    flags: tuple[str, ...]
+    if options.scans.is_dir():
+        expected, flags = "one scan", ("untrusted", "landmarks", "sex")
+    else:
+        expected, flags = "a folder", ("sequence",)
+    for flag in flags:
+        if getattr(options, flag):
+            raise ArgumentError(f"--{flag} is for {expected}; {options.scans} is not")
 
 
 def _chosen_registration(options: argparse.Namespace) -> ScanRegistration:
@@ -123,14 +134,14 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
         _write_sheet(registration.model, result, options)
     if not (result.trusted or options.untrusted):
         text = "the body is not written; --untrusted writes it anyway"
-        text += _details(options, [result])
+        text += _details(options, result)
         return cli.Answer(text, record, trusted=False, written=False)
     points = result.points if options.keep_axes else result.upright_points
     rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
     text = (
         f"{rh.measurements.readable_gap(median, options.units)} from the scan in the median, "
         f"{100 * share:.0f} % of the vertices matched; scan in {result.unit}, body in metres"
-        f"{_details(options, [result])}"
+        f"{_details(options, result)}"
     )
     return cli.Answer(text, record, trusted=result.trusted)
 
@@ -158,11 +169,9 @@ def _write_sheet(model: BodyModel, result: RegisteredScan, options: argparse.Nam
     terminal.note(f"the sheet is {places['.html']}, and for printing {places['.pdf']}")
 
 
-def _details(options: argparse.Namespace, results: list[RegisteredScan]) -> str:
-    """Return what --verbose adds to the answer: a line for each result."""
-    if not options.verbose:
-        return ""
-    return "".join(f"\nlog-likelihood {result.likelihood:.2f}" for result in results)
+def _details(options: argparse.Namespace, result: RegisteredScan) -> str:
+    """Return the line that --verbose adds to the answer."""
+    return f"\nlog-likelihood {result.likelihood:.2f}" if options.verbose else ""
 
 
 def _missing_measurements(model: BodyModel, result: RegisteredScan) -> list[str]:
@@ -183,17 +192,23 @@ def _note_message(
     name: object, result: RegisteredScan | ScanRecord, missing: list[str] | None = None
 ) -> None:
     """Say in one line what is wrong with a result, or what is missing."""
-    said = result.message
+    message = result.message
     if missing:
         are = "measurement is" if len(missing) == 1 else "measurements are"
-        said = f"{said or 'some places were not seen'}: {len(missing)} {are} missing"
-    if said:
-        terminal.note(f"{name}{'' if result.trusted else ' is not trusted'}: {said}")
+        message = f"{message or 'some places were not seen'}: {len(missing)} {are} missing"
+    if message:
+        terminal.note(f"{name}{'' if result.trusted else ' is not trusted'}: {message}")
 
 
 def _register_folder(registration: ScanRegistration, options: argparse.Namespace) -> cli.Answer:
-    how = {"sequence": options.sequence, "keep_axes": options.keep_axes, "progress": options.bars}
-    records = rh.registration.register_folder(registration, options.scans, options.output, **how)
+    records = rh.registration.register_folder(
+        registration,
+        options.scans,
+        options.output,
+        sequence=options.sequence,
+        keep_axes=options.keep_axes,
+        progress=options.bars,
+    )
     with options.task("Page"):
         page = rh.report.scan_page(options.output, units=options.units)
     for record in records:
@@ -211,11 +226,11 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
         )
     n_trusted = sum(record.trusted for record in records)
     names = ("name", "trusted", "message", "median_distance", "matched_share")
-    said = f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}"
+    text = f"{n_trusted} of {len(records)} scans are registered and trusted; see {page}"
     if options.sheet:
-        said += f"\nsheets of all people: {sheets}"
+        text += f"\nsheets of all people: {sheets}"
     return cli.Answer(
-        said,
+        text,
         {"scans": [{name: getattr(record, name) for name in names} for record in records]},
         trusted=n_trusted == len(records),
     )
@@ -300,9 +315,9 @@ def _rows(matched: ScanCorrespondence, places: Array) -> list[list[float | int |
     for vertex, nearest in enumerate(matched.vertices.tolist()):
         row: list[float | int | None] = [vertex, *[None] * (len(_HEADER) - 1)]
         if nearest >= 0:
-            row[1] = nearest
+            triangle: list[float | int | None] = [None, None, None, None]  # and its weights
             if matched.triangles is not None and matched.barycentric is not None:
-                row[2:6] = [int(matched.triangles[vertex]), *matched.barycentric[vertex].tolist()]
-            row[6:] = places[vertex].tolist()
+                triangle = [int(matched.triangles[vertex]), *matched.barycentric[vertex].tolist()]
+            row = [vertex, nearest, *triangle, *places[vertex].tolist()]
         rows.append(row)
     return rows

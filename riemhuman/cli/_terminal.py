@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from riemhuman.solvers import Result
 
 
+# Longer lists take a line for each item.
+_MOST_IN_LINE = 4
 # Seconds of silence after which a command says what it does.
 _SILENCE = 2.0
 
@@ -58,14 +60,15 @@ def matrix_text(names: Sequence[str], matrix: Array, corner: str = "file") -> st
 
 def lines(values: Mapping[str, object]) -> str:
     """Return a line for each value that is not None, with its name; values in one column."""
-    given = {k.replace("_", " "): _plain(v) for k, v in values.items() if v is not None}
-    width = max(map(len, given))
-    said = []
-    for name, value in given.items():
-        rows = value if isinstance(value, list) and len(value) > 4 else [_readable(value)]
-        names = [name] + [""] * (len(rows) - 1)
-        said += [f"{title:<{width}}  {row}" for title, row in zip(names, rows, strict=True)]
-    return "\n".join(said)
+    texts = {k.replace("_", " "): _plain(v) for k, v in values.items() if v is not None}
+    width = max(map(len, texts))
+    lines = []
+    for name, value in texts.items():
+        rows = value if isinstance(value, list) and len(value) > _MOST_IN_LINE else [value]
+        for number, row in enumerate(rows):
+            title = name if number == 0 else ""
+            lines.append(f"{title:<{width}}  {_readable(row)}")
+    return "\n".join(lines)
 
 
 def _readable(value: object) -> str:
@@ -86,9 +89,15 @@ def convergence(result: Result) -> str:
 
 def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     """Return the answer of a solver, with whether and how it has converged."""
-    how = {name: getattr(result, name) for name in ("n_iterations", "converged", "message")}
+    outcome = {
+        "n_iterations": result.n_iterations,
+        "converged": result.converged,
+        "message": result.message,
+    }
     return Answer(
-        {**text, "converged": convergence(result)}, record | text | how, bool(result.converged)
+        {**text, "converged": convergence(result)},
+        record | text | outcome,
+        trusted=bool(result.converged),
     )
 
 

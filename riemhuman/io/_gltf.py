@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,15 +21,74 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 
-_FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
+# Numbers by which glTF names types, by NumPy's names for them, and uses of arrays.
+_COMPONENT_TYPES = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
+_WIDTHS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+VERTEX_ARRAY = 34962
+INDEX_ARRAY = 34963
 # Surfaces more than this many extents from the origin are written near it and moved by their node.
 _FAR = 50.0
-_ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
-_SKIN = {
-    "baseColorFactor": [0.80, 0.72, 0.66, 1.0],
-    "metallicFactor": 0.0,
-    "roughnessFactor": 0.75,
+SKIN_MATERIAL = {
+    "name": "skin",
+    "pbrMetallicRoughness": {
+        "baseColorFactor": [0.80, 0.72, 0.66, 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.75,
+    },
 }
+
+
+@dataclass
+class GlbBuffer:
+    """The binary part of a file, and the list of the arrays in it."""
+
+    data: bytearray = field(default_factory=bytearray)
+    views: list[JSONRecord] = field(default_factory=list)
+    accessors: list[JSONRecord] = field(default_factory=list)
+
+    def add(self, array: np.ndarray, target: int | None = None) -> int:
+        """Append an array, whose rows are entries, and return its number."""
+        rows = array.reshape(len(array), -1)
+        view: JSONRecord = {
+            "buffer": 0,
+            "byteOffset": len(self.data),
+            "byteLength": array.nbytes,
+        }
+        if target is not None:
+            view["target"] = target
+        self.accessors.append(
+            {
+                "bufferView": len(self.views),
+                "componentType": _COMPONENT_TYPES[array.dtype.str[1:]],
+                "count": len(array),
+                "type": _WIDTHS[rows.shape[1]],
+                "min": rows.min(axis=0).tolist(),
+                "max": rows.max(axis=0).tolist(),
+            }
+        )
+        self.views.append(view)
+        self.data += _padded(array.tobytes(), b"\0")
+        return len(self.accessors) - 1
+
+
+def glb_file(document: JSONRecord, buffer: GlbBuffer) -> bytes:
+    """Return a GLB file: a header, the document as JSON, and the arrays."""
+    arrays: JSONRecord = {
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{"byteLength": len(buffer.data)}],
+    }
+    text = _padded(json.dumps(document | arrays, separators=(",", ":")).encode(), b" ")
+    # A chunk begins with its size (uint32) and its kind (four letters); the file with four letters,
+    # the version and the size of all (uint32 each), 12 bytes.
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(buffer.data), b"BIN\0") + buffer.data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _padded(content: bytes, filler: bytes) -> bytes:
+    """Return content filled up to a multiple of four bytes, as glTF requires."""
+    return content + filler * (-len(content) % 4)
 
 
 def save_glb(
@@ -83,54 +143,50 @@ def write_glb(vertices: np.ndarray, faces: np.ndarray) -> bytes:
 def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -> bytes:
     offset = _offset(points)
     positions = (points - offset).astype("<f4")
-    normals = _unit_normals(points, triangles).astype("<f4")
-    arrays: list[np.ndarray] = []
-
-    def add(array: np.ndarray) -> int:
-        arrays.append(array)
-        return len(arrays) - 1
-
-    def difference(time: int) -> dict[str, int]:
-        return {
-            "POSITION": add(positions[time] - positions[0]),
-            "NORMAL": add(normals[time] - normals[0]),
-        }
-
+    normals = unit_normals(points, triangles).astype("<f4")
+    buffer = GlbBuffer()
     n_times, n_vertices = points.shape[:2]
     # glTF reserves the largest number of each type for restarting strips.
     index_type = "<u2" if n_vertices < 65535 else "<u4"
     primitive: JSONRecord = {
-        "attributes": {"POSITION": add(positions[0]), "NORMAL": add(normals[0])},
-        "indices": add(triangles.astype(index_type).ravel()),
+        "attributes": {
+            "POSITION": buffer.add(positions[0], VERTEX_ARRAY),
+            "NORMAL": buffer.add(normals[0], VERTEX_ARRAY),
+        },
+        "indices": buffer.add(triangles.astype(index_type).ravel(), INDEX_ARRAY),
         "material": 0,
     }
     mesh: JSONRecord = {"name": name, "primitives": [primitive]}
+    node: JSONRecord = {"mesh": 0, "name": name}
+    if any(offset):
+        node["translation"] = offset
     document: JSONRecord = {
         "asset": {"version": "2.0", "generator": "riemhuman"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": name} | ({"translation": offset} if any(offset) else {})],
+        "nodes": [node],
         "meshes": [mesh],
-        "materials": [{"name": "skin", "doubleSided": True, "pbrMetallicRoughness": _SKIN}],
+        "materials": [SKIN_MATERIAL | {"doubleSided": True}],
     }
     if n_times > 1:
-        primitive["targets"] = [difference(time) for time in range(1, n_times)]
+        primitive["targets"] = [
+            {
+                "POSITION": buffer.add(positions[time] - positions[0], VERTEX_ARRAY),
+                "NORMAL": buffer.add(normals[time] - normals[0], VERTEX_ARRAY),
+            }
+            for time in range(1, n_times)
+        ]
         mesh["weights"] = [0.0] * (n_times - 1)
         mesh["extras"] = {"targetNames": [f"time {time}" for time in range(1, n_times)]}
         # Target i has weight 1 at time i and 0 at all other times.
         sampler = {
-            "input": add(np.linspace(0.0, seconds, n_times).astype("<f4")),
-            "output": add(np.eye(n_times)[:, 1:].astype("<f4").ravel()),
+            "input": buffer.add(np.linspace(0.0, seconds, n_times).astype("<f4")),
+            "output": buffer.add(np.eye(n_times)[:, 1:].astype("<f4").ravel()),
             "interpolation": "LINEAR",
         }
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
         document["animations"] = [{"name": name, "samplers": [sampler], "channels": [channel]}]
-    binary = _describe_arrays(arrays, document)
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    parts = struct.pack("<I4s", len(text), b"JSON") + text
-    parts += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+    return glb_file(document, buffer)
 
 
 def _offset(points: np.ndarray) -> list[float]:
@@ -141,34 +197,7 @@ def _offset(points: np.ndarray) -> list[float]:
     return np.round(0.5 * (low + high)).tolist()
 
 
-def _describe_arrays(arrays: list[np.ndarray], document: JSONRecord) -> bytes:
-    """Return arrays as the binary part of a file, and write their layout into its document."""
-    binary = bytearray()
-    views: list[JSONRecord] = []
-    accessors: list[JSONRecord] = []
-    for array in arrays:
-        is_vertices, is_float = array.ndim == 2, array.dtype.kind == "f"
-        view = {"buffer": 0, "byteOffset": len(binary), "byteLength": array.nbytes}
-        accessor = {
-            "bufferView": len(views),
-            "componentType": {"f4": _FLOAT, "u2": _SHORT, "u4": _INT}[array.dtype.str[1:]],
-            "count": len(array),
-            "type": "VEC3" if is_vertices else "SCALAR",
-        }
-        if is_vertices or not is_float:
-            view["target"] = _ARRAY_BUFFER if is_vertices else _ELEMENT_BUFFER
-        if is_float:
-            rows = array.reshape(len(array), -1)
-            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        views.append(view)
-        accessors.append(accessor)
-        binary += array.tobytes() + b"\0" * (-array.nbytes % 4)
-    buffers = [{"byteLength": len(binary)}]
-    document |= {"accessors": accessors, "bufferViews": views, "buffers": buffers}
-    return bytes(binary)
-
-
-def _unit_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def unit_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return normals of the vertices of all surfaces, pointing up where there is no area."""
     from riemhuman.kernels.surface import vertex_normals  # takes long, as autograd does
 

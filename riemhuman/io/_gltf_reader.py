@@ -22,7 +22,10 @@ _Json = JSONRecord
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes of primitives; smaller ones are points and lines
+# Modes of primitives; smaller ones are points and lines.
+_TRIANGLES = 4
+_STRIP = 5
+_FAN = 6
 _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
 # Corners of triangles for each byte of arrays: primitives and nodes may share some.
 _MOST_CORNERS = 4
@@ -55,6 +58,8 @@ def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
     """Return the JSON and the binary part of a file; some have none."""
+    # Four letters, and the version and the size of the file (uint32 each); then chunks, each of which
+    # begins with its size (uint32) and its kind (four letters).
     magic, version, length = struct.unpack_from("<4sII", content)
     if magic != b"glTF" or version != 2 or length > len(content):
         raise FileFormatError("not a complete GLB file of version 2")
@@ -168,13 +173,14 @@ class _Reader:
         else:
             count = len(self._document.get("nodes", ()))
             roots = [number for number in range(count) if number not in self._parents]
-        waiting, seen = list(reversed(roots)), set()
+        waiting = list(reversed(roots))
+        visited = set()
         while waiting:
             number = waiting.pop()
             node = self._item("nodes", number)
-            if number in seen or (number in roots and number in self._parents):
+            if number in visited or (number in roots and number in self._parents):
                 raise FileFormatError(f"its node {number} has more than one parent")
-            seen.add(number)
+            visited.add(number)
             if _INSTANCES in node.get("extensions", ()):
                 raise FileFormatError(
                     f"its node {number} uses {_INSTANCES}, which is not supported"
@@ -215,7 +221,7 @@ class _Reader:
             inverse = self._accessor(skin["inverseBindMatrices"], "MAT4", where)
             if len(inverse) < len(matrices):
                 raise FileFormatError(f"{where}: {len(inverse)} matrices, {len(matrices)} joints")
-            # By columns.
+            # Matrices are stored by columns.
             inverse = inverse[: len(matrices)].reshape(-1, 4, 4).swapaxes(1, 2)
             matrices = matrices @ inverse
         return matrices
@@ -259,7 +265,7 @@ class _Reader:
         if joints is None:
             matrix = self._matrix(number)
             return positions @ matrix[:3, :3].T + matrix[:3, 3]
-        if not source.joints:  # of no joint, and the transform of the node does not count
+        if not source.joints:  # no joint moves it, and the node of a skinned mesh does not either
             return positions
         return self._skinned(positions, joints, source, where)
 
@@ -347,7 +353,9 @@ class _Reader:
 
     def _with_sparse(self, values: np.ndarray, sparse: _Json, where: str) -> np.ndarray:
         """Return values of which some rows are replaced."""
-        count, places, rows = sparse["count"], sparse["indices"], sparse["values"]
+        count = sparse["count"]
+        places = sparse["indices"]
+        rows = sparse["values"]
         if places["componentType"] not in (5121, 5123, 5125) or not 0 <= count <= len(values):
             raise FileFormatError(f"{where}: the sparse part of an accessor is wrong")
         dtype = np.dtype(_COMPONENTS[places["componentType"]])
@@ -355,9 +363,9 @@ class _Reader:
         indices = self._view(places["bufferView"], offset, count, 1, dtype, where)[:, 0]
         if count and indices.max() >= len(values):
             raise FileFormatError(f"{where}: the sparse part of an accessor has too many rows")
-        values[indices] = self._view(
-            rows["bufferView"], rows.get("byteOffset", 0), count, *_row_of(values), where
-        )
+        offset = rows.get("byteOffset", 0)
+        width = values.shape[1]
+        values[indices] = self._view(rows["bufferView"], offset, count, width, values.dtype, where)
         return values
 
     def _view(
@@ -409,10 +417,6 @@ class _Reader:
             except binascii.Error as error:
                 raise FileFormatError(f"its buffer {number} is damaged: {error}") from error
         return self._buffers[number]
-
-
-def _row_of(values: np.ndarray) -> tuple[int, np.dtype[np.generic]]:
-    return values.shape[1], values.dtype
 
 
 def _local_matrix(node: _Json) -> np.ndarray:

@@ -31,7 +31,7 @@ _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
 _HEADER_BYTES = 2**16  # longer than any header of a PLY file
 _SHOWN = 60  # characters of a name or a line in messages
-# Numbers and the three normals, corners and spare bytes of each triangle of a binary STL file.
+# A binary STL file: bytes of the comment and of the number of triangles, and a triangle's row.
 _STL_HEADER = 84
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
 
@@ -143,8 +143,8 @@ def _plain_obj(content: bytes) -> Mesh | None:
 
 
 def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> ndarray | None:
-    """Return lines of equally many numbers, of corners without what follows a slash, or None."""
-    if not lines or set(map(len, map(bytes.split, lines))) != {width}:
+    """Return the numbers of lines of equal width, or None; of corners, the part before a slash."""
+    if {len(line.split()) for line in lines} != {width}:
         return None
     text = b" ".join(lines)
     if dtype is np.int64 and b"/" in text:
@@ -161,7 +161,9 @@ def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> ndarray | N
 
 
 def _obj_by_lines(content: bytes) -> Mesh:
-    positions, corners, lengths = array("d"), array("q"), array("q")
+    positions = array("d")
+    corners = array("q")
+    lengths = array("q")
     for number, words in _lines_of_words(content):
         keyword, *fields = words
         try:
@@ -214,13 +216,16 @@ def _plain_off(content: bytes) -> Mesh | None:
 def _off_by_lines(content: bytes) -> Mesh:
     lines = _lines_of_words(content)
     _, (keyword, *counts) = next(lines, (0, [b""]))
+    # The prefixes say that texture coordinates, colours or normals follow the positions.
     if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
         raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
     counts = counts or next(lines, (0, [b""]))[1]
     if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
         raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
     n_vertices, n_faces = int(counts[0]), int(counts[1])
-    positions, corners, lengths = array("d"), array("q"), array("q")
+    positions = array("d")
+    corners = array("q")
+    lengths = array("q")
     for row, (number, words) in enumerate(lines):
         try:
             if row < n_vertices:
@@ -242,7 +247,10 @@ def _off_by_lines(content: bytes) -> Mesh:
 
 
 def _lines_of_words(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield number and words of lines with some; a backslash at its end continues a line."""
+    """Yield the number and the words of each line that is not blank.
+
+    A backslash at the end of a line continues it on the next.
+    """
     words: list[bytes] = []
     for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
         # A backslash in a comment, as in a Windows path, does not continue the line.
@@ -254,9 +262,9 @@ def _lines_of_words(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
 
 
 def _bad_line(number: int, words: list[bytes]) -> FileFormatError:
-    shown = b" ".join(words).decode("latin-1")[:_SHOWN]
-    advice = "; decimals need a point" if "," in shown else ""
-    return FileFormatError(f"line {number} is not valid: {shown!r}{advice}")
+    line = b" ".join(words).decode("latin-1")[:_SHOWN]
+    advice = "; decimals need a point" if "," in line else ""
+    return FileFormatError(f"line {number} is not valid: {line!r}{advice}")
 
 
 def read_stl(content: bytes) -> Mesh:

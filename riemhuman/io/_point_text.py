@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from riemhuman.errors import FileFormatError
 
+# What begins a comment, and what is a number in decimal notation with a point.
 _COMMENT = re.compile(r"#|//")
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE

@@ -20,9 +20,11 @@ from riemhuman.errors import ArgumentTypeError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
 
 # Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
-_LARGEST_COMPRESSION, _ALLOWANCE = 64, 2**27
+_LARGEST_COMPRESSION = 64
+_ALLOWANCE = 2**27
 # Bytes of memory for an entry: a number in double precision, or the overhead of a Python string.
-_BYTES_OF_NUMBER, _BYTES_OF_STRING = 8, 64
+_BYTES_OF_NUMBER = 8
+_BYTES_OF_STRING = 64
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _SUFFIX = ".npy"
 _LONGEST_HEADER = 2**16
@@ -81,12 +83,13 @@ def load_arrays(
     >>> list(rh.io.load_arrays("lengths.npz", ["arms"], optional=[]))
     ['arms']
     """
-    arrays, required = {}, list(required)
+    arrays = {}
+    required = list(required)
     with _open_archive(path) as (archive, members, limit):
-        wanted = members if optional is None else [*required, *optional]
+        names = members if optional is None else [*required, *optional]
         check_fields(members, required)
         for name, member in members.items():
-            if name in wanted:
+            if name in names:
                 limit -= memory_size(*_header(archive, member, limit))
                 with archive.open(member) as stream:
                     arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)

@@ -50,11 +50,11 @@ def describe(value: object, _depth: int = 0) -> JSONValue:
         return [describe(item, _depth + 1) for item in value]
     if isinstance(value, (set, frozenset)):
         return sorted((describe(item, _depth + 1) for item in value), key=repr)
-    kind = type(value)
-    described: JSONRecord = {"class": f"{kind.__module__}.{kind.__qualname__}"}
+    cls = type(value)
+    description: JSONRecord = {"class": f"{cls.__module__}.{cls.__qualname__}"}
     for name, item in _parameters(value).items():
-        described[name] = describe(item, _depth + 1)
-    return described
+        description[name] = describe(item, _depth + 1)
+    return description
 
 
 def _parameters(value: object) -> JSONRecord:
@@ -66,6 +66,10 @@ def _parameters(value: object) -> JSONRecord:
     names.discard("equip")
     if getattr(value, "has_closed_form_dist", False):
         names -= _SOLVERS
-    missing = object()
-    kept = {name: getattr(value, name, getattr(value, f"_{name}", missing)) for name in names}
-    return {name: kept[name] for name in sorted(names) if kept[name] is not missing}
+    parameters: JSONRecord = {}
+    for name in sorted(names):
+        for attribute in (name, f"_{name}"):
+            if hasattr(value, attribute):
+                parameters[name] = getattr(value, attribute)
+                break
+    return parameters

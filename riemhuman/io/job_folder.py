@@ -51,13 +51,14 @@ class JobFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             names = {entry.name for entry in self.path.iterdir()}
         # Beside its lock, a process killed at the start may have left an unnamed manifest.
-        others = sorted(n for n in names if n != _LOCK and not n.startswith(".manifest."))
+        foreign = sorted(n for n in names if n != _LOCK and not n.startswith(".manifest."))
         if MANIFEST in names:
             self._manifest()
-        elif others:
+        elif foreign:
+            more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
             raise ArgumentError(
-                f"folder must be empty, or hold an earlier job; {self.path} holds {others[0]}"
-                + (f" and {len(others) - 1} more" if len(others) > 1 else "")
+                f"folder must be empty, or hold an earlier job; {self.path} holds "
+                f"{foreign[0]}{more}"
             )
 
     @contextmanager
@@ -74,14 +75,14 @@ class JobFolder:
         file = self.path / MANIFEST
         with convert_errors(self.path):
             # Nobody else writes in a locked folder: these are of processes that were killed.
-            for left in self.path.glob(f".manifest.*{_UNFINISHED}.json"):
-                left.unlink(missing_ok=True)
+            for leftover in self.path.glob(f".manifest.*{_UNFINISHED}.json"):
+                leftover.unlink(missing_ok=True)
         if not file.exists():
             write_text(file, json.dumps({**described, "layout": dict(layout)}, indent=1))
         manifest = self._manifest()
-        kept: JSONRecord = manifest.pop("layout")
-        counts = [type(count) is int and count >= 1 for count in kept.values()]
-        if kept.keys() != layout.keys() or not all(counts):
+        stored_layout: JSONRecord = manifest.pop("layout")
+        is_count = [type(count) is int and count >= 1 for count in stored_layout.values()]
+        if stored_layout.keys() != layout.keys() or not all(is_count):
             raise FileFormatError(
                 f"{file} is not the manifest of this job: its layout must give {', '.join(layout)} "
                 "as whole numbers of at least 1"
@@ -91,7 +92,7 @@ class JobFolder:
             raise ArgumentError(
                 f"folder must be that of the same job; that in {self.path} differs: {difference}"
             )
-        return kept
+        return stored_layout
 
     def exists(self, name: str) -> bool:
         """Return whether a table exists."""
@@ -161,10 +162,12 @@ def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -
     header = {"descr": descr, "fortran_order": False, "shape": tuple(shape)}
     with file.open("wb") as stream:
         np.lib.format.write_array_header_1_0(stream, header)
-        # Written out: if the file had holes, a full disk would later kill the process by a signal.
+        # The zeros are written: if the file had holes, a full disk would later kill the process.
         n_blocks, rest = divmod(math.prod(shape) * dtype.itemsize, _BLOCK)
-        for size in (*[_BLOCK] * n_blocks, rest):
-            stream.write(bytes(size))
+        block = bytes(_BLOCK)
+        for _ in range(n_blocks):
+            stream.write(block)
+        stream.write(bytes(rest))
         os.fsync(stream.fileno())
 
 

@@ -29,8 +29,8 @@ def check_faces(is_bad: np.ndarray, faces: np.ndarray, reason: str) -> None:
     """Raise an error that names the first bad triangle and counts the others."""
     if is_bad.any():
         first = int(is_bad.argmax())
-        others = int(is_bad.sum()) - 1
-        more = f" (and {others} more)" if others else ""
+        n_more = int(is_bad.sum()) - 1
+        more = f" (and {n_more} more)" if n_more else ""
         raise ArgumentError(f"faces[{first}] = {tuple(faces[first].tolist())}{more} {reason}")
 
 
@@ -58,9 +58,10 @@ def _in_order(faces: np.ndarray) -> np.ndarray:
 
 
 def distinct_pairs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return pairs of numbers from 0 on once, in order, the place of each, and how often they are.
+    """Return the distinct rows of `pairs`, sorted; the number of each row among them; and counts.
 
-    One number a pair is sorted: `numpy.unique` takes ten times as long for rows.
+    The numbers must not be negative: each pair is sorted as one number, because `numpy.unique`
+    takes ten times as long for rows.
     """
     size = int(pairs.max(initial=0)) + 1
     keys = pairs[:, 0] * size + pairs[:, 1]

@@ -18,13 +18,14 @@ from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only
 SEAMS = ("join", "keep")
 """Choices of readers: whether they join seams."""
 
-# Two borders are one seam if their corners are closer than this share of the usual border edge and
-# that share of their own: rounding in files is less, and the lips of a closed mouth are farther
-# apart in some body.
-_TOLERANCE, _LARGEST_GAP = 0.03, 0.15
-# What most pairs of a seam keep in the first surface, all keep in all surfaces by this factor.
+# Two border edges coincide if the distance of their corners is below both shares: of the median
+# border edge, and of the shorter of the two. Rounding in files is less, and the lips of a closed
+# mouth are farther apart in some body.
+_TOLERANCE = 0.03
+_LARGEST_GAP = 0.15
+# Most pairs of a seam must coincide within the tolerance; all must within this multiple of it.
 _SLACK = 3.0
-# More sheets than these do not meet in one edge.
+# At most so many sheets of a surface are expected to meet in one edge.
 _MOST_SHEETS = 6
 
 
@@ -171,9 +172,10 @@ def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -
 
 
 def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of edges whose ends are at the same places, swapped, shape (P, 2).
+    """Return the pairs of edges whose ends are at the same places, swapped, shape (P, 2).
 
-    And which edges may be a pair with others: those with a length, the first of many at one place.
+    The second array says which edges may be paired with others: those whose ends differ, and of
+    more edges at one place than sheets can meet, the first.
     """
     is_used = np.zeros(len(points), dtype=bool)
     is_used[edges] = True
@@ -185,7 +187,9 @@ def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray
     ordered = keys[order]
     low, high = (np.searchsorted(ordered, opposite, side) for side in ("left", "right"))
     is_other = start != end
-    is_other[order[_MOST_SHEETS:][ordered[_MOST_SHEETS:] == ordered[:-_MOST_SHEETS]]] = False
+    # Equal keys are consecutive: one that equals the key _MOST_SHEETS before it is one too many.
+    is_surplus = ordered[_MOST_SHEETS:] == ordered[:-_MOST_SHEETS]
+    is_other[order[_MOST_SHEETS:][is_surplus]] = False
     counts = np.where(start == end, 0, np.minimum(high - low, _MOST_SHEETS))
     first = np.repeat(np.arange(len(edges)), counts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -207,7 +211,8 @@ def _nearly_opposite(points: np.ndarray, edges: np.ndarray, tolerance: float) ->
     first = np.repeat(np.arange(len(edges)), count)
     second = partners.ravel()
     is_pair = (second < len(edges)) & (first < second)
-    first, second, gaps_of_pairs = first[is_pair], second[is_pair], gaps.ravel()[is_pair]
+    first, second = first[is_pair], second[is_pair]
+    gaps_of_pairs = gaps.ravel()[is_pair]
     # Of several candidates, as on thin triangles, only the nearest; more sheets may be as near.
     least = 1.5 * gaps[:, 0] + 1e-9 * limit
     is_nearest = gaps_of_pairs <= np.minimum(least[first], least[second])
@@ -215,7 +220,7 @@ def _nearly_opposite(points: np.ndarray, edges: np.ndarray, tolerance: float) ->
 
 
 def _is_coincident(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return which pairs of edges coincide in a surface, but for the slack."""
+    """Return which pairs of edges coincide in a surface, up to the slack."""
     return _relative_gaps(points, pairs, tolerance) <= _SLACK
 
 
@@ -225,9 +230,9 @@ def _relative_gaps(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> n
         return np.zeros(0)
     first_edges, second_edges = points[pairs[:, 0]], points[pairs[:, 1]]
     gaps = np.linalg.norm(first_edges - second_edges, axis=2).max(axis=1)
-    shorter = np.minimum(
-        *(np.linalg.norm(e[:, 1] - e[:, 0], axis=1) for e in (first_edges, second_edges))
-    )
+    first_lengths = np.linalg.norm(first_edges[:, 1] - first_edges[:, 0], axis=1)
+    second_lengths = np.linalg.norm(second_edges[:, 1] - second_edges[:, 0], axis=1)
+    shorter = np.minimum(first_lengths, second_lengths)
     usual = _usual_length(points, pairs.reshape(-1, 2))
     largest = np.minimum(tolerance * usual, _LARGEST_GAP * shorter)
     return gaps / np.maximum(largest, np.finfo(float).tiny)
@@ -272,5 +277,9 @@ def _joined(faces: np.ndarray, n_vertices: int, edge_pairs: np.ndarray) -> Seams
     corners = np.sort(triangles, axis=1)
     if len(links) and np.any(corners[:, 1:] == corners[:, :-1]):
         return _joined(faces, n_vertices, edge_pairs[:0])  # else these triangles had no area
-    arrays = (vertices, originals[order], np.ascontiguousarray(triangles), edge_pairs)
-    return Seams(*map(read_only, arrays))
+    return Seams(
+        joined_vertices=read_only(vertices),
+        originals=read_only(originals[order]),
+        faces=read_only(np.ascontiguousarray(triangles)),
+        edge_pairs=read_only(edge_pairs),
+    )

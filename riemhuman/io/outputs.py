@@ -15,6 +15,7 @@ from riemhuman.representation import join_names
 
 _REPLACED, _LOCK = ".replaced", ".lock"
 _ATTEMPTS = 3
+# The lock of a hidden name by `neighbour`: .NAME.<eight hexadecimal digits>.part[.ENDING].lock
 _LOCK_NAME = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?\.lock")
 
 
@@ -125,13 +126,13 @@ def _clean_up(path: Path) -> None:
             with lock_file(lock, "in use"):
                 if replaced.exists() and not path.exists():
                     os.rename(replaced, path)
-                left = [folder for folder in (temporary, replaced) if folder.exists()]
-                for folder in left:
+                leftovers = [folder for folder in (temporary, replaced) if folder.exists()]
+                for folder in leftovers:
                     shutil.rmtree(folder, ignore_errors=True)
         except FileError:
             continue  # its writer is at work
-        if left:
-            names = join_names([folder.name for folder in left])
+        if leftovers:
+            names = join_names([folder.name for folder in leftovers])
             warn(
                 f"removed files that a killed process had left in {path.parent}: {names}",
                 UserWarning,

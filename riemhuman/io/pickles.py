@@ -124,8 +124,8 @@ def pickled_tree(
 
 
 def _decompress(content: bytes, limit: int) -> bytes:
-    """Return the content of a compressed file, which may take so many bytes."""
-    reader = zlib.decompressobj(wbits=47)  # either kind
+    """Return the content of a compressed file, which may take at most `limit` bytes."""
+    reader = zlib.decompressobj(wbits=32 + 15)  # zlib or gzip, whichever the header says
     plain = reader.decompress(content, limit)
     if reader.unconsumed_tail:
         raise FileFormatError("would take far more memory than a file of this size should")
@@ -248,6 +248,8 @@ class _Unpickler(pickle._Unpickler):
 
 
 def _list_of_last(count: int) -> Callable[[Unpickled], None]:
+    """Return the operation that makes a list of the last values of the stack."""
+
     def load(unpickler: Unpickled) -> None:
         unpickler.stack[-count:] = [unpickler.stack[-count:]]
 
@@ -263,7 +265,8 @@ def _build(unpickler: Unpickled) -> None:
     state = _attributes(record)
     dtype = _dtype(state["dtype"])
     if state.get("numpy_array_alignment_bytes") is not None:
-        unpickler.content.read(unpickler.content.read(1)[0])
+        n_padding = unpickler.content.read(1)[0]
+        unpickler.content.read(n_padding)
     size = math.prod(map(int, state["shape"])) * dtype.itemsize
     data = unpickler.content.read(max(size, 0))
     if len(data) != size:
@@ -285,7 +288,7 @@ _TUPLES = {pickle.TUPLE1: 1, pickle.TUPLE2: 2, pickle.TUPLE3: 3}
 _DISPATCH = dict(pickle._Unpickler.dispatch)
 _PYTHON_BUILD = _DISPATCH[pickle.BUILD[0]]
 _DISPATCH[pickle.BUILD[0]] = _build
-_DISPATCH |= {code[0]: _DISPATCH[other[0]] for code, other in _ALIASES.items()}
+_DISPATCH |= {code[0]: _DISPATCH[alias[0]] for code, alias in _ALIASES.items()}
 _DISPATCH |= {code[0]: _list_of_last(count) for code, count in _TUPLES.items()}
 
 

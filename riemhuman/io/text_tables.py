@@ -35,14 +35,15 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
 
 def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, np.ndarray]:
     table: dict[str, np.ndarray] = {}
-    length, has_fractions = 0, False
-    chosen: list[int] | None = None
+    length = 0
+    has_fractions = False
+    named_columns: list[int] | None = None
     separator, rows = read_rows(file)
     for number, (line, (name, *fields)) in enumerate(rows):
         where = f"{file}, line {line}"
         is_header = name.lower() == title or (fields and not any(map(_is_number, fields)))
         if number == 0 and is_header:
-            chosen = _columns_by_name(fields, columns)
+            named_columns = _columns_by_name(fields, columns)
             continue
         if not name:
             raise FileFormatError(f"{where}: the {title} is missing")
@@ -60,8 +61,8 @@ def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, np.
         raise FileFormatError(
             f"{file}: commas may be decimals or separate {length} whole numbers; {_ADVICE}"
         )
-    if chosen is not None and max(chosen) < length:
-        return {name: numbers[chosen] for name, numbers in table.items()}
+    if named_columns is not None and max(named_columns) < length:
+        return {name: numbers[named_columns] for name, numbers in table.items()}
     return table
 
 
@@ -103,7 +104,7 @@ def _is_number(field: str) -> bool:
 
 def _number(field: str, where: str) -> float:
     try:
-        # Of ASCII alone, since Python also reads 1_0 and the digits of every script.
+        # ASCII only, and no underscores: Python also reads 1_0 and the digits of every script.
         return float(field.replace("_", "x").encode("ascii"))
     except ValueError as error:
         advice = f"; {_ADVICE}" if "," in field else ""
@@ -120,6 +121,7 @@ def csv_text(rows: Iterable[Sequence[object]]) -> str:
 
 def csv_cell(text: str) -> str:
     """Return a text as one line that no spreadsheet runs as a formula."""
-    known = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    line = "".join(" " if unicodedata.category(c) in ("Cc", "Zl", "Zp") else c for c in known)
+    # Surrogates cannot be written; control characters and separators of lines become spaces.
+    encodable = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    line = "".join(" " if unicodedata.category(c) in ("Cc", "Zl", "Zp") else c for c in encodable)
     return f"'{line}" if line.lstrip().startswith(_FORMULA) else line
