@@ -88,16 +88,16 @@ class MarkerNames:
         for number, name in enumerate(names):
             for side, text, is_skin in _readings(name):
                 # As in files of OpenCap, where RShoulder is a centre and r_shoulder_study is skin.
-                self._numbers.setdefault((side, text + _ON_SKIN * is_skin), number)
-
+                spelling = text + _ON_SKIN if is_skin else text
+                self._numbers.setdefault((side, spelling), number)
         self._is_laboratory = any(("left", text) in self._numbers for text in _PELVIS["asis"])
 
     def first(self, side: str, spellings: Sequence[str]) -> int | None:
         """Return the number of the first marker with one of some spellings."""
         for text in spellings:
-            for end in ("", _ON_SKIN):
-                if (side, text + end) in self._numbers:
-                    return self._numbers[side, text + end]
+            for spelling in (text, text + _ON_SKIN):
+                if (side, spelling) in self._numbers:
+                    return self._numbers[side, spelling]
         return None
 
     def recipes(self, role: str) -> list[Recipe]:
@@ -107,10 +107,10 @@ class MarkerNames:
             middle, end = (self._single(side, spellings) for spellings in (_TOES, _TIPS))
             return middle + self._pairs(side, part) + end
         recipes = self._single(side, _centre_names(part)) + self._pairs(side, part)
-        seen = self._numbers.get((side, part))
-        if seen is not None:
-            # Beside corners of the pelvis, a knee is the skin beside it as well.
-            recipes.append(Recipe((seen,), on_skin=self._is_laboratory))
+        joint = self._numbers.get((side, part))
+        if joint is not None:
+            # A video method sees the centre; among a laboratory's markers, it is one on the skin.
+            recipes.append(Recipe((joint,), on_skin=self._is_laboratory))
         skin = (*_SHORT.get(part, ()), *_SKIN.get(part, ()), part)
         return recipes + self._single(side, skin, on_skin=True)
 
@@ -121,46 +121,39 @@ class MarkerNames:
     def _pairs(self, side: str, part: str) -> list[Recipe]:
         """Return the pairs of markers beside a joint, both from one source."""
         recipes = []
-        for pair in _pairs_of(part):
+        for lateral_spellings, medial_spellings in _pairs_of(part):
             for end in (_ON_SKIN, ""):
-                lateral, medial = (
-                    next(
-                        (
-                            self._numbers[side, text + end]
-                            for text in spellings
-                            if (side, text + end) in self._numbers
-                        ),
-                        None,
-                    )
-                    for spellings in pair
-                )
+                lateral = self._with_ending(side, lateral_spellings, end)
+                medial = self._with_ending(side, medial_spellings, end)
                 if lateral is not None and medial is not None:
                     recipes.append(Recipe((lateral, medial)))
         return recipes
 
+    def _with_ending(self, side: str, spellings: Sequence[str], end: str) -> int | None:
+        """Return the number of the first marker with one of some spellings before an ending."""
+        for text in spellings:
+            if (side, text + end) in self._numbers:
+                return self._numbers[side, text + end]
+        return None
+
     def pelvis(self) -> tuple[int, int, tuple[int, ...]] | None:
         """Return the left and right front corners of the pelvis, and the markers at its back."""
         left, right = (self.first(side, _PELVIS["asis"]) for side in SIDES)
-        back = tuple(self.first(side, _PELVIS["psis"]) for side in SIDES)
-        if None in back:
-            back = (self.first("", _SACRUM),)
-        if left is None or right is None or None in back:
+        back_left, back_right = (self.first(side, _PELVIS["psis"]) for side in SIDES)
+        sacrum = self.first("", _SACRUM)
+        if left is None or right is None:
             return None
-        return left, right, _known(back)
+        if back_left is not None and back_right is not None:
+            return left, right, (back_left, back_right)
+        return None if sacrum is None else (left, right, (sacrum,))
 
     def head(self) -> dict[str, int]:
         """Return the markers of the head: "head", "nose", and "left_ear" and others on sides."""
         markers = {name: self.first("", spellings) for name, spellings in _UNSIDED.items()}
-        markers |= {
-            f"{side}_{name}": self.first(side, spellings)
-            for name, spellings in _HEAD.items()
-            for side in SIDES
-        }
+        for name, spellings in _HEAD.items():
+            for side in SIDES:
+                markers[f"{side}_{name}"] = self.first(side, spellings)
         return {name: number for name, number in markers.items() if number is not None}
-
-
-def _known(numbers: Sequence[int | None]) -> tuple[int, ...]:
-    return tuple(number for number in numbers if number is not None)
 
 
 def _centre_names(part: str) -> tuple[str, ...]:
@@ -172,13 +165,19 @@ def _pairs_of(part: str) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
     pairs = [_PAIRS[part]] if part in _PAIRS else []
     if part in _SHORT:
         stems = (part, *_SHORT[part])
-        lateral, medial = (
-            tuple(text for stem in stems for word in words for text in (word + stem, stem + word))
-            for words in (_LATERAL, _MEDIAL)
-        )
         # The marker without such a word is the lateral one.
-        pairs.insert(0, ((*lateral, *stems), medial))
+        lateral = (*_with_words(stems, _LATERAL), *stems)
+        pairs.insert(0, (lateral, _with_words(stems, _MEDIAL)))
     return pairs
+
+
+def _with_words(stems: Sequence[str], words: Sequence[str]) -> tuple[str, ...]:
+    """Return every stem with every word before it and behind it."""
+    spellings: list[str] = []
+    for stem in stems:
+        for word in words:
+            spellings += [word + stem, stem + word]
+    return tuple(spellings)
 
 
 def _readings(name: str) -> list[tuple[str, str, bool]]:

@@ -32,14 +32,17 @@ _LONGEST_GAP, _FRAMES_OF_GAP = 0.2, 3
 _COVERED = 0.95
 # Centres of hips behind, beside and below the front corners of the pelvis, as shares of the
 # distance between those (Bell, Pedersen and Brand 1990).
-_HIP_BEHIND, _HIP_INSIDE, _HIP_BELOW = 0.22, 0.14, 0.30
+_HIP_BEHIND = 0.22
+_HIP_INSIDE = 0.14
+_HIP_BELOW = 0.30
 # Weight of the axis of an unbent knee or elbow beside the sine of its angle.
 _UNBENT = 0.1
 # Legs of people, metres.
 _SHORTEST_LEG, _LONGEST_LEG = 0.2, 1.5
-# Cosine to the trunk of an arm that is lowered, and how far the inner ends of collars are from the
-# middle of the chest, as a share of the way to the shoulder.
-_LOWERED, _COLLAR = 0.0, 0.13
+# An arm is lowered if the cosine of its angle to the trunk's upward direction is below this.
+_LOWERED = 0.0
+# Where collars begin, as a share of the way from the middle of the chest to the shoulder.
+_COLLAR = 0.13
 _MOST_NAMES = 80
 _OPTIONAL = ("left_toes", "right_toes", "head")
 
@@ -63,9 +66,9 @@ def skeleton_of(
     markers: Markers, joints: Mapping[str, str | Sequence[str]] | None = None
 ) -> SkeletonMotion:
     """Return the skeleton with joints located by markers, and rotations that show bends."""
-    told = _told_markers(markers, joints or {})
-    numbers = _markers_of_one_person(markers, told)
-    centres, on_skin = _centres(markers, numbers, told)
+    assigned = _assigned_markers(markers, joints or {})
+    numbers = _markers_of_one_person(markers, assigned)
+    centres, on_skin = _centres(markers, numbers, assigned)
     missing = [role for role in NEEDED if role not in centres]
     if missing:
         raise FileFormatError(
@@ -74,7 +77,7 @@ def skeleton_of(
             f"midpoint it is: joints={{{missing[0]!r}: ...}}"
         )
     head_frames = centres.pop("head frame", None)
-    centres, kept = _without_gaps(markers, centres)
+    centres, frames = _without_gaps(markers, centres)
     if on_skin:
         warn(
             f"{markers.name}: {', '.join(on_skin)} are placed at single markers on the skin, a "
@@ -82,33 +85,33 @@ def skeleton_of(
             UserWarning,
         )
     positions = centres | _trunk_places(centres)
-    head = None if head_frames is None else head_frames[kept]
+    head = None if head_frames is None else head_frames[frames]
     return _skeleton(markers, positions, head)
 
 
-def _told_markers(
+def _assigned_markers(
     markers: Markers, joints: Mapping[str, str | Sequence[str]]
 ) -> dict[str, tuple[int, ...]]:
     """Return the numbers of the markers that the user assigned to joints."""
-    told = {}
-    for role, chosen in joints.items():
-        if role not in (*NEEDED, *_OPTIONAL):
-            known = ", ".join((*NEEDED, *_OPTIONAL))
-            raise ArgumentError(f"joints must name some of {known}; found {role!r}")
-        names = (chosen,) if isinstance(chosen, str) else tuple(chosen)
+    assigned = {}
+    roles = (*NEEDED, *_OPTIONAL)
+    for role, value in joints.items():
+        if role not in roles:
+            raise ArgumentError(f"joints must name some of {', '.join(roles)}; found {role!r}")
+        names = (value,) if isinstance(value, str) else tuple(value)
         for name in names:
             if not isinstance(name, str):
                 raise ArgumentTypeError(f"joints[{role!r}] must name markers; found {name!r}")
             if name not in markers.names:
-                known = join_names(markers.names, _MOST_NAMES)
-                raise ArgumentError(f"joints[{role!r}] must be one of {known}; found {name!r}")
+                listed = join_names(markers.names, _MOST_NAMES)
+                raise ArgumentError(f"joints[{role!r}] must be one of {listed}; found {name!r}")
         if not names:
             raise ArgumentError(f"joints[{role!r}] must name markers; found none")
-        told[role] = tuple(markers.names.index(name) for name in names)
-    return told
+        assigned[role] = tuple(markers.names.index(name) for name in names)
+    return assigned
 
 
-def _markers_of_one_person(markers: Markers, told: Mapping[str, tuple[int, ...]]) -> list[int]:
+def _markers_of_one_person(markers: Markers, assigned: Mapping[str, tuple[int, ...]]) -> list[int]:
     """Return the numbers of the markers of one person: names may begin with "Anna:"."""
     people = [name.rpartition(":")[0] for name in markers.names]
     groups: dict[str, list[int]] = {}
@@ -117,33 +120,33 @@ def _markers_of_one_person(markers: Markers, told: Mapping[str, tuple[int, ...]]
     whole = [
         person
         for person, numbers in groups.items()
-        if set(NEEDED) <= _centres(markers, numbers, told)[0].keys()
+        if set(NEEDED) <= _centres(markers, numbers, assigned)[0].keys()
     ]
     if not whole:
         return list(range(len(people)))
-    chosen = {people[number] for numbers in told.values() for number in numbers}
-    wanted = [person for person in whole if person in chosen]
-    if len(whole) > 1 and not wanted:
+    people_of_assigned = {people[number] for numbers in assigned.values() for number in numbers}
+    candidates = [person for person in whole if person in people_of_assigned]
+    if len(whole) > 1 and not candidates:
         warn(
             f"{markers.name} holds {len(whole)} people ({join_names(whole)}); {whole[0]!r} was "
             "taken. To choose another person, name one of its markers in joints=",
             UserWarning,
         )
-    return groups[(wanted or whole)[0]]
+    return groups[(candidates or whole)[0]]
 
 
 def _centres(
-    markers: Markers, chosen_markers: Sequence[int], told: Mapping[str, tuple[int, ...]]
+    markers: Markers, chosen_markers: Sequence[int], assigned: Mapping[str, tuple[int, ...]]
 ) -> tuple[dict[str, ndarray], list[str]]:
     """Return the centres of joints over time, and those that are at one marker on the skin.
 
-    "head frame" are the axes of the head, (n_frames, 3, 3), where its markers tell them.
+    "head frame" are the axes of the head, (n_frames, 3, 3), if its markers determine them.
     """
     names = MarkerNames([markers.names[number] for number in chosen_markers])
     positions = markers.positions[:, chosen_markers]
     centres, on_skin = {}, []
     for role in (*NEEDED, "left_toes", "right_toes"):
-        if role in told:
+        if role in assigned:
             continue
         recipe = _best(positions, names.recipes(role))
         if recipe is not None:
@@ -155,7 +158,7 @@ def _centres(
         centres |= hips
         on_skin = [role for role in on_skin if role not in hips]
     centres |= _head(positions, names.head(), markers)
-    for role, numbers in told.items():
+    for role, numbers in assigned.items():
         centres[role] = _mean(markers.positions, numbers)
         if np.isnan(centres[role]).any(axis=-1).all():
             del centres[role]
@@ -168,12 +171,12 @@ def _mean(positions: ndarray, numbers: Sequence[int]) -> ndarray:
 
 def _best(positions: ndarray, recipes: Sequence[Recipe]) -> Recipe | None:
     """Return the first recipe whose markers were seen about as often as those of any other."""
-    seen = [
+    shares = [
         float(np.isfinite(_mean(positions, recipe.markers)).all(axis=-1).mean())
         for recipe in recipes
     ]
-    for recipe, share in zip(recipes, seen, strict=True):
-        if share > 0.0 and share >= _COVERED * max(seen):
+    for recipe, share in zip(recipes, shares, strict=True):
+        if share > 0.0 and share >= _COVERED * max(shares):
             return recipe
     return None
 
@@ -183,7 +186,8 @@ def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray
     corners = names.pelvis()
     if corners is None:
         return {}
-    left, right, back = positions[:, corners[0]], positions[:, corners[1]], corners[2]
+    left, right = positions[:, corners[0]], positions[:, corners[1]]
+    back = corners[2]
     width = np.linalg.norm(left - right, axis=1, keepdims=True)
     axes = frame(left - right, 0.5 * (left + right) - _mean(positions, back))
     across, ahead, down = np.moveaxis(axes, -1, 0)
@@ -200,42 +204,41 @@ def _head(
     positions: ndarray, head_markers: Mapping[str, int], markers: Markers
 ) -> dict[str, ndarray]:
     """Return the centre of the head and, from three or more markers, its axes."""
-    seen = {}
+    paths = {}
     for name, number in head_markers.items():
         path = _filled(positions[:, number], markers.frames_per_second)
         if path is not None:
-            seen[name] = path
-    ears, front, back = (
-        [f"{side}_{part}" for side in SIDES] for part in ("ear", "head_front", "head_back")
-    )
-    if {*ears, "nose"} <= seen.keys():
-        centre = 0.5 * (seen[ears[0]] + seen[ears[1]])
-        axes = frame(seen[ears[0]] - seen[ears[1]], seen["nose"] - centre)
-    elif {*front, *back} <= seen.keys():
-        foremost, hindmost = (0.5 * (seen[pair[0]] + seen[pair[1]]) for pair in (front, back))
+            paths[name] = path
+    if {"left_ear", "right_ear", "nose"} <= paths.keys():
+        centre = 0.5 * (paths["left_ear"] + paths["right_ear"])
+        axes = frame(paths["left_ear"] - paths["right_ear"], paths["nose"] - centre)
+    elif {f"{side}_head_{part}" for side in SIDES for part in ("front", "back")} <= paths.keys():
+        foremost = 0.5 * (paths["left_head_front"] + paths["right_head_front"])
+        hindmost = 0.5 * (paths["left_head_back"] + paths["right_head_back"])
         centre = 0.5 * (foremost + hindmost)
-        axes = frame(seen[front[0]] - seen[front[1]], foremost - hindmost)
-    elif "head" in seen:
-        return {"head": seen["head"]}
+        across = paths["left_head_front"] - paths["right_head_front"]
+        axes = frame(across, foremost - hindmost)
+    elif "head" in paths:
+        return {"head": paths["head"]}
     else:
         return {}
     return {"head": centre, "head frame": axes}
 
 
 def _filled(path: ndarray, rate: float) -> ndarray | None:
-    """Return a path (n_frames, 3) without gaps between frames, or None if one is too long.
+    """Return a path (n_frames, 3) with its gaps interpolated, or None if one is too long.
 
     Frames before the first and after the last that were seen repeat those.
     """
-    known = np.flatnonzero(np.isfinite(path).all(axis=-1))
-    if not len(known) or _longest_gap(path) > _most_frames(rate):
+    seen_frames = np.flatnonzero(np.isfinite(path).all(axis=-1))
+    if not len(seen_frames) or _longest_gap(path) > _most_frames(rate):
         return None
-    frames = np.clip(np.arange(len(path)), known[0], known[-1])
-    if len(known) == 1:
+    frames = np.clip(np.arange(len(path)), seen_frames[0], seen_frames[-1])
+    if len(seen_frames) == 1:
         return np.asarray(path[frames])
     from scipy.interpolate import CubicSpline  # takes long to import
 
-    return np.asarray(CubicSpline(known, path[known])(frames))
+    return np.asarray(CubicSpline(seen_frames, path[seen_frames])(frames))
 
 
 def _most_frames(rate: float) -> int:
@@ -243,9 +246,9 @@ def _most_frames(rate: float) -> int:
 
 
 def _longest_gap(path: ndarray) -> int:
-    """Return how many frames without values follow each other, between frames that have some."""
-    known = np.flatnonzero(np.isfinite(path).all(axis=-1))
-    return int(np.diff(known).max(initial=1)) - 1
+    """Return the largest number of consecutive frames without values between frames with some."""
+    seen_frames = np.flatnonzero(np.isfinite(path).all(axis=-1))
+    return int(np.diff(seen_frames).max(initial=1)) - 1
 
 
 def _without_gaps(
@@ -253,38 +256,42 @@ def _without_gaps(
 ) -> tuple[dict[str, ndarray], slice]:
     """Return centres without gaps, and the frames from the first to the last with all joints."""
     rate = markers.frames_per_second
-    seen = np.all([np.isfinite(centres[role]).all(axis=-1) for role in NEEDED], axis=0)
-    if not seen.any():
+    is_whole = np.all([np.isfinite(centres[role]).all(axis=-1) for role in NEEDED], axis=0)
+    if not is_whole.any():
         raise FileFormatError(f"{markers.file}: no frame has the centres of all needed joints")
-    first, last = np.flatnonzero(seen)[[0, -1]]
-    kept = slice(int(first), int(last) + 1)
-    said, long, filled = [], [], {}
+    first, last = np.flatnonzero(is_whole)[[0, -1]]
+    frames = slice(int(first), int(last) + 1)
+    remarks: list[str] = []
+    long_gaps: list[str] = []
+    filled: dict[str, ndarray] = {}
     for role, whole in centres.items():
-        path = whole[kept]
+        path = whole[frames]
         gap = _longest_gap(path)
-        without = _filled(path, rate)
-        if without is not None:
-            filled[role] = without
+        filled_path = _filled(path, rate)
+        if filled_path is not None:
+            filled[role] = filled_path
             if gap:
-                said.append(f"{role} up to {gap}")
+                remarks.append(f"{role} up to {gap}")
         elif role in NEEDED:
-            long.append(f"{role} in {gap}")
+            long_gaps.append(f"{role} in {gap}")
         else:
-            said.append(f"{role} was left out")
-    if long:
+            remarks.append(f"{role} was left out")
+    if long_gaps:
         raise FileFormatError(
-            f"{markers.file}: {', '.join(long)} consecutive frames without markers; at most "
+            f"{markers.file}: {', '.join(long_gaps)} consecutive frames without markers; at most "
             f"{_most_frames(rate)} are interpolated. Cut the recording there, or name other "
             "markers: joints="
         )
-    if len(seen) > last + 1 - first:
-        said.insert(0, f"only frames {first + 1} to {last + 1} of {len(seen)} have all joints")
-    if said:
+    n_frames = len(is_whole)
+    if n_frames > last + 1 - first:
+        remarks.insert(0, f"only frames {first + 1} to {last + 1} of {n_frames} have all joints")
+    if remarks:
         warn(
-            f"{markers.name}: markers are missing and were interpolated, frames: {', '.join(said)}",
+            f"{markers.name}: markers are missing and were interpolated, frames: "
+            f"{', '.join(remarks)}",
             UserWarning,
         )
-    return filled, kept
+    return filled, frames
 
 
 def _trunk_places(centres: Mapping[str, ndarray]) -> dict[str, ndarray]:
@@ -403,8 +410,8 @@ def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray
 def _chest_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
     """Return the axes of the chest, which one shrugged shoulder does not tilt.
 
-    Shoulders that are lifted in the mean may be so on one side. As far as that explains the tilt of
-    their line, the chest is as an evenly bent spine goes on from the line of the hips.
+    If the shoulders are lifted on average, one of them may be shrugged. As far as that explains the
+    tilt of their line, the chest continues the line of the hips along an evenly bent spine.
     """
     up = unit(trunk(positions, joints))
     shoulders, hips = (
@@ -421,7 +428,7 @@ def _chest_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
 def _rest_axes(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
     """Return the directions to the left, up and ahead of the rest pose, columns of a matrix.
 
-    The rest pose stands along the axis that people stand along, and so tells nothing else.
+    The rest pose stands along the axis along which the person mostly stands.
     """
     standing = np.mean(
         unit(middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")), axis=0
@@ -446,7 +453,7 @@ def _rotate_limb(
     # As if the limb had been raised without being rotated about itself.
     unbent = turned_towards(above, direction, upper) @ hinge
     axis = np.cross(upper, lower) + _UNBENT * unbent
-    for joint, seen in zip(limb[:2], (upper, lower), strict=True):
-        rotations[:, joints[joint]] = frame(seen, axis) @ frame(direction, hinge).T
+    for joint, recorded in zip(limb[:2], (upper, lower), strict=True):
+        rotations[:, joints[joint]] = frame(recorded, axis) @ frame(direction, hinge).T
     rotations[:, joints[limb[2]]] = rotations[:, joints[limb[1]]]
     return rotations

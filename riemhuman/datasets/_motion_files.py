@@ -72,32 +72,12 @@ class PosedPerson:
 
 def write_bvh(file: Path, person: PosedPerson) -> None:
     """Write the skeleton of a person and its rotations, in centimetres, y up."""
-    joints, parents = _CENTIMETRES * person.joints, person.model.parents
-    children = [np.flatnonzero(parents == joint).tolist() for joint in range(len(joints))]
+    joints = _CENTIMETRES * person.joints
     text = io.StringIO()
-    order: list[int] = []
-
-    def describe(joint: int, depth: int) -> None:
-        order.append(joint)
-        indent = "\t" * depth
-        is_root = parents[joint] < 0
-        start = np.zeros(3) if is_root else joints[joint] - joints[parents[joint]]
-        rotations = " ".join(f"{axis}rotation" for axis in _EULER)
-        positions = "Xposition Yposition Zposition " if is_root else ""
-        text.write(f"{indent}{'ROOT' if is_root else 'JOINT'} {person.model.joint_names[joint]}\n")
-        text.write(f"{indent}{{\n{indent}\tOFFSET {_numbers(start)}\n")
-        text.write(f"{indent}\tCHANNELS {6 if is_root else 3} {positions}{rotations}\n")
-        for child in children[joint]:
-            describe(child, depth + 1)
-        if not children[joint]:
-            end = _CENTIMETRES * _tip(person.model, joint)
-            text.write(f"{indent}\tEnd Site\n{indent}\t{{\n")
-            text.write(f"{indent}\t\tOFFSET {_numbers(end)}\n{indent}\t}}\n")
-        text.write(f"{indent}}}\n")
-
     text.write("HIERARCHY\n")
-    for root in np.flatnonzero(parents < 0).tolist():
-        describe(root, 0)
+    order: list[int] = []
+    for root in np.flatnonzero(person.model.parents < 0).tolist():
+        order += _write_hierarchy(text, person.model, joints, root, 0)
     n_frames = len(person.poses)
     with warnings.catch_warnings():
         # Two of the three angles may be interchangeable; the rotation is right all the same.
@@ -111,6 +91,34 @@ def write_bvh(file: Path, person: PosedPerson) -> None:
     write_text(file, text.getvalue())
 
 
+def _write_hierarchy(
+    text: io.StringIO, model: BodyModel, joints: np.ndarray, joint: int, depth: int
+) -> list[int]:
+    """Write a joint and all below it, and return their numbers in this order."""
+    indent = "\t" * depth
+    parent = model.parents[joint]
+    rotations = " ".join(f"{axis}rotation" for axis in _EULER)
+    if parent < 0:
+        keyword, start = "ROOT", np.zeros(3)
+        channels = f"6 Xposition Yposition Zposition {rotations}"
+    else:
+        keyword, start = "JOINT", joints[joint] - joints[parent]
+        channels = f"3 {rotations}"
+    text.write(f"{indent}{keyword} {model.joint_names[joint]}\n{indent}{{\n")
+    text.write(f"{indent}\tOFFSET {_numbers(start)}\n")
+    text.write(f"{indent}\tCHANNELS {channels}\n")
+    order = [joint]
+    children = np.flatnonzero(model.parents == joint).tolist()
+    for child in children:
+        order += _write_hierarchy(text, model, joints, child, depth + 1)
+    if not children:
+        end = _CENTIMETRES * _tip(model, joint)
+        text.write(f"{indent}\tEnd Site\n{indent}\t{{\n")
+        text.write(f"{indent}\t\tOFFSET {_numbers(end)}\n{indent}\t}}\n")
+    text.write(f"{indent}}}\n")
+    return order
+
+
 def _numbers(values: np.ndarray) -> str:
     # A hundred-thousandth of a degree moves a hand by less than a thousandth of a millimetre.
     return " ".join(f"{value:.5f}" for value in values.tolist())
@@ -121,9 +129,8 @@ def _tip(model: BodyModel, joint: int) -> np.ndarray:
     of_joint = model.weights.argmax(axis=1) == joint
     if not of_joint.any():
         return np.zeros(3)
-    steps = (
-        model.template.vertices[of_joint] - (model.joint_regressor @ model.template.vertices)[joint]
-    )
+    vertices = model.template.vertices
+    steps = vertices[of_joint] - (model.joint_regressor @ vertices)[joint]
     return np.asarray(steps[np.linalg.norm(steps, axis=1).argmax()])
 
 
@@ -151,13 +158,10 @@ def write_amass(file: Path, person: PosedPerson) -> None:
         "mocap_framerate": np.array(person.frames_per_second),
     }
     if not smpl:
-        values = (
-            np.array(person.model.joint_names),
-            person.poses,
-            person.translations,
-            person.betas,
-        )
-        fields |= dict(zip(SAVED_FIELDS, values, strict=True)) | {SAVED_REST: person.joints}
+        names = np.array(person.model.joint_names)
+        values = (names, person.poses, person.translations, person.betas)
+        fields |= dict(zip(SAVED_FIELDS, values, strict=True))
+        fields[SAVED_REST] = person.joints
     save_arrays(file, fields)
 
 

@@ -11,14 +11,18 @@ from riemhuman.kernels.surface import unit_vectors, vertex_normals
 # Direction of the left palm in the model's rest pose, and half the thickness of a hand.
 _PALM = np.array([-0.669, -0.691, -0.274])
 _HALF_HAND_METRES = 0.012
-# Scales of the costs of missing the place, of tilting the palm, and of leaving the written pose.
-_MISS_METRES, _TILT_RADIANS, _ROTATION_RADIANS = 0.003, 0.3, 0.4
+# Scales of the costs of missing the place, of tilting the palm, and of leaving the defined pose.
+_MISS_METRES = 0.003
+_TILT_RADIANS = 0.3
+_ROTATION_RADIANS = 0.4
 _N_STEPS = 20
 
 # Individual detail of the surface that no shape coefficient describes, and soft tissue that bulges
 # or sinks in around a point near a joint, in proportion to one minus the cosine of its angle.
 _DETAIL_METRES, _DETAIL_WAVELENGTHS = 0.0015, (0.08, 0.3)
-_BULGE_METRES, _BULGE_WIDTH, _BULGE_SHIFT = 0.02, 0.08, 0.03
+_BULGE_METRES = 0.02
+_BULGE_WIDTH = 0.08
+_BULGE_SHIFT = 0.03
 _N_WAVES = 12
 
 
@@ -50,18 +54,19 @@ def reach(
     model: BodyModel, betas: np.ndarray, poses: np.ndarray, side: str, points: np.ndarray
 ) -> np.ndarray:
     """Return poses with one palm on the body, at points on the left side of the rest surface."""
-    names, mirror = model.joint_names, np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
+    names = model.joint_names
+    mirror = np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
     arm = [names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow", "wrist")]
     targets, outward = _touched(model, betas, poses, points * mirror)
     joints, order = model.joints(betas), model.joint_order
     hand = model.weights[:, arm[-1]] > 0.9
     palm = model(betas)[:, hand].mean(axis=1) + _HALF_HAND_METRES * mirror * _PALM
     facing = mirror * _PALM / np.linalg.norm(_PALM)
-    written = rotation_matrix(poses)
+    defined = rotation_matrix(poses)
 
     def residuals(vectors: np.ndarray) -> np.ndarray:
         """Return the residuals, shape (people, m, 15), for axis-angle vectors (people, m, 9)."""
-        rotations = np.repeat(written[:, None], vectors.shape[1], axis=1)
+        rotations = np.repeat(defined[:, None], vectors.shape[1], axis=1)
         swings = rotation_matrix(vectors.reshape(*vectors.shape[:-1], 3, 3))
         rotations[..., arm, :, :] = swings @ rotations[..., arm, :, :]
         frames, positions = joint_motions(joints[:, None], rotations, model.parents, order)
@@ -76,7 +81,8 @@ def reach(
         return np.concatenate(parts, axis=-1)
 
     # Gauss–Newton for all people at once, with finite differences.
-    vectors, step = np.zeros((len(betas), 9)), 1e-6
+    vectors = np.zeros((len(betas), 9))
+    step = 1e-6
     nearby = np.concatenate([np.zeros((1, 9)), step * np.eye(9)])
     for _ in range(_N_STEPS):
         values = residuals(vectors[:, None] + nearby)
@@ -85,7 +91,7 @@ def reach(
         change = np.linalg.solve(normal, np.swapaxes(slopes, -1, -2) @ values[:, 0, :, None])
         vectors = vectors - np.clip(change[..., 0], -0.3, 0.3)
     reached = poses.copy()
-    swings = rotation_matrix(vectors.reshape(-1, 3, 3)) @ written[:, arm]
+    swings = rotation_matrix(vectors.reshape(-1, 3, 3)) @ defined[:, arm]
     reached[:, arm] = log(np.eye(3), swings)
     return reached
 

@@ -11,7 +11,12 @@ from riemhuman.errors import FileFormatError
 
 SMPL_ENDING = ".smpl"
 # Numbers of the models in a file, and the parts of their poses: names, and numbers of joints.
-_SMPL, _SMPLH, _SMPLX, _SMIL, _SMPLXS, _SUPR = 0, 1, 2, 6, 7, 3
+_SMPL = 0
+_SMPLH = 1
+_SMPLX = 2
+_SUPR = 3
+_SMIL = 6
+_SMPLXS = 7
 _HANDS = {"leftHandPose": 15, "rightHandPose": 15}
 _PARTS = {
     _SMPL: {"bodyPose": 24},
@@ -49,8 +54,8 @@ def fields_of_smpl(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     if count > 1 and not {"bodyPose", "bodyTranslation"} & arrays.keys():
         raise FileFormatError(f"holds neither bodyPose nor bodyTranslation, but frameCount {count}")
     parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[int(version)].items()]
-    given = arrays.get("frameRate", np.array(_DEFAULT_RATE))
-    value = given.item() if given.size == 1 else given
+    stored_rate = arrays.get("frameRate", np.array(_DEFAULT_RATE))
+    value = stored_rate.item() if stored_rate.size == 1 else stored_rate
     rate = real_number(value, "frameRate", minimum=0.0, strict=True)
     fields = {
         "poses": np.concatenate(parts, axis=1),

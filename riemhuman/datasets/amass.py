@@ -71,7 +71,10 @@ class AmassMotion(ModelMotion):
         up: str | None = None,
     ) -> None:
         super().__init__(*_names(path), rate, len(frames), model)
-        self.path, self.gender, self._numbers, self._up = path, gender, frames, up
+        self.path = path
+        self.gender = gender
+        self._numbers = frames
+        self._up = up
 
     @property
     def betas(self) -> np.ndarray:
@@ -86,9 +89,9 @@ class AmassMotion(ModelMotion):
 
     def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         recording = _read(self.path, int(self._numbers[-1]))
-        chosen = self._numbers[numbers]
-        pose = poses_of_model(recording.poses[chosen], self.model.n_joints)
-        translations = recording.translations[chosen]
+        frames = self._numbers[numbers]
+        pose = poses_of_model(recording.poses[frames], self.model.n_joints)
+        translations = recording.translations[frames]
         return upright_parameters(self.model, self.betas, pose, translations, self.up)
 
 
@@ -164,8 +167,8 @@ def load_amass(
         gender, recorded_rate, n_frames = _read_header(file)
         model_of_gender = models.get(gender, models.get(None))
         if model_of_gender is None:
-            known = ", ".join(map(repr, models))
-            raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {known}")
+            listed = ", ".join(map(repr, models))
+            raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {listed}")
         rate = recorded_rate if frames_per_second is None else frames_per_second
         frames = nearest_frames(n_frames, recorded_rate, rate)
         saved = _saved_motion(file, model_of_gender, frames, rate)
@@ -176,9 +179,10 @@ def load_amass(
         else:
             axis = partial(_upward_axis, file, int(frames[-1])) if up is None else up
             recording = partial(_skeleton_motion, file, frames, rate, axis)
-            size = rate, len(frames)
             motions.append(
-                RetargetedMotion(recording, model_of_gender, _names(file), *size, up=axis)
+                RetargetedMotion(
+                    recording, model_of_gender, _names(file), rate, len(frames), up=axis
+                )
             )
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
         warnings.warn(
@@ -264,19 +268,19 @@ def _read_header(file: Path) -> tuple[str, float, int]:
     # Other arrays may hold Python objects, like the markers of SMPL-X.
     names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
     rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
-    needed = ["trans", "betas", rate_name]
-    needed += _NEEDED_POSES if any(name in names for name in _NEEDED_POSES) else ["poses"]
+    are_parts = any(name in names for name in _NEEDED_POSES)
+    required = ["trans", "betas", rate_name, *(_NEEDED_POSES if are_parts else ["poses"])]
     with format_errors(file, "a motion"):
-        check_fields(names, needed)
+        check_fields(names, required)
     fields = load_arrays(file, [rate_name], ["gender"])
-    n_frames = (*shapes["trans"], 0)[0]
+    n_frames = shapes["trans"][0] if shapes["trans"] else 0
     widths = {"trans": (3,), "poses": tuple(3 * number for number in LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
-    for name, some in widths.items():
-        shape = shapes.get(name, (n_frames, some[0]))
-        if n_frames == 0 or len(shape) != 2 or shape[0] != n_frames or shape[1] not in some:
+    for name, accepted in widths.items():
+        shape = shapes.get(name, (n_frames, accepted[0]))
+        if n_frames == 0 or len(shape) != 2 or shape[0] != n_frames or shape[1] not in accepted:
             length = n_frames or "n_frames"
-            width = " or ".join(map(str, some))
+            width = " or ".join(map(str, accepted))
             raise FileFormatError(
                 f"{file}: {name} must have shape ({length}, {width}); found {shape}"
             )
@@ -326,6 +330,8 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
         if "poses" in fields:
             poses = real_array(fields["poses"], "poses", (n_frames, "3 n_joints"), batched=False)
         else:
-            still = {name: np.zeros((n_frames, width)) for name, width in _POSES.items()}
-            poses = np.concatenate([(still | fields)[name] for name in _POSES], axis=1)
+            parts = [
+                fields.get(name, np.zeros((n_frames, width))) for name, width in _POSES.items()
+            ]
+            poses = np.concatenate(parts, axis=1)
         return _Recording(betas[0], poses.reshape(n_frames, -1, 3), translations)

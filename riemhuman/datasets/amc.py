@@ -104,10 +104,13 @@ def load_amc(
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     with memory_errors(file):
         content = read_bytes(file)
-        chosen = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
-        skeleton_of_file = _SkeletonReader(chosen).read()
-        values = _read_frames(file, content, skeleton_of_file)
-        return _skeleton_motion(skeleton_of_file, values, rate, file.stem)
+        if skeleton is None:
+            skeleton_file = _skeleton_beside(file)
+        else:
+            skeleton_file = file_path(skeleton, "skeleton")
+        bones = _SkeletonReader(skeleton_file).read()
+        values = _read_frames(file, content, bones)
+        return _skeleton_motion(bones, values, rate, file.stem)
 
 
 def _skeleton_beside(file: Path) -> Path:
@@ -283,13 +286,14 @@ class _SkeletonReader:
                 )
             if bone.is_placed:
                 raise FileFormatError(f"{self._file}: bone {name} has two parents")
-            bone.parent, bone.is_placed = parent, True
+            bone.parent = parent
+            bone.is_placed = True
             number = len(ordered)
             ordered.append(bone)
             waiting += [(child, number) for child in reversed(self._children.get(name, []))]
-        left = [bone.name for bone in self._bones.values() if not bone.is_placed]
-        if left:
-            raise FileFormatError(f"{self._file}: the hierarchy leaves out bone {left[0][:60]}")
+        omitted = [bone.name for bone in self._bones.values() if not bone.is_placed]
+        if omitted:
+            raise FileFormatError(f"{self._file}: the hierarchy leaves out bone {omitted[0][:60]}")
         if len(ordered) < 2:
             raise FileFormatError(f"{self._file}: the skeleton has no bones")
         return ordered
@@ -301,7 +305,8 @@ def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, n
     lines = _Lines(file, content)
     values = {name: array("d") for name in widths}
     missing: set[str] = set()
-    n_frames, angle = 0, np.pi / 180.0
+    n_frames = 0
+    angle = np.pi / 180.0
     for words in lines:
         keyword = words[0]
         if keyword.startswith(":"):
@@ -309,7 +314,8 @@ def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, n
                 angle = 1.0
         elif keyword.isdecimal() and len(words) == 1:
             _check_complete(lines, n_frames, missing)
-            n_frames, missing = n_frames + 1, set(widths)
+            n_frames += 1
+            missing = set(widths)
         elif keyword in missing:
             numbers = lines.numbers(words[1:], widths[keyword], f"the values of {keyword}")
             values[keyword].extend(numbers)

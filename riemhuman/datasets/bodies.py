@@ -97,8 +97,9 @@ class Bodies:
             values |= {name: labels, f"{name}_names": names}
         trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
         for name, shape in trailing.items():
-            if (given := getattr(self, name)) is not None:
-                values[name] = real_array(given, name, (len(points), *shape), batched=False)
+            value = getattr(self, name)
+            if value is not None:
+                values[name] = real_array(value, name, (len(points), *shape), batched=False)
         ids = tuple(str(name) for name in (self.ids or range(len(points))))
         if len(ids) != len(points) or len(set(ids)) < len(ids):
             raise ArgumentError(
@@ -143,12 +144,12 @@ class Bodies:
         pose : int, str, or sequence of them, optional
             Indices into `pose_names`, or names; by default all poses.
         """
-        chosen = np.ones(len(self), dtype=bool)
-        for name, wanted in (("subject", subject), ("pose", pose)):
-            if wanted is not None:
-                labels = _labels(wanted, name, getattr(self, f"{name}_names"))
-                chosen &= np.isin(getattr(self, name), labels)
-        return self._choose(np.flatnonzero(chosen))
+        is_selected = np.ones(len(self), dtype=bool)
+        if subject is not None:
+            is_selected &= np.isin(self.subject, _labels(subject, "subject", self.subject_names))
+        if pose is not None:
+            is_selected &= np.isin(self.pose, _labels(pose, "pose", self.pose_names))
+        return self._choose(np.flatnonzero(is_selected))
 
     @property
     def sex(self) -> np.ndarray:
@@ -262,23 +263,24 @@ class Bodies:
         return notebook_pictures().surfaces_html(self.points, self.template.faces, caption)
 
     def _choose(self, numbers: np.ndarray) -> Bodies:
-        stored = {name: getattr(self, name) for name in _STORED}
-        chosen: JSONRecord = {
-            name: value[numbers] for name, value in stored.items() if value is not None
+        arrays: JSONRecord = {
+            name: getattr(self, name)[numbers]
+            for name in _STORED
+            if getattr(self, name) is not None
         }
-        return replace(self, **chosen, ids=tuple(self.ids[number] for number in numbers))
+        return replace(self, **arrays, ids=tuple(self.ids[number] for number in numbers))
 
 
 def _labels(
-    wanted: str | int | np.integer | Iterable[str | int], name: str, names: tuple[str, ...]
+    classes: str | int | np.integer | Iterable[str | int], name: str, names: tuple[str, ...]
 ) -> list[int]:
     """Return the indices of people or poses given by name or index."""
-    known: dict[object, int] = {text: number for number, text in enumerate(names)}
-    known |= {number: number for number in range(len(names))}
+    numbers: dict[object, int] = {text: number for number, text in enumerate(names)}
+    numbers |= {number: number for number in range(len(names))}
     try:
-        several = [wanted] if isinstance(wanted, (str, int, np.integer)) else list(wanted)
-        return [known[label] for label in several]
+        several = [classes] if isinstance(classes, (str, int, np.integer)) else list(classes)
+        return [numbers[label] for label in several]
     except (KeyError, TypeError) as error:
         raise ArgumentError(
-            f"{name} must be names or indices of {', '.join(names[:20])}; found {wanted!r}"
+            f"{name} must be names or indices of {', '.join(names[:20])}; found {classes!r}"
         ) from error

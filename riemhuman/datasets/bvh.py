@@ -18,7 +18,8 @@ from riemhuman.io.files import file_path, memory_errors, read_bytes, short_messa
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 from riemhuman.retargeting.units import metres_in
 
-_CHANNELS = tuple(f"{axis}{kind}" for kind in ("POSITION", "ROTATION") for axis in "XYZ")
+# A joint's channels are numbers of these: positions are 0 to 2, rotations 3 to 5.
+_CHANNELS = ("XPOSITION", "YPOSITION", "ZPOSITION", "XROTATION", "YROTATION", "ZROTATION")
 # Bytes of the rotation and the translation of a joint in a frame.
 _BYTES_OF_JOINT = 96
 # Larger numbers, and shorter times from frame to frame (seconds), are damage.
@@ -105,6 +106,7 @@ class _Reader:
 
     def _split_lines(self) -> Iterator[str]:
         for number, line in enumerate(self._lines, 1):
+            # A brace is a word of its own, whatever is beside it.
             for word in re.findall(r"[{}]|[^{}\s]+", line):
                 self._line = number
                 yield word
@@ -127,7 +129,8 @@ class _Reader:
         self._read_joints(joints)
         while self._next("ROOT", "MOTION") == "ROOT":
             self._read_joints(joints)
-        return joints, *self._read_frames(sum(len(joint.channels) for joint in joints))
+        values, frame_time = self._read_frames(sum(len(joint.channels) for joint in joints))
+        return joints, values, frame_time
 
     def _read_joints(self, joints: list[_Joint]) -> None:
         """Read a root and all joints below it."""
@@ -157,10 +160,14 @@ class _Reader:
 
     def _read_name(self) -> str:
         """Return the words before an opening brace."""
-        name = " ".join(iter(lambda: next(self._words, "{"), "{"))
-        if not name:
+        words: list[str] = []
+        for word in self._words:
+            if word == "{":
+                break
+            words.append(word)
+        if not words:
             raise self._error("the joint has no name")
-        return name
+        return " ".join(words)
 
     def _floats(self, words: Iterable[str]) -> list[float]:
         try:
@@ -191,10 +198,12 @@ class _Reader:
             for number, line in enumerate(self._lines[self._line :], self._line + 1)
             if line.strip()
         )
-        n_frames, frame_time = (self._read_value(lines, name) for name in ("Frames", "Frame Time"))
+        n_frames = self._read_value(lines, "Frames")
+        frame_time = self._read_value(lines, "Frame Time")
         # Grows with the numbers that are read, whatever the file declares.
         values = array("d")
-        for self._line, line in lines:
+        for number, line in lines:
+            self._line = number
             words = line.split()
             if len(words) != n_channels:
                 raise self._error(f"{n_channels} numbers expected; found {len(words)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -56,19 +55,19 @@ class DynamicFaustMotion(Motion):
         super().__init__(subject, sequence, float(rate), len(self._numbers), faces)
 
     def _frames(self, numbers: range) -> np.ndarray:
-        chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
+        file_frames = self._numbers[np.asarray(numbers, dtype=np.int64)]
         stride = abs(numbers.step) * _FRAMES_PER_SECOND / self.frames_per_second
         run = max(1, int(_SPAN / stride))
         with _open(self.path) as file:
-            frames = np.empty((len(chosen), self._n_vertices, 3))
-            for start in range(0, len(chosen), run):
-                some = chosen[start : start + run]
+            frames = np.empty((len(file_frames), self._n_vertices, 3))
+            for start in range(0, len(file_frames), run):
+                some = file_frames[start : start + run]
                 first, end = int(some.min()), int(some.max()) + 1
-                read = file[self._key][:, :, first:end]
-                frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
+                block = file[self._key][:, :, first:end]
+                frames[start : start + run] = np.moveaxis(block[:, :, some - first], -1, 0)
         finite = np.isfinite(frames).all(axis=(1, 2))
         if not finite.all():
-            bad = [str(number) for number in chosen[~finite]]
+            bad = [str(number) for number in file_frames[~finite]]
             raise FileFormatError(
                 f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of "
                 f"{self._key}"
@@ -144,37 +143,43 @@ def load_dfaust(
         if difference:
             raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
         faces = file_faces
-        for match in filter(None, (re.fullmatch(r"(\d+)_(\w+)", name) for name in names)):
-            recorded.setdefault(match[1], {})[match[2]] = file
+        for name in names:
+            match = re.fullmatch(r"(\d+)_(\w+)", name)  # such as 50002_hips
+            if match:
+                subject, sequence = match.groups()
+                recorded.setdefault(subject, {})[sequence] = file
     if faces is None or not recorded:
         raise FileFormatError(f"{places} holds no sequence, such as 50002_hips")
     performed = sorted(set().union(*recorded.values()))
     names = list(choose_names(sequences, "sequences", performed, f" in {places}"))
     people = choose_names(subjects, "subjects", tuple(recorded), f" in {places}")
     if sequences is not None and subjects is not None:
-        pairs = itertools.product(people, names)
-        missing = [f"{who}_{what}" for who, what in pairs if what not in recorded[who]]
+        missing = [
+            f"{subject}_{sequence}"
+            for subject in people
+            for sequence in names
+            if sequence not in recorded[subject]
+        ]
         if missing:
             raise ArgumentError(
                 f"sequences must exist for all requested subjects in {places}; missing: "
                 f"{join_names(missing)}"
             )
-    places_of_names = {name: place for place, name in enumerate(names)}
-    chosen = []
+    ranks = {name: rank for rank, name in enumerate(names)}
+    performances = []
     for subject in people:
         # A file may hold as many people as sequences, each of one person.
-        shared = places_of_names.keys() & recorded[subject].keys()
-        own_names = sorted(shared, key=places_of_names.__getitem__)
-        chosen += [(recorded[subject][name], subject, name) for name in own_names]
-    return _motions(chosen, faces, frames_per_second)
+        performed_names = sorted(ranks.keys() & recorded[subject].keys(), key=ranks.__getitem__)
+        performances += [(recorded[subject][name], subject, name) for name in performed_names]
+    return _motions(performances, faces, frames_per_second)
 
 
 def _motions(
-    chosen: list[tuple[Path, str, str]], faces: np.ndarray, rate: float
+    performances: list[tuple[Path, str, str]], faces: np.ndarray, rate: float
 ) -> Motions[DynamicFaustMotion]:
     """Return motions in files, each of a subject and a sequence; open every file once."""
     keys: dict[Path, list[str]] = {}
-    for file, subject, sequence in chosen:
+    for file, subject, sequence in performances:
         keys.setdefault(file, []).append(f"{subject}_{sequence}")
     shapes = {file: _shapes(file, file_keys) for file, file_keys in keys.items()}
     return Motions(
@@ -182,7 +187,7 @@ def _motions(
             DynamicFaustMotion(
                 file, subject, sequence, faces, shapes[file][f"{subject}_{sequence}"], rate
             )
-            for file, subject, sequence in chosen
+            for file, subject, sequence in performances
         ]
     )
 

@@ -37,12 +37,15 @@ from riemhuman.retargeting.units import metres_in
 _LARGEST, _HIGHEST_RATE = 1e9, 1e5
 # Columns before those of markers: the number of the frame, and its time.
 _COLUMNS_BEFORE = 2
-# Of C3D files: the second byte, the length of the header, and the processors with the highest byte
-# first.
-_C3D_SIGN, _C3D_BLOCK, _C3D_BIG_ENDIAN = 0x50, 512, 86
-# ezc3d reads some damaged files without an end: by default it has so long, and for so many bytes
-# a second more, on the slowest machine.
-_C3D_SECONDS, _C3D_BYTES_A_SECOND = 20.0, 1e6
+# The second byte of every C3D file, the size of its header in bytes, and the number of processors
+# that store the highest byte first.
+_C3D_SIGN = 0x50
+_C3D_BLOCK = 512
+_C3D_BIG_ENDIAN = 86
+# ezc3d never finishes reading some damaged files. It gets this time, and a second more for so many
+# bytes, which is enough on the slowest machine.
+_C3D_SECONDS = 20.0
+_C3D_BYTES_A_SECOND = 1e6
 
 
 def load_trc(
@@ -88,8 +91,9 @@ def load_trc(
     file = file_path(path)
     suffix_of(file, (".trc",))
     with memory_errors(file):
-        contents = _TextReader(file).read()
-        return skeleton_of(_in_metres(*contents, metres), joints)
+        names, positions, rate, written_unit = _TextReader(file).read()
+        markers = _in_metres(file, names, positions, rate, written_unit, metres)
+        return skeleton_of(markers, joints)
 
 
 def load_c3d(
@@ -162,15 +166,16 @@ def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
         command = [sys.executable, "-P", str(script), str(file.absolute()), str(target)]
         seconds = timeout or _C3D_SECONDS + file.stat().st_size / _C3D_BYTES_A_SECOND
         try:
-            done = subprocess.run(command, capture_output=True, check=False, timeout=seconds)
+            process = subprocess.run(command, capture_output=True, check=False, timeout=seconds)
         except subprocess.TimeoutExpired:
             raise FileFormatError(
                 f"{file}: damaged, or not a C3D file: it was not read within {seconds:g} s"
             ) from None
-        if done.returncode or not target.exists():
-            lines = done.stderr.decode(errors="replace").strip().splitlines()
-            # Nothing is known about a process that was ended.
-            reason = lines[-1] if done.returncode > 0 and lines else "it cannot be read by ezc3d"
+        if process.returncode or not target.exists():
+            lines = process.stderr.decode(errors="replace").strip().splitlines()
+            # A process that crashed (a negative code) gives no reason.
+            has_reason = process.returncode > 0 and lines
+            reason = lines[-1] if has_reason else "it cannot be read by ezc3d"
             raise FileFormatError(
                 f"{file}: damaged, or not a C3D file: {short_message(ValueError(reason))}"
             )
@@ -179,8 +184,10 @@ def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
 
 def _declared_frames(content: bytes) -> int:
     """Return the least number of frames by the header of a C3D file, which counts to 65535."""
+    # The first byte counts blocks up to the parameters, whose fourth byte names the processor.
     processor = _C3D_BLOCK * (content[0] - 1) + 3
     is_big = len(content) > processor > 0 and content[processor] == _C3D_BIG_ENDIAN
+    # At byte 6: the first and the last frame (uint16 each).
     first, last = struct.unpack_from(">HH" if is_big else "<HH", content, 6)
     return int(last - first + 1) if last >= first else 0
 
@@ -207,10 +214,10 @@ def _in_metres(
             metres = None
     # Programs write zeros or nothing if they did not see a marker.
     unseen = ~np.isfinite(positions).all(axis=-1) | (positions == 0.0).all(axis=-1)
-    seen = np.where(unseen[..., None], np.nan, positions)
-    unit = None if metres is None else "metres"
-    scaled = seen if metres is None else metres * seen
-    return Markers(str(file), tuple(names), scaled, rate, file.stem, unit)
+    positions = np.where(unseen[..., None], np.nan, positions)
+    if metres is None:
+        return Markers(str(file), tuple(names), positions, rate, file.stem, None)
+    return Markers(str(file), tuple(names), metres * positions, rate, file.stem, "metres")
 
 
 class _TextReader:
@@ -223,8 +230,8 @@ class _TextReader:
         self._line = 0
         self._names: list[str] = []
 
-    def read(self) -> tuple[Path, list[str], np.ndarray, float, str]:
-        """Return the file, names of markers, positions, frame rate and unit."""
+    def read(self) -> tuple[list[str], np.ndarray, float, str]:
+        """Return names of markers, positions, frame rate and unit."""
         values = self._header()
         names = self._names
         rows, times = array("d"), array("d")
@@ -247,7 +254,7 @@ class _TextReader:
                 raise self._error("the frame rate follows neither from DataRate nor from the times")
             rate = (len(times) - 1) / duration
         positions = np.array(rows).reshape(len(times), len(names), 3)
-        return self._file, names, positions, rate, values.get("units", "")
+        return names, positions, rate, values.get("units", "")
 
     def _next_lines(self) -> Iterator[str]:
         for number, line in self._lines:

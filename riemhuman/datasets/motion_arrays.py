@@ -98,11 +98,12 @@ def motion_from_arrays(
         refuse_type(model, "model", "a BodyModel")
     if is_smpl(model):
         warn_of_varying_betas(spread, name)
-        known = person[: model.n_betas]
-        known = np.pad(known, (0, model.n_betas - len(known)))
-        modelled = poses_of_model(vectors, model.n_joints)
-        upright = upright_parameters(model, known, modelled, places, up)
-        return ArrayMotion(("", name), rate, model, known, *upright)
+        model_betas = person[: model.n_betas]
+        model_betas = np.pad(model_betas, (0, model.n_betas - len(model_betas)))
+        model_poses, model_places = upright_parameters(
+            model, model_betas, poses_of_model(vectors, model.n_joints), places, up
+        )
+        return ArrayMotion(("", name), rate, model, model_betas, model_poses, model_places)
     model_joints(model)
     if betas is not None:
         _say(
@@ -127,9 +128,9 @@ def _pose_vectors(poses: ArrayLike) -> np.ndarray:
         )
     n_frames, n_joints = array.shape[:2]
     if n_joints not in LAYOUTS:
-        known = ", ".join(map(str, LAYOUTS))
+        counts = ", ".join(map(str, LAYOUTS))
         hint = ": put the rotation of the root first" if n_joints + 1 in LAYOUTS else ""
-        raise ArgumentError(f"poses must be of {known} joints; found {n_joints}{hint}")
+        raise ArgumentError(f"poses must be of {counts} joints; found {n_joints}{hint}")
     if not n_frames:
         raise ArgumentError("poses must have at least one frame; found none")
     if not are_matrices:

@@ -203,9 +203,10 @@ class ModelMotion(Motion):
         betas : array_like, shape (B,)
         """
         new_betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
-        names, rate = (self.subject, self.sequence), self.frames_per_second
+        poses, translations = self._parameters(np.arange(len(self)))
+        names = (self.subject, self.sequence)
         return ArrayMotion(
-            names, rate, self.model, new_betas, *self._parameters(np.arange(len(self)))
+            names, self.frames_per_second, self.model, new_betas, poses, translations
         )
 
     @abstractmethod
@@ -215,8 +216,8 @@ class ModelMotion(Motion):
     def _frames(self, numbers: range) -> np.ndarray:
         frames = np.empty((len(numbers), self.model.n_vertices, 3))
         for some in slices(len(numbers), _FRAMES_AT_A_TIME):
-            chosen = np.asarray(numbers[some], dtype=np.int64)
-            frames[some] = self.model(self.betas, *self._parameters(chosen))
+            poses, translations = self._parameters(np.asarray(numbers[some], dtype=np.int64))
+            frames[some] = self.model(self.betas, poses, translations)
         return frames
 
 
@@ -253,7 +254,9 @@ class ArrayMotion(ModelMotion):
         translations: np.ndarray,
     ) -> None:
         super().__init__(*names, frames_per_second, len(pose_vectors), model)
-        self._betas, self._poses, self._translations = betas, pose_vectors, translations
+        self._betas = betas
+        self._poses = pose_vectors
+        self._translations = translations
 
     @property
     def betas(self) -> np.ndarray:
@@ -273,29 +276,30 @@ class Motions(tuple[M, ...]):
     """
 
     def __repr__(self) -> str:
-        people, sequences = ({getattr(m, name) for m in self} for name in ("subject", "sequence"))
+        people = {motion.subject for motion in self}
+        sequences = {motion.sequence for motion in self}
         return f"<Motions: {len(self)} of {len(people)} people, {len(sequences)} sequences>"
 
 
 def choose_names(
-    wanted: str | int | Iterable[str | int] | None,
+    choice: str | int | Iterable[str | int] | None,
     name: str,
-    known: Sequence[str],
+    all_names: Sequence[str],
     source: str = "",
 ) -> tuple[str, ...]:
-    """Return the chosen names, by default all, after checking that they are known."""
-    if wanted is None:
-        return tuple(known)
+    """Return the chosen names, by default all, after checking that they exist."""
+    if choice is None:
+        return tuple(all_names)
     try:
-        several = [wanted] if isinstance(wanted, (str, int, np.integer)) else wanted
+        several = [choice] if isinstance(choice, (str, int, np.integer)) else choice
         names = tuple(str(label) for label in several)
     except TypeError as error:
-        raise ArgumentTypeError(f"{name} must be a list of names; found {wanted!r}") from error
-    unknown = [label for label in names if label not in known]
+        raise ArgumentTypeError(f"{name} must be a list of names; found {choice!r}") from error
+    unknown = [label for label in names if label not in all_names]
     if unknown or not names or len(set(names)) < len(names):
-        problem = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
+        problem = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {choice!r}"
         raise ArgumentError(
-            f"{name} must be one or more different names among {', '.join(known)}{source}; "
+            f"{name} must be one or more different names among {', '.join(all_names)}{source}; "
             f"{problem}"
         )
     return names
@@ -354,10 +358,11 @@ def load_mesh_motions(
     """
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     root = existing_folder(folder)
-    inner = sorted(
-        filter(Path.is_dir, root.iterdir()), key=lambda subfolder: natural_key(subfolder.name)
-    )
-    folders = [root] if _holds_meshes(root) else list(filter(_holds_meshes, inner))
+    if _holds_meshes(root):
+        folders = [root]
+    else:
+        folders = [place for place in root.iterdir() if place.is_dir() and _holds_meshes(place)]
+        folders.sort(key=lambda folder: natural_key(folder.name))
     if not folders:
         raise FileError(
             f"{root} holds no motion: neither .hdf5 files nor meshes, nor folders of meshes"

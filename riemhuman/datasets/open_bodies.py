@@ -22,8 +22,8 @@ from riemhuman.kernels.threads import single_threaded_libraries
 _RESOLUTIONS = ("full", "coarse")
 _VARIANTS = ("plain", "natural")
 
-# Standard deviations of a performance from the pose as written, degrees: of each of the three
-# joints of the spine, and of the joints of both sides.
+# Standard deviations of a performance from the defined pose, degrees: of the joints of trunk and
+# head, and of the joints of both sides.
 _TRUNK = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.0}
 _ARM = {"collar": 1.0, "shoulder": 3.0, "elbow": 3.0, "wrist": 4.0}
 _DEGREES = _TRUNK | _ARM | {"hip": 2.0, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
@@ -100,32 +100,33 @@ def load_open_bodies(
     model = load_open_model(resolution)
     natural = one_of(variant, "variant", _VARIANTS) == "natural"
     table = read_table("open_poses")
-    written = np.array(list(table["people"].values()))
+    default_shapes = np.array(list(table["people"].values()))
     if people is None:
-        rng, names = np.random.default_rng(_SEED), tuple(table["people"])
-        builds = written
+        rng = np.random.default_rng(_SEED)
+        names = tuple(table["people"])
+        shapes = default_shapes
     else:
         rng = np.random.default_rng([_SEED, whole_number(people, "people", minimum=0)])
-        names = tuple(f"person {number} of {people}" for number in range(len(written)))
-        builds = np.clip(rng.standard_normal(written.shape), -_EXTREME, _EXTREME)
+        names = tuple(f"person {number} of {people}" for number in range(len(default_shapes)))
+        shapes = np.clip(rng.standard_normal(default_shapes.shape), -_EXTREME, _EXTREME)
     angles = table[variant]
 
     # Joints of the two models differ by millimetres, but performances must be the same.
     coarse = load_open_model("coarse")
     if natural:
-        poses = _performances(coarse, angles, builds, rng, table["touched"])
+        poses = _performances(coarse, angles, shapes, rng, table["touched"])
     else:
-        poses = _performances(model, angles, builds, rng)
+        poses = _performances(model, angles, shapes, rng)
     n_poses = poses.shape[1]
-    betas = np.repeat(builds[:, None], n_poses, axis=1)
-    places = rng.normal(0.0, _PLACE_METRES, (len(builds), n_poses, 3))
+    betas = np.repeat(shapes[:, None], n_poses, axis=1)
+    places = rng.normal(0.0, _PLACE_METRES, (len(shapes), n_poses, 3))
     places[..., 1] = _height_above_ground(model, betas, poses)
 
-    points = np.empty((len(builds), n_poses, model.n_vertices, 3))
+    points = np.empty((len(shapes), n_poses, model.n_vertices, 3))
     with single_threaded_libraries():  # because products are small
-        for subject, build in enumerate(builds):  # one at a time, to save memory
+        for subject, shape in enumerate(shapes):  # one at a time, to save memory
             if natural:
-                surfaces = natural_surfaces(model, coarse.joints(), build, poses[subject], rng)
+                surfaces = natural_surfaces(model, coarse.joints(), shape, poses[subject], rng)
             else:
                 surfaces = model(betas[subject], poses[subject])
             surfaces = surfaces + places[subject, :, None]
@@ -137,8 +138,8 @@ def load_open_bodies(
 
     return Bodies(
         points=points.reshape(-1, model.n_vertices, 3),
-        subject=np.repeat(np.arange(len(builds)), n_poses),
-        pose=np.tile(np.arange(n_poses), len(builds)),
+        subject=np.repeat(np.arange(len(shapes)), n_poses),
+        pose=np.tile(np.arange(n_poses), len(shapes)),
         template=model.template,
         model=model,
         subject_names=names,
@@ -164,16 +165,18 @@ def _performances(
     """Return pose vectors (people, poses, J, 3), natural ones if hands touch the body."""
     shape = (len(betas), len(angles), model.n_joints, 3)
     if touched is None:
-        degrees, offsets = _DEGREES, rng.standard_normal(shape)
+        degrees = _DEGREES
+        offsets = rng.standard_normal(shape)
     else:
-        degrees, habits = _NATURAL_DEGREES, rng.standard_normal((len(betas), 1, *shape[2:]))
+        degrees = _NATURAL_DEGREES
+        habits = rng.standard_normal((len(betas), 1, *shape[2:]))
         offsets = np.sqrt(_HABIT) * habits + np.sqrt(1.0 - _HABIT) * rng.standard_normal(shape)
     offsets *= np.array([[degrees[name.split("_")[-1]]] for name in model.joint_names])
     if touched is None:
         offsets[..., model.parents < 0, 1] += rng.normal(0.0, _HEADING_DEGREES, (*shape[:2], 1))
-    written = np.stack([joint_rotations(pose_angles, model) for pose_angles in angles.values()])
+    defined = np.stack([joint_rotations(pose_angles, model) for pose_angles in angles.values()])
     turned = Rotation.from_rotvec(offsets.reshape(-1, 3), degrees=True).as_matrix()
-    poses = pose_vectors(turned.reshape(*shape, 3) @ written, model)
+    poses = pose_vectors(turned.reshape(*shape, 3) @ defined, model)
     for name, points in (touched or {}).items():
         number = list(angles).index(name)
         for side, point in points.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,7 +15,7 @@ from riemhuman.datasets.motions import ModelMotion, Motions, choose_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_poses import Curve, pose_vectors, read_table, with_both_sides
 
-# Largest deviations of a performance from the motion as written.
+# Largest deviations of a performance from the defined motion.
 _TEMPO = 0.07
 _START = 0.1  # of a cycle
 _AMPLITUDE = 0.06  # each joint's, about its mean angle
@@ -23,28 +24,41 @@ _HABIT_DEGREES = 2.5  # each angle's
 _SEED = 2022
 
 
+class _JointCurves(NamedTuple):
+    """How a person moves a joint: angles in degrees, about axes, over a cycle."""
+
+    axes: str
+    curves: Sequence[Curve]
+    delay: float  # of a cycle
+    amplitude: float  # as a factor, about the mean of each curve
+    habit: np.ndarray  # degrees, added to each angle
+
+
 class OpenMotion(ModelMotion):
     """An open motion, with a person's own tempo, start, amplitudes and habits."""
 
     def __init__(
         self, subject: str, sequence: str, model: BodyModel, frames_per_second: float
     ) -> None:
-        people, motions = read_table("open_motions").values()
-        seed = [_SEED, list(people).index(subject), list(motions).index(sequence)]
-        rng = np.random.default_rng(seed)
-        self._written = written = motions[sequence]
-        self._cycle = written["seconds"] * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
+        table = read_table("open_motions")
+        person_number = list(table["people"]).index(subject)
+        motion_number = list(table["motions"]).index(sequence)
+        rng = np.random.default_rng([_SEED, person_number, motion_number])
+        definition = table["motions"][sequence]
+        self._definition = definition
+        self._cycle = definition["seconds"] * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
         self._start = rng.uniform(-_START, _START)
-        self._joints = {}
-        for joint, (axes, *curves) in with_both_sides(written["angles"], model.joint_names).items():
+        self._joints: dict[str, _JointCurves] = {}
+        angles = with_both_sides(definition["angles"], model.joint_names)
+        for joint, (axes, *curves) in angles.items():
             # The right joints of an alternating motion follow half a cycle later.
-            follows = joint.startswith("right_") and joint not in written["angles"]
-            delay = 0.5 if written["alternating"] and follows else 0.0
+            follows = joint.startswith("right_") and joint not in definition["angles"]
+            delay = 0.5 if definition["alternating"] and follows else 0.0
             delay += rng.uniform(-_LAG, _LAG)
             amplitude = 1.0 + rng.uniform(-_AMPLITUDE, _AMPLITUDE)
             habit = rng.uniform(-_HABIT_DEGREES, _HABIT_DEGREES, len(axes))
-            self._joints[joint] = axes, curves, delay, amplitude, habit
-        n_frames = int(self._cycle * written["cycles"] * frames_per_second) + 1
+            self._joints[joint] = _JointCurves(axes, curves, delay, amplitude, habit)
+        n_frames = int(self._cycle * definition["cycles"] * frames_per_second) + 1
         super().__init__(subject, sequence, frames_per_second, n_frames, model)
 
     @property
@@ -61,13 +75,13 @@ class OpenMotion(ModelMotion):
         poses = pose_vectors(self.joint_rotations(times), self.model)
         names = self.model.joint_names
         feet = [name.endswith(("ankle", "toes")) for name in names]
-        standing = [names.index(f"{side}_ankle") for side in self._written["standing_on"]]
+        standing = [names.index(f"{side}_ankle") for side in self._definition["standing_on"]]
         rest = self.model.joints(self.betas)
         moved = rest - self.model.joints(self.betas, poses)
         translations = np.zeros((len(self), 3))
         if standing:
             translations[:] = moved[:, standing].mean(axis=1)
-        height = _values(self._written["height"], times / self._cycle + self._start)
+        height = _values(self._definition["height"], times / self._cycle + self._start)
         translations[:, 1] = moved[:, feet, 1].max(axis=1) + height
         return poses, translations
 
@@ -75,11 +89,12 @@ class OpenMotion(ModelMotion):
         """Return the rotations of all joints from the T-pose at any times, (n, J, 3, 3)."""
         rotations = np.tile(np.eye(3), (len(times), self.model.n_joints, 1, 1))
         phases = times / self._cycle + self._start
-        for joint, (axes, curves, delay, amplitude, habit) in self._joints.items():
-            angles = np.stack([_values(curve, phases - delay) for curve in curves], axis=-1)
-            means = np.array([np.mean(curve) for curve in curves])
-            angles = means + amplitude * (angles - means) + habit
-            matrices = Rotation.from_euler(axes, angles, degrees=True).as_matrix()
+        for joint, moves in self._joints.items():
+            joint_phases = phases - moves.delay
+            angles = np.stack([_values(curve, joint_phases) for curve in moves.curves], axis=-1)
+            means = np.array([np.mean(curve) for curve in moves.curves])
+            angles = means + moves.amplitude * (angles - means) + moves.habit
+            matrices = Rotation.from_euler(moves.axes, angles, degrees=True).as_matrix()
             rotations[:, self.model.joint_names.index(joint)] = matrices
         return rotations
 
@@ -121,11 +136,11 @@ def load_open_motions(
 
 
 def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
-    """Return a curve at phases in cycles: periodic, smooth, and within its written values."""
+    """Return a curve at phases in cycles: periodic, smooth, and within its given values."""
     from scipy.interpolate import PchipInterpolator  # takes long to import
 
-    written = np.atleast_1d(np.asarray(curve, dtype=np.float64))
+    values = np.atleast_1d(np.asarray(curve, dtype=np.float64))
     # The slope at a value depends on the two values beside it.
-    numbers = np.arange(-2, len(written) + 3)
-    periodic = PchipInterpolator(numbers / len(written), written[numbers % len(written)])
+    numbers = np.arange(-2, len(values) + 3)
+    periodic = PchipInterpolator(numbers / len(values), values[numbers % len(values)])
     return periodic(phases % 1.0)

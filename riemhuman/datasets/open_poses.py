@@ -71,10 +71,11 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarra
     """
     rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
     for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
-        written = degrees if len(degrees) > 1 else degrees[0]
         try:
-            rotation = Rotation.from_euler(axes, written, degrees=True)
-        except (TypeError, ValueError) as error:
+            # For a single axis, SciPy expects a number.
+            angle = degrees if len(degrees) > 1 else degrees[0]
+            rotation = Rotation.from_euler(axes, angle, degrees=True)
+        except (IndexError, TypeError, ValueError) as error:
             raise ArgumentError(
                 f"angles[{name!r}] must be axes and one number of degrees for each, such as "
                 f"('xz', 30, -70): {error}"
@@ -144,9 +145,9 @@ def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
         direction = np.array([0.0, -1.0, 0.0])
         if end.endswith("wrist"):
             direction = np.array([1.0 if end.startswith("left") else -1.0, 0.0, 0.0])
-        bones = (unit_vectors(joints[b] - joints[a]) for a, b in ((upper, lower), (lower, end)))
         rotation = np.eye(3)
-        for name, bone in zip((upper, lower), bones, strict=True):
+        for name, following in ((upper, lower), (lower, end)):
+            bone = unit_vectors(joints[following] - joints[name])
             rotation = shortest(rotation @ bone, direction) @ rotation
             straight[name] = rotation
         if end.endswith("wrist"):

@@ -127,10 +127,11 @@ def load_photographed_bodies(
     one_of(up, "up", (None, *AXES))
     files = _files(paths)
     triangles = _triangles(faces)
-    read = [load_arrays(file, [_VERTICES], _OPTIONAL) for file in files]
-    points, names = [], []
+    arrays_of_files = [load_arrays(file, [_VERTICES], _OPTIONAL) for file in files]
+    points: list[np.ndarray] = []
+    names: list[str] = []
     n_vertices = int(triangles.max()) + 1
-    for file, arrays in zip(files, read, strict=True):
+    for file, arrays in zip(files, arrays_of_files, strict=True):
         with format_errors(file, "bodies of SAM 3D Body"):
             surfaces = np.asarray(real_array(arrays[_VERTICES], _VERTICES, ("V", 3)), dtype=float)
             if surfaces.shape[-2] != n_vertices or surfaces.ndim > 3:
@@ -145,8 +146,10 @@ def load_photographed_bodies(
             _refuse_mirrored(bodies, triangles, str(file))
         points.append(bodies)
         names += [file.stem] * len(bodies)
-    missing = tuple(name for name in _OPTIONAL if any(name not in arrays for arrays in read))
-    keypoints = _joined(read, "pred_keypoints_3d", 3)
+    missing = tuple(
+        name for name in _OPTIONAL if any(name not in arrays for arrays in arrays_of_files)
+    )
+    keypoints = _joined(arrays_of_files, "pred_keypoints_3d", 3)
     surfaces = np.concatenate(points)
     up = _upward_axis(surfaces, triangles, str(files[0])) if up is None else up
     return PhotographedBodies(
@@ -154,8 +157,8 @@ def load_photographed_bodies(
         faces=triangles,
         names=tuple(names),
         keypoints=None if keypoints is None else turn_upright(keypoints, up=up),
-        translations=_joined(read, "pred_cam_t", 2),
-        shapes=_joined(read, "shape_params", 2),
+        translations=_joined(arrays_of_files, "pred_cam_t", 2),
+        shapes=_joined(arrays_of_files, "shape_params", 2),
         missing=missing,
         up=up,
     )
@@ -172,7 +175,8 @@ def standing_axis(surface: np.ndarray, faces: np.ndarray) -> str:
     number = int(np.abs(upward).argmax())
     if abs(upward[number]) < _STANDS:
         return "y"
-    return f"{'-' if upward[number] < 0 else ''}{'xyz'[number]}"
+    axis = "xyz"[number]
+    return f"-{axis}" if upward[number] < 0 else axis
 
 
 def _away_from_feet(surfaces: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -224,8 +228,8 @@ def _find_feet(points: np.ndarray, faces: np.ndarray, body: np.ndarray) -> np.nd
 def _files(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> list[Path]:
     several = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
     files: list[Path] = []
-    for given in several:
-        place = file_path(given)
+    for path in several:
+        place = file_path(path)
         contents = sorted(place.glob("*.npz"), key=lambda file: natural_key(file.name))
         if place.is_dir() and not contents:
             raise FileFormatError(f"{place} holds no .npz file of SAM 3D Body")
@@ -243,8 +247,8 @@ def _triangles(faces: ArrayLike | os.PathLike[str]) -> np.ndarray:
 
 def _refuse_mirrored(surfaces: np.ndarray, faces: np.ndarray, name: str) -> None:
     centred = surfaces - surfaces.mean(axis=1, keepdims=True)
-    one, two, three = (centred[:, corner] for corner in faces.T)
-    volumes = np.einsum("nfx,nfx->n", one, np.cross(two, three))
+    a, b, c = (centred[:, corner] for corner in faces.T)
+    volumes = np.einsum("nfx,nfx->n", a, np.cross(b, c))  # six times the signed volumes
     if np.any(volumes < 0):
         raise FileFormatError(
             f"{name}: the triangles of body {int(np.argmin(volumes))} look inward: it is mirrored, "
@@ -252,9 +256,11 @@ def _refuse_mirrored(surfaces: np.ndarray, faces: np.ndarray, name: str) -> None
         )
 
 
-def _joined(read: list[dict[str, np.ndarray]], name: str, axes: int) -> np.ndarray | None:
+def _joined(
+    arrays_of_files: list[dict[str, np.ndarray]], name: str, axes: int
+) -> np.ndarray | None:
     """Return an array of all bodies, if every file has it."""
-    if any(name not in arrays for arrays in read):
+    if any(name not in arrays for arrays in arrays_of_files):
         return None
-    parts = [np.asarray(real_array(arrays[name], name), dtype=float) for arrays in read]
+    parts = [np.asarray(real_array(arrays[name], name), dtype=float) for arrays in arrays_of_files]
     return np.concatenate([part if part.ndim == axes else part[np.newaxis] for part in parts])

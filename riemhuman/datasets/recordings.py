@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -88,7 +88,7 @@ class _Person:
     translations: np.ndarray
     betas: np.ndarray | None
     rate: float | None
-    used: tuple[str, ...]
+    fields: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -144,17 +144,20 @@ def recording_contents(
             used = names & set(FIELDS_USED if suffix == SMPL_ENDING else FIELDS_READ)
             return _contents(used, names)
     content = _read(file, suffix)
-    chosen = _choose(_known_people(file, content), person, file)
-    return _contents(set(chosen.used), _leaves(content))
+    chosen_person = _choose(_known_people(file, content), person, file)
+    return _contents(set(chosen_person.fields), _leaves(content))
 
 
 def _contents(used: set[str], names: set[str]) -> RecordingContents:
-    """Return names with what they mean, where they are known."""
-    texts = [
-        tuple(f"{name} ({_MEANINGS[name]})" if name in _MEANINGS else name for name in sorted(some))
-        for some in (used, names - used)
-    ]
-    return RecordingContents(*texts)
+    """Return names with their meanings, as far as these are known."""
+    return RecordingContents(
+        used=tuple(_with_meaning(name) for name in sorted(used)),
+        left_out=tuple(_with_meaning(name) for name in sorted(names - used)),
+    )
+
+
+def _with_meaning(name: str) -> str:
+    return f"{name} ({_MEANINGS[name]})" if name in _MEANINGS else name
 
 
 def _leaves(content: object, depth: int = 0) -> set[str]:
@@ -248,6 +251,7 @@ def load_recording(
     >>> walk = rh.datasets.load_recording("walk.bvh")  # doctest: +SKIP
     >>> dance = rh.datasets.load_recording("gBR_sBM_cAll_d04.pkl")  # doctest: +SKIP
     """
+    motion: ModelMotion
     file = file_path(path)
     suffix = suffix_of(file, RECORDING_ENDINGS)
     if faces is not None:
@@ -257,12 +261,19 @@ def load_recording(
                 f"{file.name}"
             )
         rate = frames_per_second or _RATE_OF_VIDEOS
-        seen = _photographed_motion(file, faces, model, rate, up)
-        return seen if betas is None else seen.performed_by(betas)
+        motion = _photographed_motion(file, faces, model, rate, up)
+        return motion if betas is None else motion.performed_by(betas)
     if suffix in (".bvh", ".amc"):
         recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
-        options: dict[str, Any] = {"betas": betas, "joints": joints, "up": up, "unit": unit}
-        return retarget(recording, model, frames_per_second=frames_per_second, **options)
+        return retarget(
+            recording,
+            model,
+            betas=betas,
+            joints=cast("Mapping[str, str] | None", joints),
+            up=up,
+            unit=unit,
+            frames_per_second=frames_per_second,
+        )
     if suffix in (".trc", ".c3d"):
         load = load_trc if suffix == ".trc" else load_c3d
         recording = load(file, unit=unit, joints=joints)
@@ -271,10 +282,8 @@ def load_recording(
         raise ArgumentError(f"unit is for {_SKELETONS}; found {file.name}")
     if joints is not None:
         raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")
-    motion: ModelMotion
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
-        (amass,) = load_amass(file, model, frames_per_second=frames_per_second, up=up)
-        motion = amass
+        (motion,) = load_amass(file, model, frames_per_second=frames_per_second, up=up)
     else:
         motion = _video_motion(file, suffix, model, frames_per_second, up, person)
     return motion if betas is None else motion.performed_by(betas)
@@ -316,19 +325,19 @@ def _video_motion(
 ) -> ModelMotion:
     """Return the motion of one person in a file of a method that watches videos."""
     content = _read(file, suffix)
-    chosen = _choose(_known_people(file, content), person, file)
-    rate = chosen.rate or frames_per_second or _RATE_OF_VIDEOS
-    frames = np.arange(len(chosen.poses))
+    chosen_person = _choose(_known_people(file, content), person, file)
+    rate = chosen_person.rate or frames_per_second or _RATE_OF_VIDEOS
+    frames = np.arange(len(chosen_person.poses))
     if frames_per_second is not None:
         frames = nearest_frames(len(frames), rate, frames_per_second)
         rate = frames_per_second
-    betas = chosen.betas
+    betas = chosen_person.betas
     if betas is not None and betas.ndim == 2:
         betas = betas[frames]
     try:
         return motion_from_arrays(
-            chosen.poses[frames],
-            chosen.translations[frames],
+            chosen_person.poses[frames],
+            chosen_person.translations[frames],
             rate,
             up=up,
             betas=betas,
@@ -385,9 +394,9 @@ def _people(content: object, name: str, depth: int = 0) -> Iterator[_Person]:
         return
     inner = {key: value for key, value in content.items() if isinstance(value, dict)}
     in_space = [key for key in inner if any(word in key for word in _IN_SPACE)]
-    before = [key for key in inner if any(word in key for word in _BEFORE_CAMERA)]
+    before_camera = [key for key in inner if any(word in key for word in _BEFORE_CAMERA)]
     for key, value in inner.items():
-        if not (in_space and key in before):
+        if not (in_space and key in before_camera):
             label = f"{name}/{key}" if name else key
             yield from _people(value, label, depth + 1)
 
@@ -447,20 +456,23 @@ def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
         translations = translations / scale.item()
     betas = _first(content, _BETAS)
     if betas is not None:
-        betas = (
-            betas.reshape(n_frames, -1)
-            if betas.ndim > 1 and len(betas) == n_frames
-            else (betas.reshape(-1) if betas.ndim == 1 or len(betas) == 1 else betas)
-        )
-    known = float(rate.item()) if rate is not None and rate.size == 1 and rate.item() > 0 else None
-    if known is None and scale is not None:
-        known = _RATE_OF_AIST
-    pose_names = [_first_name(content, _WHOLE_POSES)]
-    if _vectors(_first(content, _WHOLE_POSES)) is None:
-        pose_names = [_first_name(content, names) for names in (_ROOT_POSES, _BODY_POSES)]
-    others = [_first_name(content, names) for names in (_TRANSLATIONS, _BETAS, _RATES, (_SCALE,))]
-    used = tuple(field for field in (*pose_names, *others) if field is not None)
-    return _Person(name, poses, translations, betas, known, used)
+        if betas.ndim > 1 and len(betas) == n_frames:
+            betas = betas.reshape(n_frames, -1)
+        elif betas.ndim == 1 or len(betas) == 1:
+            betas = betas.reshape(-1)
+    frame_rate: float | None = None
+    if rate is not None and rate.size == 1 and rate.item() > 0:
+        frame_rate = float(rate.item())
+    elif scale is not None:
+        frame_rate = _RATE_OF_AIST
+    whole_poses = _vectors(_first(content, _WHOLE_POSES))
+    pose_fields = (_ROOT_POSES, _BODY_POSES) if whole_poses is None else (_WHOLE_POSES,)
+    fields = [
+        _first_name(content, names)
+        for names in (*pose_fields, _TRANSLATIONS, _BETAS, _RATES, (_SCALE,))
+    ]
+    used_fields = tuple(field for field in fields if field is not None)
+    return _Person(name, poses, translations, betas, frame_rate, used_fields)
 
 
 def _poses(content: Mapping[str, JSONValue]) -> np.ndarray | None:
@@ -516,15 +528,15 @@ def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
         if person not in names:
             raise ArgumentError(f"person must be one of {', '.join(names)}; found {person!r}")
         return people[names.index(person)]
-    chosen = max(people, key=lambda candidate: len(candidate.poses))
+    longest = max(people, key=lambda candidate: len(candidate.poses))
     if len(people) > 1:
         warn(
             f"{file.name} holds {len(people)} people ({', '.join(names[:8])}); person "
-            f"{chosen.name}, seen in {len(chosen.poses)} frames, was taken. To choose another "
+            f"{longest.name}, seen in {len(longest.poses)} frames, was taken. To choose another "
             "person, pass person=",
             UserWarning,
         )
-    return chosen
+    return longest
 
 
 def _fields(content: object) -> str:

@@ -225,9 +225,9 @@ def load_faust(
     """
     root = existing_folder(folder)
     files: dict[int, Path] = {}
-    for level in filter(Path.is_dir, (root / name for name in _FAUST_FOLDERS)):
-        some = (file for file in level.iterdir() if re.fullmatch(r"tr_reg_0\d\d", file.stem))
-        files = files or {int(file.stem[-3:]): file for file in in_one_format(some)}
+    for name in _FAUST_FOLDERS:
+        if not files and (root / name).is_dir():
+            files = _faust_registrations(root / name)
     if not files:
         raise FileError(
             f"{root} holds no registrations: no file tr_reg_000.ply to tr_reg_099.ply (or .obj, "
@@ -248,6 +248,12 @@ def load_faust(
         "pose_names": tuple(f"pose {i}" for i in range(_FAUST_POSES)),
     }
     return _load(list(files.values()), labels, template, align=align)
+
+
+def _faust_registrations(folder: Path) -> dict[int, Path]:
+    """Return the files of a folder of FAUST, tr_reg_000 to tr_reg_099, by their numbers."""
+    registrations = [file for file in folder.iterdir() if re.fullmatch(r"tr_reg_0\d\d", file.stem)]
+    return {int(file.stem.removeprefix("tr_reg_")): file for file in in_one_format(registrations)}
 
 
 # More than eight arguments: each keyword states a fact that mesh files omit.
@@ -393,18 +399,18 @@ def read_labels(
             if names_of_problem
         ]
         raise FileFormatError(f"{file} does not match the meshes: {'; '.join(listed)}")
-    _, subjects, poses = zip(*(rows[number] for number in numbers), strict=True)
-    return numbers, {"subject": list(subjects), "pose": list(poses)}
+    subjects = [subject for _, subject, _ in (rows[number] for number in numbers)]
+    poses = [pose for _, _, pose in (rows[number] for number in numbers)]
+    return numbers, {"subject": subjects, "pose": poses}
 
 
 def existing_folder(folder: str | os.PathLike[str]) -> Path:
     """Return the path of a folder; raise an error if there is none."""
     root = file_path(folder, "folder", "folder")
+    if root.exists() and not root.is_dir():
+        raise FileError(f"{root} is a file, not a folder")
     if not root.is_dir():
-        problem = (
-            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
-        )
-        raise FileError(problem)
+        raise FileError(f"there is no folder {root}")
     return root
 
 
@@ -416,9 +422,10 @@ def is_visible(file: Path, endings: tuple[str, ...]) -> bool:
 def in_one_format(files: Iterable[Path]) -> list[Path]:
     """Return the visible meshes, each in the first format of `MESH_ENDINGS`, in natural order."""
     meshes = [file for file in files if is_visible(file, MESH_ENDINGS)]
+    # The best format comes last and replaces the others.
     meshes.sort(key=lambda file: MESH_ENDINGS.index(file.suffix.lower()), reverse=True)
-    chosen = {file.with_suffix(""): file for file in meshes}
-    return sorted(chosen.values(), key=lambda file: natural_key(str(file.with_suffix(""))))
+    file_of_mesh = {file.with_suffix(""): file for file in meshes}
+    return sorted(file_of_mesh.values(), key=lambda file: natural_key(str(file.with_suffix(""))))
 
 
 def no_meshes(root: Path) -> FileError:
@@ -494,24 +501,23 @@ def _load_photographed(
 ) -> Bodies:
     """Load bodies of SAM 3D Body, with labels of their files or, without a table, by file."""
     photographed = load_photographed_bodies(folder, faces, up=up)
-    numbers = [
-        photographed.names[:index].count(name) for index, name in enumerate(photographed.names)
-    ]
+    names = photographed.names
+    numbers = [names[:index].count(name) for index, name in enumerate(names)]  # within its file
     table = file_path(folder) / _LABELS if labels is None else file_path(labels)
-    chosen: Sequence[int] = range(len(photographed))
-    texts = {"subject": [*photographed.names], "pose": [str(number) for number in numbers]}
-    if labels is not None or table.exists():
-        files = list(dict.fromkeys(photographed.names))
+    if labels is None and not table.exists():
+        indices = list(range(len(names)))
+        subjects = list(names)
+        poses = [str(number) for number in numbers]
+    else:
+        files = list(dict.fromkeys(names))
         rows, columns = read_labels(
             table, [f"{name}.npz" for name in files], allow_missing=allow_missing
         )
-        row_of = {files[row]: place for place, row in enumerate(rows)}
-        chosen = [index for index, name in enumerate(photographed.names) if name in row_of]
-        texts = {
-            column: [cells[row_of[photographed.names[index]]] for index in chosen]
-            for column, cells in columns.items()
-        }
-    points = photographed.points[list(chosen)]
+        row_of_file = {files[number]: row for row, number in enumerate(rows)}
+        indices = [index for index, name in enumerate(names) if name in row_of_file]
+        subjects = [columns["subject"][row_of_file[names[index]]] for index in indices]
+        poses = [columns["pose"][row_of_file[names[index]]] for index in indices]
+    points = photographed.points[indices]
     if template is None:
         template = Template(points[0], photographed.faces)
     elif not isinstance(template, Template):
@@ -522,12 +528,11 @@ def _load_photographed(
     if align:
         points = procrustes(points, to=template.vertices, scale=None)
     ids = tuple(
-        f"{photographed.names[index]}_{numbers[index]}"
-        if photographed.names.count(photographed.names[index]) > 1
-        else photographed.names[index]
-        for index in chosen
+        f"{names[index]}_{numbers[index]}" if names.count(names[index]) > 1 else names[index]
+        for index in indices
     )
-    return Bodies(points=points, template=template, ids=ids, **_label_columns(texts))
+    columns_of_bodies = _label_columns({"subject": subjects, "pose": poses})
+    return Bodies(points=points, template=template, ids=ids, **columns_of_bodies)
 
 
 def _read_table(table: Path) -> list[tuple[int, list[str]]]:
@@ -550,8 +555,8 @@ def _read_table(table: Path) -> list[tuple[int, list[str]]]:
             f"{', '.join(_COLUMNS)}; found {first_line!r}"
         )
     numbers = [header.index(name) for name in _COLUMNS]
-    found_rows = []
+    labels = []
     for line, cells in rows[1:]:
-        cells += [""] * (len(header) - len(cells))
-        found_rows.append((line, [cells[number] for number in numbers]))
-    return found_rows
+        whole_row = cells + [""] * (len(header) - len(cells))
+        labels.append((line, [whole_row[number] for number in numbers]))
+    return labels

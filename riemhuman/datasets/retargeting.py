@@ -80,9 +80,12 @@ class RetargetedMotion(ModelMotion):
     ) -> None:
         performer = model if size == 1.0 else scaled_model(model, size)
         super().__init__(*names, frames_per_second, n_frames, performer)
-        self._recording, self._joints, self._up = recording, joints, up
+        self._recording = recording
+        self._joints = joints
+        self._up = up
         self._betas = np.zeros(model.n_betas) if betas is None else betas
-        self._unscaled, self._size = model, size
+        self._unscaled = model
+        self._size = size
 
     @property
     def recording(self) -> SkeletonMotion:
@@ -102,10 +105,8 @@ class RetargetedMotion(ModelMotion):
     @property
     def message(self) -> str:
         """How the lengths of the recording were treated."""
-        scale, person = (
-            self.errors.scale,
-            "an average adult" if not self.betas.any() else "a person",
-        )
+        scale = self.errors.scale
+        person = "a person" if self.betas.any() else "an average adult"
         if self._size == 1.0:
             return (
                 f"The recording was scaled to the legs of {person} of the model: one unit of the "
@@ -127,7 +128,8 @@ class RetargetedMotion(ModelMotion):
         performance = copy(self)
         performance.__dict__.pop("_played", None)
         performance._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
-        performance.model, performance._size = self._unscaled, 1.0
+        performance.model = self._unscaled
+        performance._size = 1.0
         return performance
 
     def _parameters(self, numbers: ndarray) -> tuple[ndarray, ndarray]:
@@ -221,9 +223,12 @@ def retarget(
     )
     check_bones(recording.positions, joint_numbers, recording.joint_names)
     is_recorded = scale == _RECORDED or (scale is None and metres is not None)
-    performer, size = own_person(recording, model), 1.0
+    size = 1.0
+    performer = own_person(recording, model)
     if performer is not None and (betas is None or isinstance(betas, str)):
-        betas, size, is_recorded = performer.betas, performer.size, False
+        betas = performer.betas
+        size = performer.size
+        is_recorded = False
     elif isinstance(betas, str):
         betas = recorded_person(recording.positions, joint_numbers, model)
     if is_recorded:
@@ -232,9 +237,16 @@ def retarget(
             metres = _guessed_metres(leg, recording)
         person = np.zeros(model.n_betas) if betas is None else betas
         size = metres * leg / make_figure(model, person).leg
-    names, n_frames = ("", recording.name), len(recording)
     return RetargetedMotion(
-        recording, model, names, rate, n_frames, betas=betas, joints=joint_numbers, up=up, size=size
+        recording,
+        model,
+        ("", recording.name),
+        rate,
+        len(recording),
+        betas=betas,
+        joints=joint_numbers,
+        up=up,
+        size=size,
     )
 
 

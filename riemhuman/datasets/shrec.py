@@ -109,7 +109,10 @@ def load_shrec14(
             by_name.setdefault(name, []).append(file)
     if not by_name:
         raise no_meshes(root)
-    subject, ids, files, missing = [], [], [], []
+    subject: list[int] = []
+    ids: list[str] = []
+    files: list[Path] = []
+    missing: list[str] = []
     for number, names in enumerate(members.values()):
         for name in names:
             stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
@@ -147,22 +150,25 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
         if next(words, "").upper() != "PSB":
             raise FileFormatError("it does not begin with PSB")
         try:
-            _, n_classes, n_meshes = next(words), int(next(words)), int(next(words))
+            next(words)  # the version
+            n_classes = int(next(words))
+            n_meshes = int(next(words))
             for number in range(n_classes):
                 where = f"class {number + 1} of {n_classes}"
-                # Its parent does not matter.
-                name, _, count = next(words), next(words), int(next(words))
+                name = next(words)
+                next(words)  # its parent
+                count = int(next(words))
                 if name in members:
                     raise FileFormatError(f"{where} repeats the name {name[:60]!r}")
                 members[name] = tuple(islice(words, count))
         except (StopIteration, ValueError) as error:
             raise FileFormatError(f"{where} is damaged: {short_message(error)}") from error
         ids = [model_id for names in members.values() for model_id in names]
-        left = len(list(words))
-        if left or not len(set(ids)) == len(ids) == n_meshes:
+        n_further = len(list(words))
+        if n_further or not len(set(ids)) == len(ids) == n_meshes:
             raise FileFormatError(
                 f"its header declares {n_meshes} different meshes; found {len(ids)}, "
-                f"{len(set(ids))} of them different, and {left} further words"
+                f"{len(set(ids))} of them different, and {n_further} further words"
             )
     return {name: names for name, names in members.items() if names}
 

@@ -17,7 +17,8 @@ from riemhuman.io.files import check_file, format_errors, natural_key, read_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.representation import Record, join_names
 
-_STRUCTURE, _FIELDS = "Shape_df", ("VERT", "TRIV", "smpl_matches")
+_STRUCTURE = "Shape_df"
+_FIELDS = ("VERT", "TRIV", "smpl_matches")
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +163,8 @@ def _read_pairs(root: Path, names: Sequence[str]) -> np.ndarray:
         raise FileError(
             f"{root} holds {what}; expected one file PAIRS_list_SHREC19_connectivity.txt"
         )
-    file, pairs = lists[0], []
+    file = lists[0]
+    pairs = []
     for number, line in enumerate(read_text(file).splitlines(), 1):
         words = re.findall(r"[^\s,;_]+", line)
         if not words:

@@ -58,7 +58,7 @@ def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
     """Return the JSON and the binary part of a file; some have none."""
-    # Four letters, and the version and the size of the file (uint32 each); then chunks, each of which
+    # Four letters, the version and the size of the file (uint32 each); then chunks. Each of them
     # begins with its size (uint32) and its kind (four letters).
     magic, version, length = struct.unpack_from("<4sII", content)
     if magic != b"glTF" or version != 2 or length > len(content):

@@ -7,15 +7,17 @@ forward, and tell left from right.
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.bodies.skinning import joints_to_root
 
-# Branches of a pair have lengths within this ratio, and limbs at least this share of the longest.
-_ALIKE, _LONG = 0.75, 0.45
+# Lengths of the branches of a pair have at least this ratio.
+_ALIKE = 0.75
+# Limbs have at least this share of the length of the longest one.
+_LONG = 0.45
 # Of pairs of bones in a limb with similar lengths, those farther from the trunk are the limb's.
 _AS_LONG = 0.85
 # Joints nearer than this share of the skeleton's longest bone are in one place.
@@ -40,23 +42,30 @@ def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
     if not all(leg_joints + arm_joints):
         return {}
     left = _left_directions(positions, leg_joints, arm_joints)
-    joints_of_roles: dict[str, int] = {}
-    for limbs, roles, before, after in (
-        (leg_joints, ("hip", "knee", "ankle"), "", "toes"),
-        (arm_joints, ("shoulder", "elbow", "wrist"), "collar", ""),
-    ):
-        first, second = (positions[:, limb[1]] for limb in limbs)
-        if np.sum((first - second) * left, axis=1).mean() < 0.0:
-            limbs = limbs[::-1]
-        for side, (above, *limb, below) in zip(("left", "right"), limbs, strict=True):
-            joints_of_roles |= {
-                f"{side}_{role}": joint for role, joint in zip(roles, limb, strict=True)
-            }
-            if before and above >= 0:
-                joints_of_roles[f"{side}_{before}"] = above
-            if after and below >= 0:
-                joints_of_roles[f"{side}_{after}"] = below
-    return joints_of_roles | _neck_and_head(parents, paths, lengths, arms)
+    joints = _sided_joints(positions, leg_joints, left, ("hip", "knee", "ankle"), below="toes")
+    joints |= _sided_joints(
+        positions, arm_joints, left, ("shoulder", "elbow", "wrist"), above="collar"
+    )
+    return joints | _neck_and_head(parents, paths, lengths, arms)
+
+
+def _sided_joints(
+    positions: ndarray,
+    limbs: list[list[int]],
+    left: ndarray,
+    roles: tuple[str, str, str],
+    above: str = "",
+    below: str = "",
+) -> dict[str, int]:
+    """Return the joints of a pair of limbs by name, with those above or below that have a name."""
+    first, second = (positions[:, limb[1]] for limb in limbs)
+    is_left_first = np.sum((first - second) * left, axis=1).mean() >= 0.0
+    joints: dict[str, int] = {}
+    for side, limb in zip(("left", "right"), limbs if is_left_first else limbs[::-1], strict=True):
+        for role, joint in zip((above, *roles, below), limb, strict=True):
+            if role and joint >= 0:
+                joints[f"{side}_{role}"] = joint
+    return joints
 
 
 def bone_lengths(parents: ndarray, positions: ndarray) -> ndarray:
@@ -90,11 +99,11 @@ def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, in
             pair: min(reaches[list(pair)]) / max(reaches[list(pair)])
             for pair in combinations(below, 2)
         }
-        used: set[int] = set()
+        paired: set[int] = set()
         for pair in sorted(ratios, key=lambda pair: -ratios[pair]):
-            if ratios[pair] > _ALIKE and not used & set(pair):
+            if ratios[pair] > _ALIKE and not paired & set(pair):
                 candidates.append(pair)
-                used |= set(pair)
+                paired |= set(pair)
     size = {pair: min(reaches[list(pair)]) for pair in candidates}
     longest = max(size.values(), default=0.0)
     long = [pair for pair in candidates if size[pair] > _LONG * longest]
@@ -103,9 +112,11 @@ def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, in
         return any(joint in joints_to_root(parents, pair[0]) for joint in outer)
 
     # A pair of hands within a pair of arms is part of the arms.
-    outer = [p for p in long if not any(q != p and is_inside(p, q) for q in long)]
+    outermost = [
+        pair for pair in long if not any(other != pair and is_inside(pair, other) for other in long)
+    ]
     # Skirts and wings are shorter than limbs.
-    limbs = sorted(outer, key=lambda pair: -size[pair])[:2]
+    limbs = sorted(outermost, key=lambda pair: -size[pair])[:2]
     limbs.sort(key=lambda pair: (len(joints_to_root(parents, pair[0])), -size[pair]))
     return limbs
 
@@ -117,7 +128,8 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     """
     nearby = _ONE_PLACE * lengths[path].max()
     # Of joints in one place, the last one moves what is below.
-    chain = [a for a, b in zip(path, [*path[1:], -1], strict=True) if b < 0 or lengths[b] > nearby]
+    chain = [joint for joint, child in pairwise(path) if lengths[child] > nearby]
+    chain.append(path[-1])
     if len(chain) < 3:
         return []
     reached = np.cumsum(lengths[path])
@@ -125,27 +137,30 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     pairs = np.minimum(bones[:-1], bones[1:])
     # A collar may be as long as a forearm, but a hand is shorter.
     first = int(np.flatnonzero(pairs >= _AS_LONG * pairs.max())[-1])
-    ends = [-1, *chain, -1]
-    above, *limb, below = ends[first : first + 5]
+    above = chain[first - 1] if first > 0 else -1
+    upper, lower, end = chain[first : first + 3]
+    below = chain[first + 3] if first + 3 < len(chain) else -1
     # Fingers may begin at the wrist: the first joint there moves the whole hand.
-    place = path.index(limb[2])
-    while reached[path.index(limb[2])] - reached[place - 1] <= nearby:
+    place = path.index(end)
+    while reached[path.index(end)] - reached[place - 1] <= nearby:
         place -= 1
-    return [above, *limb[:2], path[place], below]
+    return [above, upper, lower, path[place], below]
 
 
 def _left_directions(positions: ndarray, legs: list[list[int]], arms: list[list[int]]) -> ndarray:
     """Return the direction to the left of the body in all frames."""
-    hips, ankles = (np.mean([positions[:, leg[k]] for leg in legs], axis=0) for k in (1, 3))
+    # The joints of a limb are those of `_limb`: above it, its three joints, and below it.
+    hips, knees, ankles = (
+        np.mean([positions[:, leg[place]] for leg in legs], axis=0) for place in (1, 2, 3)
+    )
     shoulders = np.mean([positions[:, arm[1]] for arm in arms], axis=0)
     up = shoulders - hips
-    # Feet point forward, and knees bend so.
-    forward = np.mean([positions[:, leg[2]] for leg in legs], axis=0) - 0.5 * (hips + ankles)
-    for leg in legs:
-        if leg[4] >= 0:
-            forward = forward + positions[:, leg[4]] - positions[:, leg[3]]
-    across = legs[0][1], legs[1][1]
-    line = positions[:, across[0]] - positions[:, across[1]]
+    # Knees bend forward, and feet point forward.
+    forward = knees - 0.5 * (hips + ankles)
+    for _, _, _, ankle, toes in legs:
+        if toes >= 0:
+            forward = forward + positions[:, toes] - positions[:, ankle]
+    line = positions[:, legs[0][1]] - positions[:, legs[1][1]]
     sign = np.sign(np.sum(np.cross(up, forward) * line, axis=1).sum()) or 1.0
     return np.asarray(sign * line)
 

@@ -34,11 +34,11 @@ _UNLIKE = np.radians(30.0)
 
 def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> ndarray:
     """Return rotations of all joints in space that follow a recording, (n_frames, J, 3, 3)."""
-    known = _known_rotations(source, figure)
+    recorded = _recorded_rotations(source, figure)
     rotations = np.empty((len(source.positions), len(figure.rest), 3, 3))
     for joint in figure.model.joint_order:
         above = figure.model.parents[joint]
-        rotations[:, joint] = known.get(joint, rotations[:, above])
+        rotations[:, joint] = recorded.get(joint, rotations[:, above])
     rotations = _straighten_trunk(source, figure, rotations, scale)
     positions = joint_positions(source, figure, rotations, scale)
     for arm in LIMBS[2:]:
@@ -71,23 +71,24 @@ def reach(
     to_end: ndarray,
 ) -> ndarray:
     """Bend a limb so that its end comes as near to a place as its directions allow."""
-    a, b = (float(np.linalg.norm(figure.bone(*pair))) for pair in (limb[:2], limb[1:]))
+    a = float(np.linalg.norm(figure.bone(limb[0], limb[1])))
+    b = float(np.linalg.norm(figure.bone(limb[1], limb[2])))
     joints = [figure.joints[name] for name in limb[:2]]
-    known = [_direction(source, *pair) for pair in (limb[:2], limb[1:])]
+    recorded = [_direction(source, limb[0], limb[1]), _direction(source, limb[1], limb[2])]
     # A straight limb bends about its hinge, a bent one in its plane.
     hinge = rotations[:, joints[0]] @ figure_hinge(figure, limb)
-    axis = np.cross(known[0], known[1]) + _HINGE_SHARE * hinge
-    end = a * known[0] + b * known[1]
+    axis = np.cross(recorded[0], recorded[1]) + _HINGE_SHARE * hinge
+    end = a * recorded[0] + b * recorded[1]
     low, high = np.zeros((len(end), 1)), np.ones((len(end), 1))
     for _ in range(_BISECTIONS):
         half = 0.5 * (low + high)
         bent = _bent(end + half * (to_end - end), a, b, axis)
-        cosines = [np.sum(new * old, axis=1) for new, old in zip(bent, known, strict=True)]
-        is_near = np.minimum(*cosines)[:, None] > np.cos(_LIMB)
+        cosines = [np.sum(new * old, axis=1) for new, old in zip(bent, recorded, strict=True)]
+        is_near = np.min(cosines, axis=0)[:, None] > np.cos(_LIMB)
         low, high = np.where(is_near, half, low), np.where(is_near, high, half)
     bent = _bent(end + low * (to_end - end), a, b, axis)
     rotations = rotations.copy()
-    for joint, old, new in zip(joints, known, bent, strict=True):
+    for joint, old, new in zip(joints, recorded, bent, strict=True):
         rotations[:, joint] = shortest(old, new) @ rotations[:, joint]
     return rotations
 
@@ -97,7 +98,7 @@ def _direction(source: RecordedSkeleton, first: str, second: str) -> ndarray:
     return unit(bone(source.positions, source.joints, first, second))
 
 
-def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndarray]:
+def _recorded_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndarray]:
     """Return the rotations in space of joints that are recorded; others follow their parents."""
     axes = joint_axes(source, figure)
     parts = {name: source.rotation(name) @ axis for name, axis in axes.items()}
@@ -116,10 +117,10 @@ def _known_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndar
     if has_bone(source.positions, source.joints, *pair) and set(pair) <= figure.joints.keys():
         neck = turned_towards(neck, figure.bone(*pair), _direction(source, *pair))
     parts["neck"] = neck
-    known = {figure.joints[name]: part for name, part in parts.items() if name in figure.joints}
+    rotations = {figure.joints[name]: part for name, part in parts.items() if name in figure.joints}
     spine = joints_between(figure.model.parents, figure.joints["pelvis"], figure.joints["chest"])
     turned = _interpolated(parts["pelvis"], parts["chest"], len(spine))
-    return known | dict(zip(spine, turned, strict=True))
+    return rotations | dict(zip(spine, turned, strict=True))
 
 
 def _straighten_trunk(
@@ -128,14 +129,14 @@ def _straighten_trunk(
     """Rotate the spine until shoulders are above hips as recorded."""
     parents, joints = figure.model.parents, figure.joints
     spine = joints_between(parents, joints["pelvis"], joints["chest"])[1:-1]
-    wanted = unit(trunk(source.positions, source.joints))
+    recorded = unit(trunk(source.positions, source.joints))
     rotations = rotations.copy()
     for _ in range(_TRUNK_STEPS if spine else 0):
         positions = joint_positions(source, figure, rotations, scale)
         hips, shoulders = (middle(positions, joints, part) for part in ("hip", "shoulder"))
         start = positions[:, spine[0]]
         length = np.linalg.norm(shoulders - hips, axis=1, keepdims=True)
-        towards = unit(hips + length * wanted - start)
+        towards = unit(hips + length * recorded - start)
         turn = shortest(unit(shoulders - start), towards)
         rotations[:, spine] = turn[:, None] @ rotations[:, spine]
     return rotations

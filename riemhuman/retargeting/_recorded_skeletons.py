@@ -18,16 +18,18 @@ from riemhuman.surfaces.procrustes import make_upright
 _STILL = 0.15
 # … averaged over this many seconds to suppress noise.
 _SMOOTHED = 0.1
-# Still feet so near to the floor in the recording stand on it, and their joints are at most so high
-# above its lowest point, in lengths of the leg (some 3 and 12 cm).
-_NEAR_FLOOR, _FOOT = 0.04, 0.15
-# Where someone goes faster, in lengths of the leg a second, and so far from one frame to the next,
-# the recording may have been interrupted.
-_FASTEST, _FARTHEST = 8.0, 0.25
+# Still feet this near to the floor in the recording stand on it, leg lengths (about 3 cm).
+_NEAR_FLOOR = 0.04
+# Joints of standing feet are at most this far above the lowest point, leg lengths (about 12 cm).
+_FOOT = 0.15
+# If someone moves faster than this, leg lengths per second, and farther than this between two frames,
+# leg lengths, the recording may have been interrupted.
+_FASTEST = 8.0
+_FARTHEST = 0.25
 # Parts with less than this share of the frames do not count for the axis that points up.
 _LONG_PART = 0.05
-# After an interruption, a part whose lowest joints differ by so much from those of the longest part
-# is not on its floor, in lengths of the leg.
+# After an interruption, a part is on another floor if its lowest joints differ by more than this
+# from those of the longest part, leg lengths.
 _OTHER_FLOOR = 0.4
 # Joints nearer than this are in one place, leg lengths.
 _ONE_PLACE = 1e-3
@@ -45,9 +47,9 @@ class RecordedSkeleton:
 
     `joints` are numbers of joints by names of the open model, and `carriers` those of the joints
     that carry their bones: there may be others in between, for a twist. `rotations`
-    (n_frames, J, 3, 3) are those in space; `kept` (n_frames,) are frames in which the recording was
-    not interrupted; the ball of each foot is `still`, is `grounded` on the floor, and the whole
-    foot `flat` on it (n_frames, 2).
+    (n_frames, J, 3, 3) are those in space; `is_valid` (n_frames,) marks frames on the floor of the
+    longest part without an interruption. Of each foot (n_frames, 2), the ball is `still`, the ball
+    is `grounded` on the floor, and the whole foot is `flat` on it.
     """
 
     joints: dict[str, int]
@@ -56,7 +58,7 @@ class RecordedSkeleton:
     positions: ndarray
     frames_per_second: float
     leg: float
-    kept: ndarray
+    is_valid: ndarray
     still: ndarray
     grounded: ndarray
     flat: ndarray
@@ -72,15 +74,20 @@ class RecordedSkeleton:
 
 
 def read_skeleton(
-    recording: SkeletonMotion, known: Mapping[str, int] | None = None, up: str | None = None
+    recording: SkeletonMotion, joints: Mapping[str, int] | None = None, up: str | None = None
 ) -> RecordedSkeleton:
     """Return a recording as a skeleton that stands on a floor, y up.
 
-    Joints are found by name where they are not known.
+    By default, joints are found by name and the axis that points up from the positions.
     """
-    names, parents, rate = recording.joint_names, recording.parents, recording.frames_per_second
-    rotations, positions = recording.global_rotations, recording.positions
-    joints = find_joints(names, parents, None, positions) if known is None else dict(known)
+    names = recording.joint_names
+    parents = recording.parents
+    rate = recording.frames_per_second
+    rotations = recording.global_rotations
+    positions = recording.positions
+    if joints is None:
+        joints = find_joints(names, parents, None, positions)
+    joints = dict(joints)
     check_bones(positions, joints, names)
     for side in SIDES:
         # An end site at the ankle is not a toe.
@@ -92,20 +99,20 @@ def read_skeleton(
         directions = middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
         offsets = np.median(recording.translations, axis=0)
         at_rest = rest_directions(parents, offsets, joints)
-        long = np.bincount(parts)[parts] >= _LONG_PART * len(parts)
-        long = long if long.any() else np.ones(len(parts), dtype=bool)
-        axes = upward_axis(positions[long], directions[long], leg, at_rest)
+        is_long = np.bincount(parts)[parts] >= _LONG_PART * len(parts)
+        if not is_long.any():
+            is_long[:] = True
+        axes = upward_axis(positions[is_long], directions[is_long], leg, at_rest)
         warn_of_doubt(recording.name, axes)
         up = axes[0]
     upright = make_upright(np.eye(3), up=up).T
     rotations, positions = upright @ rotations, positions @ upright.T
-    kept = _is_on_one_floor(parts, positions, leg)
+    is_valid = _is_on_one_floor(parts, positions, leg)
     ankles = [joints[f"{side}_ankle"] for side in SIDES]
     balls = [joints.get(f"{side}_toes", joints[f"{side}_ankle"]) for side in SIDES]
-    ball_still, ankle_still = (
-        kept[:, None] & _is_still(positions[:, feet], rate, leg) for feet in (balls, ankles)
-    )
-    grounded = ball_still & _is_near_floor(positions, balls, ball_still, kept, leg)
+    ball_still = is_valid[:, None] & _is_still(positions[:, balls], rate, leg)
+    ankle_still = is_valid[:, None] & _is_still(positions[:, ankles], rate, leg)
+    grounded = ball_still & _is_near_floor(positions, balls, ball_still, is_valid, leg)
     flat = grounded & ankle_still
     carriers = joints | {
         upper: _carrier(positions, parents, joints[lower], leg)
@@ -113,7 +120,7 @@ def read_skeleton(
         if {upper, lower} <= joints.keys()
     }
     return RecordedSkeleton(
-        joints, carriers, rotations, positions, rate, leg, kept, ball_still, grounded, flat
+        joints, carriers, rotations, positions, rate, leg, is_valid, ball_still, grounded, flat
     )
 
 
@@ -128,7 +135,7 @@ def _carrier(positions: ndarray, parents: ndarray, end: int, leg: float) -> int:
 def _uninterrupted_parts(
     recording: SkeletonMotion, positions: ndarray, joints: Mapping[str, int], leg: float
 ) -> ndarray:
-    """Return numbers of parts of a recording, between which people jump impossibly, or to 0."""
+    """Return the number of the part of each frame; parts are separated by impossible jumps."""
     hips = middle(positions, joints, "hip")
     steps = np.linalg.norm(np.diff(hips, axis=0), axis=1) / leg
     jumps = (steps * recording.frames_per_second > _FASTEST) & (steps > _FARTHEST)
@@ -147,12 +154,12 @@ def _is_on_one_floor(parts: ndarray, positions: ndarray, leg: float) -> ndarray:
     lowest = positions[..., 1].min(axis=1)
     numbers, counts = np.unique(parts, return_counts=True)
     floor = np.percentile(lowest[parts == numbers[np.argmax(counts)]], 5.0)
-    kept = np.zeros(len(parts), dtype=bool)
+    is_valid = np.zeros(len(parts), dtype=bool)
     for number in numbers:
         is_here = parts == number
         is_near = abs(np.percentile(lowest[is_here], 5.0) - floor) < _OTHER_FLOOR * leg
-        kept |= is_here & is_near
-    return kept
+        is_valid |= is_here & is_near
+    return is_valid
 
 
 def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
@@ -168,11 +175,11 @@ def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
 
 
 def _is_near_floor(
-    positions: ndarray, balls: list[int], still: ndarray, kept: ndarray, leg: float
+    positions: ndarray, balls: list[int], still: ndarray, is_valid: ndarray, leg: float
 ) -> ndarray:
     """Return whether each foot is as low as when it stands, and near the lowest joint."""
     heights = positions[:, balls, 1]
-    known = heights[still] if still.any() else heights[kept]
-    lowest = np.percentile(positions[kept, :, 1].min(axis=1), 1.0)
-    floor = min(np.percentile(known, 10.0), lowest + _FOOT * leg)
+    standing = heights[still] if still.any() else heights[is_valid]
+    lowest = np.percentile(positions[is_valid, :, 1].min(axis=1), 1.0)
+    floor = min(np.percentile(standing, 10.0), lowest + _FOOT * leg)
     return np.asarray(heights < floor + _NEAR_FLOOR * leg)

@@ -21,14 +21,19 @@ from riemhuman.retargeting.skeletons import middle
 _TOUCHING = 0.005
 # Still feet are moved by at most this much to stay in place, metres.
 _MOST_SHIFT = 0.05
-# The body changes from one foot to the other in this many seconds; feet in the air count a little.
-_SHIFTED, _SWING = 0.25, 0.05
+# The body changes from one foot to the other in this many seconds.
+_SHIFT_SECONDS = 0.25
+# Weight of a foot in the air beside that of a standing one.
+_SWING = 0.05
 # Vertices of a sole that are held above the floor.
 _SOLE_VERTICES = 40
 # If no foot stands, the lowest points of this percentage of frames are on the floor.
 _LOWEST_FRAMES = 5.0
-# Approximate number of vertices checked, frames at a time, and seconds in which a body is raised.
-_BODY_VERTICES, _FRAMES_AT_A_TIME, _RAISED = 1500, 200, 0.2
+# Approximate number of vertices whose height is checked.
+_BODY_VERTICES = 1500
+_FRAMES_AT_A_TIME = 200
+# Seconds within which a body is raised above the floor.
+_RAISE_SECONDS = 0.2
 
 
 class Performance(NamedTuple):
@@ -48,7 +53,8 @@ def stand(
     recorded = scale * source.positions[:, source.ankles]
     positions = positions + _body_shift(source, recorded - positions[:, feet])
     soles = [_sole(figure, surface, rotations, side) for side in SIDES]
-    lows, balls = (np.stack(parts, axis=1) for parts in zip(*soles, strict=True))
+    lows = np.stack([low for low, _ in soles], axis=1)
+    balls = np.stack([ball for _, ball in soles], axis=1)
     performance = Performance(rotations, positions)
     targets = _footholds(source, figure, performance, surface, lows, balls)
     positions = positions + _body_shift(source, targets - positions[:, feet])
@@ -67,20 +73,22 @@ def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
     """Return how much a body is raised, smoothly, so that no part is below the floor."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d  # take long to import
 
-    needed = np.maximum(0.0, depths - _TOUCHING)
-    width = max(1, round(_RAISED * source.frames_per_second)) | 1
+    heights = np.maximum(0.0, depths - _TOUCHING)
+    width = max(1, round(_RAISE_SECONDS * source.frames_per_second))
+    if width % 2 == 0:
+        width += 1  # so that filters are symmetric
     # A mean of nearby maxima is never below the values themselves.
-    largest = maximum_filter1d(np.where(source.kept, needed, 0.0), width)
+    largest = maximum_filter1d(np.where(source.is_valid, heights, 0.0), width)
     smooth = uniform_filter1d(largest, width)
     # After an interruption, a body may be anywhere.
-    return np.asarray(np.where(source.kept, smooth, needed))
+    return np.asarray(np.where(source.is_valid, smooth, heights))
 
 
 def _body_shift(source: RecordedSkeleton, shifts: ndarray) -> ndarray:
     """Return the mean shift of the feet, above all of those that stand still."""
     from scipy.ndimage import uniform_filter1d  # takes long to import
 
-    width = max(1, round(_SHIFTED * source.frames_per_second))
+    width = max(1, round(_SHIFT_SECONDS * source.frames_per_second))
     still = source.still.astype(np.float64)
     weights = _SWING + uniform_filter1d(still, width, axis=0, mode="nearest")
     shares = weights / weights.sum(axis=1, keepdims=True)
@@ -122,7 +130,7 @@ def _footholds(
         floor = np.median(heights[grounded])
     else:
         lowest = _lowest_points(figure, surface, performance)
-        floor = np.percentile(lowest[source.kept], _LOWEST_FRAMES)
+        floor = np.percentile(lowest[source.is_valid], _LOWEST_FRAMES)
     targets, above = ankles - [0.0, floor, 0.0], heights - floor
     apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)
     frames = np.arange(len(ankles))
@@ -135,9 +143,12 @@ def _footholds(
         size = np.linalg.norm(shift[:, ::2], axis=1, keepdims=True)
         shift[:, ::2] *= _MOST_SHIFT / np.maximum(size, _MOST_SHIFT)
         # In between, feet move from one place to the next.
-        known = np.flatnonzero(still)
+        still_frames = np.flatnonzero(still)
         for column in shift.T:
-            column[:] = np.interp(frames, known, column[known]) if len(known) else 0.0
+            if len(still_frames):
+                column[:] = np.interp(frames, still_frames, column[still_frames])
+            else:
+                column[:] = 0.0
         shift[:, 1] += np.maximum(0.0, -(above[:, k] + shift[:, 1] + _TOUCHING))
         targets[:, k] += shift
     return targets

@@ -13,14 +13,18 @@ from riemhuman.retargeting.joint_names import BONES, model_joints
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 from riemhuman.retargeting.skeletons import bones, leg_length
 
-# Standard deviation of the lengths of bones about those of a person of the model, in lengths of the
-# leg; of these lengths about the mean, as their unit may be unknown; and the largest coefficient.
-_LENGTH_DEVIATION, _LEG_DEVIATION, _MOST_BETA = 0.01, 0.03, 2.5
-# Lengths by which a person is found; with the trunk.
+# Standard deviation of recorded bones about those of a person of the model, in lengths of the leg.
+_LENGTH_DEVIATION = 0.01
+# Standard deviation of legs about the mean leg, as a share of it: the unit may be unknown.
+_LEG_DEVIATION = 0.03
+# Largest shape coefficient.
+_MOST_BETA = 2.5
+# Lengths by which a person is found, besides that of the trunk.
 _LENGTHS = (*BONES, ("left_shoulder", "right_shoulder"), ("left_hip", "right_hip"))
-# Bones of the model itself are so near to those of one of its people, metres, in one of the units
-# that writers use.
-_OWN_BONES, _OWN_UNITS = 2e-5, (1.0, 0.01, 0.001)
+# A skeleton is one of the model's if its bones are this near to those of one of its people, metres.
+_OWN_BONES = 2e-5
+# Metres in the units that writers use.
+_OWN_UNITS = (1.0, 0.01, 0.001)
 _SMALLEST, _LARGEST = 0.2, 5.0
 # Sizes nearer to 1 than this become 1.
 _SAME_SIZE = 1e-6
@@ -100,10 +104,11 @@ def own_person(recording: SkeletonMotion, model: BodyModel) -> OwnPerson | None:
     )
     for fit in (_fitted_bones, _fitted_scaled_bones):
         for metres in _OWN_UNITS:
-            wanted = metres * offsets.ravel()
-            size, betas = fit(wanted, mean_bones, bone_changes)
-            left = np.abs(size * (mean_bones[:, 0] + bone_changes @ betas) - wanted).max()
-            is_own = max(left, metres * np.abs(moved).max()) < _OWN_BONES
+            recorded_bones = metres * offsets.ravel()
+            size, betas = fit(recorded_bones, mean_bones, bone_changes)
+            fitted_bones = size * (mean_bones[:, 0] + bone_changes @ betas)
+            residual = np.abs(fitted_bones - recorded_bones).max()
+            is_own = max(residual, metres * np.abs(moved).max()) < _OWN_BONES
             if is_own and _SMALLEST < size < _LARGEST:
                 return OwnPerson(betas, size, metres, joints)
     return None
@@ -118,16 +123,17 @@ def model_of_size(model: BodyModel, betas: ndarray, rest: ndarray) -> BodyModel:
 
 
 def _fitted_bones(
-    wanted: ndarray, mean_bones: ndarray, bone_changes: ndarray
+    recorded_bones: ndarray, mean_bones: ndarray, bone_changes: ndarray
 ) -> tuple[float, ndarray]:
-    """Return size 1, and the coefficients with bones nearest to wanted ones."""
-    return 1.0, np.linalg.lstsq(bone_changes, wanted - mean_bones[:, 0], rcond=None)[0]
+    """Return size 1, and the coefficients with bones nearest to the recorded ones."""
+    return 1.0, np.linalg.lstsq(bone_changes, recorded_bones - mean_bones[:, 0], rcond=None)[0]
 
 
 def _fitted_scaled_bones(
-    wanted: ndarray, mean_bones: ndarray, bone_changes: ndarray
+    recorded_bones: ndarray, mean_bones: ndarray, bone_changes: ndarray
 ) -> tuple[float, ndarray]:
-    """Return the size, and the coefficients, with bones nearest to wanted ones."""
-    products = np.linalg.lstsq(np.hstack([mean_bones, bone_changes]), wanted, rcond=None)[0]
+    """Return the size, and the coefficients, with bones nearest to the recorded ones."""
+    columns = np.hstack([mean_bones, bone_changes])
+    products = np.linalg.lstsq(columns, recorded_bones, rcond=None)[0]
     size = float(products[0]) or 1.0
     return size, products[1:] / size

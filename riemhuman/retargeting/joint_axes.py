@@ -1,13 +1,13 @@
 """The axes of recorded joints, found from the positions of joints.
 
-The rotation of a recorded joint is known but for a constant one: files have any axes, and their
-rest poses are T-poses as well as bones that all point one way. Axes are taken from positions alone,
-so that other axes of any joint with the same positions give the same body. In the body's part that
-moves with a joint, the model's axes are the mean over frames of
+The rotation of a recorded joint is known up to a constant rotation: files use any axes, and in
+their rest poses people may stand in a T-pose or all bones may point the same way. Axes are
+therefore taken from positions alone, so that files with the same positions and other axes give the
+same body. In the body part that moves with a joint, the model's axes are the mean over frames of
 
-- pelvis, chest: the line of hips or shoulders and the trunk, most of all while someone stands
-  (a pelvis leans less than a trunk that bends);
-- head, collars, hands: the axes of chest or forearm, as their positions tell no more;
+- pelvis, chest: the line of hips or shoulders and the trunk, above all while the person stands
+  upright (a pelvis leans less than a trunk that bends);
+- head, collars, hands: the axes of chest or forearm, because their positions tell nothing more;
 - limbs: the bone, and the axis in which its knee or elbow bends;
 - feet: a level sole, while they stand still; in the air the axes of the shank.
 """
@@ -58,7 +58,6 @@ class Figure:
     joints: dict[str, int]
     rest: ndarray
     leg: float
-
     frame: ndarray
 
     def bone(self, first: str, second: str) -> ndarray:
@@ -103,13 +102,13 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, ndarray]:
             axes |= _axes_of_foot(source, figure, limb[0].split("_")[0], axes)
         else:
             forearm = source.rotation(limb[1]) @ axes[limb[1]]
-            axes[limb[2]] = mean_axes(source.rotation(limb[2]), forearm, source.kept)
+            axes[limb[2]] = mean_axes(source.rotation(limb[2]), forearm, source.is_valid)
     return axes
 
 
-def mean_axes(rotations: ndarray, wanted: ndarray, weights: ndarray) -> ndarray:
-    """Return the rotation C for which rotations times C are nearest to wanted ones in the mean."""
-    products = transpose(rotations) @ wanted
+def mean_axes(rotations: ndarray, targets: ndarray, weights: ndarray) -> ndarray:
+    """Return the rotation C for which rotations times C are nearest to the targets on average."""
+    products = transpose(rotations) @ targets
     total = np.einsum("n,nij->ij", weights, products) / weights.sum()
     return np.asarray(nearest_rotations(total))
 
@@ -127,7 +126,7 @@ def _upright_weights(source: RecordedSkeleton) -> ndarray:
     for side in SIDES:
         thigh = unit(bone(source.positions, source.joints, f"{side}_hip", f"{side}_knee"))
         straight *= np.clip(-np.sum(thigh * back, axis=1), 0.0, 1.0) ** 2
-    return np.asarray(source.kept * (_BENT_POSTURE + straight))
+    return np.asarray(source.is_valid * (_BENT_POSTURE + straight))
 
 
 def _lowered_arms(source: RecordedSkeleton, side: str) -> ndarray:
@@ -140,10 +139,10 @@ def _lowered_arms(source: RecordedSkeleton, side: str) -> ndarray:
 def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> ndarray:
     """Return the rotations of pelvis or chest in space that positions of joints show."""
     if name == "pelvis":
-        seen = pelvis_frame(source.positions, source.joints)
-        return np.asarray(seen @ pelvis_frame(figure.rest, figure.joints).T)
-    seen = body_frame(source.positions, source.joints, "shoulder")
-    return np.asarray(seen @ body_frame(figure.rest, figure.joints, "shoulder").T)
+        recorded = pelvis_frame(source.positions, source.joints)
+        return np.asarray(recorded @ pelvis_frame(figure.rest, figure.joints).T)
+    recorded = body_frame(source.positions, source.joints, "shoulder")
+    return np.asarray(recorded @ body_frame(figure.rest, figure.joints, "shoulder").T)
 
 
 def _axes_of_limb(
@@ -157,29 +156,30 @@ def _axes_of_limb(
     rotations = [source.rotation(name) for name in limb[:2]]
     # As if the limb had been raised without being rotated about itself.
     raised = turned_towards(above, figure.bone(*limb[:2]), upper) @ hinge
-    upper_hinge = unit(_mean_vector(rotations[0], raised, source.kept))
-    lower_hinge = unit(_mean_vector(rotations[1], rotations[0] @ upper_hinge, source.kept))
+    upper_hinge = unit(_mean_vector(rotations[0], raised, source.is_valid))
+    lower_hinge = unit(_mean_vector(rotations[1], rotations[0] @ upper_hinge, source.is_valid))
     bends = np.cross(upper, lower)
-    seen = [_bending_axis(joint_rotations, bends, source.kept) for joint_rotations in rotations]
-    if seen[0] is not None and seen[1] is not None:
+    upper_bend = _bending_axis(rotations[0], bends, source.is_valid)
+    lower_bend = _bending_axis(rotations[1], bends, source.is_valid)
+    if upper_bend is not None and lower_bend is not None:
         # Where a limb bends little, the axis is that of a crooked limb rather than of its joint.
         trusted = _TRUSTED_LEG if limb[0].endswith("hip") else _TRUSTED_ARM
-        largest = np.linalg.norm(source.kept[:, None] * bends, axis=1).max() ** 4
+        largest = np.linalg.norm(source.is_valid[:, None] * bends, axis=1).max() ** 4
         share = largest / (largest + np.sin(np.radians(trusted)) ** 4)
-        upper_hinge = unit(share * seen[0] + (1.0 - share) * upper_hinge)
-        lower_hinge = unit(share * seen[1] + (1.0 - share) * lower_hinge)
+        upper_hinge = unit(share * upper_bend + (1.0 - share) * upper_hinge)
+        lower_hinge = unit(share * lower_bend + (1.0 - share) * lower_hinge)
     axes = {}
     for pair, rotation, direction, axis in zip(
         (limb[:2], limb[1:]), rotations, (upper, lower), (upper_hinge, lower_hinge), strict=True
     ):
-        local = _mean_vector(rotation, direction, source.kept)
+        local = _mean_vector(rotation, direction, source.is_valid)
         axes[pair[0]] = frame(local, axis) @ frame(figure.bone(*pair), hinge).T
     return axes
 
 
-def _bending_axis(rotations: ndarray, bends: ndarray, kept: ndarray) -> ndarray | None:
+def _bending_axis(rotations: ndarray, bends: ndarray, is_valid: ndarray) -> ndarray | None:
     """Return the axis in which a knee or elbow bends, in the axes of one of its bones."""
-    sines = kept * np.linalg.norm(bends, axis=1)
+    sines = is_valid * np.linalg.norm(bends, axis=1)
     # Squares weight the frames in which the joint bends most.
     mean = _mean_vector(rotations, sines[:, None] * bends)
     if sines.max() < np.sin(np.radians(BENT)) or not mean @ mean > 0.25 * np.mean(sines**2) ** 2:
@@ -212,7 +212,7 @@ def _axes_of_foot(
     up = figure.frame[:, 0]
     shank = source.rotation(knee) @ axes[knee]
     if toes not in source.joints or not has_bone(figure.rest, figure.joints, ankle, toes):
-        weights = flat if flat.any() else source.kept
+        weights = flat if flat.any() else source.is_valid
         level = turned_towards(shank, up, vertical) if flat.any() else shank
         return {ankle: mean_axes(rotations, level, weights)}
     directions = unit(bone(source.positions, source.joints, ankle, toes))
@@ -236,6 +236,6 @@ def _axes_of_foot(
     # point down.
     left = figure.frame[:, 1]
     foot = frame(directions, shank @ left) @ frame(rest, left).T
-    foot_axes = mean_axes(rotations, foot, source.kept)
-    straight = source.kept * (_BENT_POSTURE + horizontal**2)
+    foot_axes = mean_axes(rotations, foot, source.is_valid)
+    straight = source.is_valid * (_BENT_POSTURE + horizontal**2)
     return {ankle: foot_axes, toes: mean_axes(toe_rotations, rotations @ foot_axes, straight)}

@@ -41,28 +41,17 @@ _SIDE_WORDS = {"left": "left", "l": "left", "lft": "left", "lt": "left"}
 _SIDE_WORDS |= {"right": "right", "r": "right", "rgt": "right", "rt": "right"}
 # Meaningless additions of programs to names of joints.
 _ADDED_WORDS = frozenset(
-    ("jnt", "joint", "jt", "j", "bone", "bn", "b", "bind", "skin", "skel", "sk", "node", "model")
-    + (
-        "def",
-        "deform",
-        "fk",
-        "rig",
-        "bend",
-        "rot",
-        "x",
-        "y",
-        "z",
-        "m",
-        "c",
-        "main",
-        "model",
+    (
+        *("jnt", "joint", "jt", "j", "bone", "bn", "b", "bind", "skin", "skel", "sk", "node"),
+        *("def", "deform", "fk", "rig", "bend", "rot", "x", "y", "z", "m", "c", "main", "model"),
         "mesh",
     )
 )
-LIMBS = tuple(
-    tuple(f"{side}_{part}" for part in parts)
-    for parts in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
-    for side in SIDES
+LIMBS = (
+    ("left_hip", "left_knee", "left_ankle"),
+    ("right_hip", "right_knee", "right_ankle"),
+    ("left_shoulder", "left_elbow", "left_wrist"),
+    ("right_shoulder", "right_elbow", "right_wrist"),
 )
 BONES = tuple((first, second) for limb in LIMBS for first, second in pairwise(limb))
 _MOST_NAMES = 40
@@ -76,16 +65,17 @@ def find_joints(
 ) -> dict[str, int]:
     """Return the numbers of a skeleton's joints by their names in the open model.
 
-    Where names do not tell, and positions (n_frames, J, 3) are known, the tree does, with a
-    warning.
+    If names do not identify the joints, and positions (n_frames, J, 3) are given, the shape of the
+    tree does, with a warning.
     """
-    told = _told_joints(names, table or {})
-    joints = named = _named_joints(names, parents, told)
+    assigned = _assigned_joints(names, table or {})
+    named = _named_joints(names, parents, assigned)
+    joints = named
     problem = _problem(names, parents, joints)
     if problem and positions is not None:
         inferred = joints_by_tree(parents, positions)
-        if inferred and not _problem(names, parents, inferred | told):
-            joints = inferred | told
+        if inferred and not _problem(names, parents, inferred | assigned):
+            joints = inferred | assigned
             pairs = ", ".join(f"{role}={names[joint]!r}" for role, joint in inferred.items())
             missing = [role for limb in LIMBS for role in limb if role not in named]
             reason = f"names of joints do not identify {', '.join(missing)}" if missing else problem
@@ -105,35 +95,40 @@ def model_joints(model: BodyModel) -> dict[str, int]:
     return find_joints(usual_joint_names(model), model.parents)
 
 
-def _told_joints(names: Sequence[str], table: Mapping[str, str]) -> dict[str, int]:
-    told: dict[str, int] = {}
+def _assigned_joints(names: Sequence[str], table: Mapping[str, str]) -> dict[str, int]:
+    """Return the joints that the user named."""
+    assigned: dict[str, int] = {}
     for role, name in table.items():
         if name not in names:
-            known = join_names(names, _MOST_NAMES)
-            raise ArgumentError(f"joints[{role!r}] must be one of {known}; found {name!r}")
-        told[role] = list(names).index(name)
-    return told
+            listed = join_names(names, _MOST_NAMES)
+            raise ArgumentError(f"joints[{role!r}] must be one of {listed}; found {name!r}")
+        assigned[role] = list(names).index(name)
+    return assigned
 
 
 def _named_joints(
-    names: Sequence[str], parents: ndarray, told: Mapping[str, int]
+    names: Sequence[str], parents: ndarray, assigned: Mapping[str, int]
 ) -> dict[str, int]:
     """Return the joints given by the user, and those found by name."""
-    joints = dict(told)
+    joints = dict(assigned)
     depths = [len(joints_to_root(parents, joint)) for joint in range(len(names))]
-    read = [_read_name(name) for name in names]
-    sides = [(f"{side}_", side, _SIDED_NAMES) for side in SIDES] + [("", "", _OTHER_NAMES)]
-    for prefix, side, parts in sides:
-        for part, spellings in parts.items():
-            # Of a collar in two parts, the lower one carries the rotations of both.
-            order = -1 if part == "collar" else 1
-            candidates = [
-                (spellings.index(name), is_shortened, order * depths[joint], joint)
-                for joint, (own_side, name, is_shortened) in enumerate(read)
-                if own_side == side and name in spellings and joint not in joints.values()
-            ]
-            if candidates and prefix + part not in joints:
-                joints[prefix + part] = min(candidates)[3]
+    readings = [_read_name(name) for name in names]
+    parts = [(side, part) for side in SIDES for part in _SIDED_NAMES]
+    parts += [("", part) for part in _OTHER_NAMES]
+    for side, part in parts:
+        spellings = _SIDED_NAMES[part] if side else _OTHER_NAMES[part]
+        role = f"{side}_{part}" if side else part
+        # Of a collar in two parts, the lower one carries the rotations of both.
+        order = -1 if part == "collar" else 1
+        # The best candidate is the first by the rank of its spelling, then by an unshortened name,
+        # then by its depth in the tree.
+        candidates = [
+            (spellings.index(name), is_shortened, order * depths[joint], joint)
+            for joint, (name_side, name, is_shortened) in enumerate(readings)
+            if name_side == side and name in spellings and joint not in joints.values()
+        ]
+        if candidates and role not in joints:
+            _, _, _, joints[role] = min(candidates)
     for side in SIDES:
         # Hands and toes may have other names, or be end sites.
         for role, above in ((f"{side}_wrist", f"{side}_elbow"), (f"{side}_toes", f"{side}_ankle")):
@@ -168,11 +163,12 @@ def _problem(names: Sequence[str], parents: ndarray, joints: Mapping[str, int]) 
                 f"{upper!r}"
             )
     branchings = _branchings(parents, joints)
-    if min(branchings.values()) < 0 or not set(joints_to_root(parents, branchings["pelvis"])) & set(
-        joints_to_root(parents, branchings["chest"])
-    ):
-        return "joints: hips and shoulders must be in one tree of joints"
-    return ""
+    if min(branchings.values()) >= 0:
+        above_pelvis = joints_to_root(parents, branchings["pelvis"])
+        above_chest = joints_to_root(parents, branchings["chest"])
+        if set(above_pelvis) & set(above_chest):
+            return ""
+    return "joints: hips and shoulders must be in one tree of joints"
 
 
 def _branchings(parents: ndarray, joints: Mapping[str, int]) -> dict[str, int]:
@@ -187,20 +183,30 @@ def _branchings(parents: ndarray, joints: Mapping[str, int]) -> dict[str, int]:
 def _read_name(name: str) -> tuple[str, str, bool]:
     """Return the side and the part that the name of a joint says, and whether it was shortened.
 
-    Texts are empty where it says none.
+    Texts are empty if it says none.
     """
     name = name.rpartition(":")[2]  # before the colon is the name of the person
+    # Words begin with a capital or after anything that is no letter; "LUpArm" has three.
     words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
     side = next((_SIDE_WORDS[word] for word in words if word in _SIDE_WORDS), "")
     words = [word for word in words if word not in _SIDE_WORDS]
-    kept = [word for word in words if word not in _ADDED_WORDS]
-    # Other words before, such as the name of the person, do not matter; words after do.
-    for chosen, is_shortened in ((words, False), (kept, True)):
-        for text in ("".join(chosen[first:]) for first in range(len(chosen))):
-            if text in _PARTS:
-                return side, text, is_shortened
-            for word, side_of_word in _SIDE_WORDS.items():
-                for shorter in (text.removeprefix(word), text.removesuffix(word)):
-                    if not side and shorter != text and shorter in _PARTS:
-                        return side_of_word, shorter, is_shortened
+    shortened = [word for word in words if word not in _ADDED_WORDS]
+    for is_shortened, candidate in ((False, words), (True, shortened)):
+        # Other words before, such as the name of the person, do not matter; words after do.
+        for first in range(len(candidate)):
+            text_side, part = _read_part("".join(candidate[first:]), side)
+            if part:
+                return text_side, part, is_shortened
     return side, "", False
+
+
+def _read_part(text: str, side: str) -> tuple[str, str]:
+    """Return the side and the part that a text names, where the side may be part of a word."""
+    if text in _PARTS:
+        return side, text
+    if not side:
+        for word, side_of_word in _SIDE_WORDS.items():
+            for shorter in (text.removeprefix(word), text.removesuffix(word)):
+                if shorter != text and shorter in _PARTS:
+                    return side_of_word, shorter
+    return side, ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,9 +27,9 @@ from riemhuman.retargeting.skeletons import body_frame, bone, bones, middle, tru
 # Lines across the body that are compared with the recorded ones, besides bones.
 _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
 _NECK = ("neck", "head")
-_PARTS = ("pelvis", "chest", "head")
-# Means over the frames above which a warning is issued, degrees and metres.
-_MOST_DEGREES, _MOST_METRES = 15.0, 0.07
+# Means over the frames above which a warning is issued.
+_MOST_DEGREES = 15.0
+_MOST_METRES = 0.07
 # Coefficients of the same person, estimated twice, differ by less than this.
 _SAME_BETAS = 1e-5
 # Mean cosine of feet to the front of the body that says that they point backward.
@@ -94,9 +95,11 @@ def perform(
     person = own_person(recording, model) if up in (None, "y") else None
     if person is not None and np.allclose(person.betas, betas, rtol=0.0, atol=_SAME_BETAS):
         source = read_skeleton(recording, joints, "y")
-        chosen = recording.global_rotations[:, person.joints]
-        positions = person.metres * recording.positions[:, person.joints]
-        performance, scale = Performance(chosen, positions), person.metres
+        scale = person.metres
+        performance = Performance(
+            recording.global_rotations[:, person.joints],
+            scale * recording.positions[:, person.joints],
+        )
     else:
         source = read_skeleton(recording, joints, up)
         scale = figure.leg / source.leg
@@ -104,7 +107,8 @@ def perform(
     errors = _errors(source, figure, performance, scale)
     misplaced = _misplaced(source, figure, performance)
     _warn_of_errors(recording.name, source, errors, misplaced)
-    return Performed(*_model_parameters(figure, performance), errors)
+    poses, translations = _model_parameters(figure, performance)
+    return Performed(poses, translations, errors)
 
 
 def _model_parameters(figure: Figure, performance: Performance) -> tuple[ndarray, ndarray]:
@@ -122,17 +126,19 @@ def _errors(
 ) -> RetargetingErrors:
     """Return directions, positions and rotations beside those recorded."""
     pairs = (*BONES, *_LINES)
-    if all({*_NECK} <= skeleton.joints.keys() for skeleton in (source, figure)):
+    if set(_NECK) <= source.joints.keys() & figure.joints.keys():
         pairs = (*pairs, _NECK)
     names = tuple(name for limb in LIMBS for name in limb)
-    made, made_places = _bones_and_places(performance.positions, figure.joints, pairs, names)
-    shown, shown_places = _bones_and_places(source.positions, source.joints, pairs, names)
-    sines = np.linalg.norm(np.cross(made, shown), axis=-1)
-    angles = np.degrees(np.arctan2(sines, np.sum(made * shown, axis=-1)))
+    performed, performed_places = _bones_and_places(
+        performance.positions, figure.joints, pairs, names
+    )
+    recorded, recorded_places = _bones_and_places(source.positions, source.joints, pairs, names)
+    sines = np.linalg.norm(np.cross(performed, recorded), axis=-1)
+    angles = np.degrees(np.arctan2(sines, np.sum(performed * recorded, axis=-1)))
     # The trunk is the last of `bones`, and comes after the limbs in the errors.
     order = [*range(len(BONES)), len(pairs), *range(len(BONES), len(pairs))]
     labels = (*BONES, ("hips", "shoulders"), *pairs[len(BONES) :])
-    apart = np.linalg.norm(made_places - scale * shown_places, axis=-1)
+    apart = np.linalg.norm(performed_places - scale * recorded_places, axis=-1)
     parts, rotations = _part_errors(source, figure, performance)
     return RetargetingErrors(labels, angles[:, order], names, apart, parts, rotations, scale)
 
@@ -154,14 +160,16 @@ def _part_errors(
     """Return the parts of the trunk, and the angles of their rotations to the recorded ones."""
     angles = []
     for line in ("hip", "shoulder"):
-        made = body_frame(performance.positions, figure.joints, line)
-        angles.append(_angles(made, body_frame(source.positions, source.joints, line)))
-    if not all("head" in joints for joints in (source.joints, figure.joints)):
-        return _PARTS[:2], np.stack(angles, axis=1)
-    made = performance.rotations[:, figure.joints["head"]]
-    shown = source.rotation("head")
-    axes = mean_axes(shown, made, source.kept)
-    return _PARTS, np.stack([*angles, _angles(made, shown @ axes)], axis=1)
+        performed = body_frame(performance.positions, figure.joints, line)
+        recorded = body_frame(source.positions, source.joints, line)
+        angles.append(_angles(performed, recorded))
+    if "head" not in source.joints or "head" not in figure.joints:
+        return ("pelvis", "chest"), np.stack(angles, axis=1)
+    performed = performance.rotations[:, figure.joints["head"]]
+    recorded = source.rotation("head")
+    axes = mean_axes(recorded, performed, source.is_valid)
+    angles.append(_angles(performed, recorded @ axes))
+    return ("pelvis", "chest", "head"), np.stack(angles, axis=1)
 
 
 def _angles(first: ndarray, second: ndarray) -> ndarray:
@@ -181,12 +189,11 @@ def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performanc
         sign = 0.5 if side == "left" else -0.5
         line = unit(bone(source.positions, source.joints, f"right_{part}", f"left_{part}"))
         width = np.linalg.norm(figure.bone(f"right_{part}", f"left_{part}"))
-        place = (hips if part == "hip" else shoulders) + sign * width * line
-        for pair in ((), limb[:2], limb[1:]):
-            if pair:
-                direction = unit(bone(source.positions, source.joints, *pair))
-                place = place + np.linalg.norm(figure.bone(*pair)) * direction
-            name = pair[1] if pair else limb[0]
+        places = [(hips if part == "hip" else shoulders) + sign * width * line]
+        for upper, lower in pairwise(limb):
+            direction = unit(bone(source.positions, source.joints, upper, lower))
+            places.append(places[-1] + np.linalg.norm(figure.bone(upper, lower)) * direction)
+        for name, place in zip(limb, places, strict=True):
             apart = performance.positions[:, joints[name]] - place
             distances.append(np.linalg.norm(apart, axis=1))
     return np.stack(distances, axis=1)

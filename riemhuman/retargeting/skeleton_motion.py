@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -77,13 +76,14 @@ class SkeletonMotion(Record):
         return positions
 
 
-def nearest_frames(n_frames: int, recorded: float, wanted: Any) -> np.ndarray:
+def nearest_frames(n_frames: int, recorded_rate: float, frames_per_second: float) -> np.ndarray:
     """Return the frames nearest in time to those at a lower frame rate."""
-    rate = real_number(wanted, "frames_per_second", minimum=0.0, strict=True)
-    if rate > recorded * (1.0 + 1e-6):
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    if rate > recorded_rate * (1.0 + 1e-6):
         raise ArgumentError(
-            f"frames_per_second must be at most that of the recording, {recorded:g}; found {rate:g}"
+            "frames_per_second must be at most that of the recording, "
+            f"{recorded_rate:g}; found {rate:g}"
         )
-    wanted_frames = int((n_frames - 1) * rate / recorded + 1e-9) + 1
-    numbers = np.rint(np.arange(wanted_frames) * (recorded / rate)).astype(np.int64)
+    count = int((n_frames - 1) * rate / recorded_rate + 1e-9) + 1
+    numbers = np.rint(np.arange(count) * (recorded_rate / rate)).astype(np.int64)
     return np.minimum(numbers, n_frames - 1)

@@ -16,17 +16,18 @@ from riemhuman.surfaces.procrustes import make_upright
 
 # All models of SMPL's family begin with the joints of its body.
 N_BODY = len(SMPL_JOINTS)
-_FACE, N_HANDS = 3, 30
-# Where these are from their parents in SMPL's rest pose, of about the mean person, centimetres.
+_FACE = 3
+N_HANDS = 30
+# Offsets from the parents in SMPL's rest pose, of about the mean person, centimetres.
 _BODY_OFFSETS = (
     *((0, -22, 3), (7, -9, -1), (-7, -9, -1), (0, 11, -3), (3, -38, 0), (-3, -38, 0), (0, 14, 0)),
     *((-1, -40, -4), (1, -40, -4), (0, 5, 3), (3, -6, 12), (-3, -6, 12), (0, 21, -4), (8, 12, -4)),
     *((-8, 12, -4), (0, 7, 5), (9, 3, -1), (-9, 3, -1), (26, -1, -3), (-26, -1, -3), (25, 1, 0)),
     (-25, 1, 0),
 )
-# Feet slower than this, metres a second, stand still where the length of the legs is found.
+# To find the length of the legs, feet slower than this count as standing, metres per second.
 _STANDING = 0.4
-# Frames by which the axis that points up is found.
+# Number of frames from which the axis that points up is found.
 _FRAMES_OF_FLOOR = 300
 LAYOUTS = {
     N_BODY: ("body",),
@@ -75,14 +76,17 @@ def smpl_offsets() -> np.ndarray:
 
 
 def smpl_root() -> np.ndarray:
-    """Return the root in SMPL's rest pose of about the mean person: translations do not have it."""
+    """Return the root in SMPL's rest pose of about the mean person, which translations omit."""
     return 0.01 * np.array(_BODY_OFFSETS[0], dtype=np.float64)
 
 
 def smpl_skeleton(
     poses: np.ndarray, translations: np.ndarray, rate: float, name: str, up: str
 ) -> SkeletonMotion:
-    """Return the joints of SMPL's body in poses (T, joints, 3), with legs as long as they walk."""
+    """Return the joints of SMPL's body in poses (T, joints, 3).
+
+    The legs have the length with which standing feet slide least.
+    """
     n_frames = len(poses)
     rotations = Rotation.from_rotvec(poses[:, :N_BODY].reshape(-1, 3)).as_matrix()
     offsets = smpl_offsets()
@@ -112,7 +116,7 @@ def _leg_scale(motion: SkeletonMotion, up: str) -> float:
     scale = 1.0
     if len(motion) < 2:
         return scale
-    level = ["xyz".index(axis) for axis in "xyz" if axis != up.removeprefix("-")]
+    level = [number for number, axis in enumerate("xyz") if axis != up.removeprefix("-")]
     toes = [SMPL_JOINTS.index("left_toes"), SMPL_JOINTS.index("right_toes")]
     root = motion.positions[:, :1]
     swings = np.diff(motion.positions[:, toes] - root, axis=0)[..., level]

@@ -34,9 +34,9 @@ def metres_in(unit: Any) -> float:
     if isinstance(unit, str):
         name = _SPELLINGS.get(unit.strip().lower())
         if name is None:
-            known = ", ".join(f"{unit_name!r}" for unit_name in _UNITS)
+            names = ", ".join(map(repr, _UNITS))
             raise ArgumentError(
-                f"unit must be one of {known}, or the metres in one; found {unit!r}"
+                f"unit must be one of {names}, or the metres in one; found {unit!r}"
             )
         return _UNITS[name][0]
     return real_number(unit, "unit", minimum=0.0, strict=True)

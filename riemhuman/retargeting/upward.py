@@ -1,8 +1,8 @@
 """Which axis of a recording points up, by evidence that may contradict itself.
 
-People mostly stand along it, the floor is at height 0, a rest pose often stands along it, and most
-programs have one convention. Someone who lies on the floor or on a bed, on his or her hands or in
-a file that was converted, contradicts one of them: then the convention counts, and the floor.
+People mostly stand along it, the floor is at height 0, the rest pose often stands along it, and most
+programs follow one convention. Someone who lies on the floor or on a bed, someone who stands on
+their hands, or a converted file contradicts one of these: then the convention and the floor decide.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -17,8 +18,11 @@ from numpy import ndarray
 from riemhuman.kernels.surface import unit_vectors as unit
 
 _AXES = {"x": (0, 1), "y": (1, 1), "z": (2, 1), "-x": (0, -1), "-y": (1, -1), "-z": (2, -1)}
-# Evidence for an axis, in one arbitrary unit; the rest follows from the cases in the tests.
-_STANDS, _FLOOR_AT_ZERO, _BED, _AT_REST = 2.0, 2.5, 1.6, 1.0
+# Evidence for an axis, in an arbitrary unit; the numbers were chosen on the cases in the tests.
+_STANDS = 2.0
+_FLOOR_AT_ZERO = 2.5
+_BED = 1.6
+_AT_REST = 1.0
 # Evidence against an axis that hardly anything uses.
 _RARE = 3.0
 # With this much evidence of a floor along the usual axis, another axis is in doubt.
@@ -27,9 +31,11 @@ _DOUBTFUL_FLOOR = 1.2
 _SOME_FLOOR = 0.5
 # The body is upright along an axis if shoulders are above feet by this cosine.
 _UPRIGHT = 0.8
-# The floor is at height 0 within, beds are at most so high, and tables where the body is at rest,
-# lengths of the leg.
-_NEAR_ZERO, _HIGHEST_BED, _HIGHEST_TABLE = 0.15, 0.8, 1.4
+# Heights in lengths of the leg: a floor is this near to 0, and beds, and tables on which a body is at
+# rest, are at most this high.
+_NEAR_ZERO = 0.15
+_HIGHEST_BED = 0.8
+_HIGHEST_TABLE = 1.4
 # In fewer frames than this, moving bodies may be near a floor by chance.
 _ENOUGH_FRAMES = 30
 # A body is supported in a frame if its lowest joint is so near to the floor, lengths of the leg.
@@ -76,34 +82,62 @@ def upward_axis(
     rest_direction : array, shape (3,), optional
         From the ankles to the shoulders in the rest pose, where that may say something.
     """
-    usual, evidence, seen, supported = convention.axis, {}, {}, {}
-    floors, rests = {}, {}
-    for axis, (number, sign) in _AXES.items():
-        lowest = (sign * positions[..., number]).min(axis=1) / leg
-        floor = float(np.percentile(lowest, 1.0))
-        supported[axis] = float(np.mean(lowest < floor + _SUPPORTED))
-        if convention.move:
-            supported[axis] *= min(1.0, len(lowest) / _ENOUGH_FRAMES)
-        floors[axis] = _floor_evidence(floor, supported[axis], convention)
-        stands = float(np.mean(sign * unit(directions)[:, number] > _UPRIGHT))
-        if convention.move:
-            stands *= supported[axis]
-        rests[axis] = rest_direction is not None and bool(
-            sign * unit(rest_direction)[number] > _UPRIGHT
+    evidence = {
+        axis: _evidence_for(
+            sign * positions[..., number] / leg,
+            sign * unit(directions)[:, number],
+            None if rest_direction is None else sign * unit(rest_direction)[number],
+            convention,
         )
-        seen[axis] = _STANDS * stands + floors[axis]
+        for axis, (number, sign) in _AXES.items()
+    }
+    usual = convention.axis
+    totals = {}
+    for axis, evidence_for_axis in evidence.items():
         against = 0.0 if axis == usual else convention.against.get(axis, _RARE)
-        evidence[axis] = seen[axis] + _AT_REST * rests[axis] - against
-    chosen = max(evidence, key=lambda axis: evidence[axis])
-    likely = max(seen, key=lambda axis: seen[axis])
+        totals[axis] = evidence_for_axis.motion + _AT_REST * evidence_for_axis.is_rest - against
+    chosen = max(totals, key=lambda axis: totals[axis])
+    likely = max(evidence, key=lambda axis: evidence[axis].motion)
     if likely != chosen:
-        # Rest pose and floor agree about someone who hardly moves: the person is lying there.
-        is_sure = rests[chosen] and floors[chosen] >= _FLOOR_AT_ZERO and supported[chosen] > 0.5
-        is_sure |= convention.move and floors[likely] < _SOME_FLOOR
+        # If rest pose and floor agree, the person hardly moves and is lying there.
+        of_chosen = evidence[chosen]
+        is_lying = of_chosen.is_rest and of_chosen.floor >= _FLOOR_AT_ZERO
+        is_sure = is_lying and of_chosen.supported > 0.5
+        if convention.move and evidence[likely].floor < _SOME_FLOOR:
+            is_sure = True
         return chosen, "" if is_sure else likely
     # For people who stand along the opposite axis, the lowest place is the head, not a floor.
-    is_doubtful = chosen not in (usual, f"-{usual}") and floors[usual] > _DOUBTFUL_FLOOR
+    is_doubtful = chosen not in (usual, f"-{usual}") and evidence[usual].floor > _DOUBTFUL_FLOOR
     return chosen, usual if is_doubtful else ""
+
+
+class _Evidence(NamedTuple):
+    """What speaks for an axis."""
+
+    supported: float  # share of frames in which the body is near the floor
+    floor: float
+    motion: float  # evidence of the floor and of standing
+    is_rest: bool  # whether the rest pose stands along the axis
+
+
+def _evidence_for(
+    heights: ndarray, cosines: ndarray, rest_cosine: float | None, convention: Convention
+) -> _Evidence:
+    """Return the evidence for an axis, from coordinates along it.
+
+    Heights (n_frames, J) are those of joints in lengths of the leg, and cosines (n_frames,) those of
+    the angles between the axis and the direction from ankles to shoulders.
+    """
+    lowest = heights.min(axis=1)
+    floor = float(np.percentile(lowest, 1.0))
+    supported = float(np.mean(lowest < floor + _SUPPORTED))
+    stands = float(np.mean(cosines > _UPRIGHT))
+    if convention.move:
+        supported *= min(1.0, len(lowest) / _ENOUGH_FRAMES)
+        stands *= supported
+    floor_evidence = _floor_evidence(floor, supported, convention)
+    is_rest = rest_cosine is not None and bool(rest_cosine > _UPRIGHT)
+    return _Evidence(supported, floor_evidence, _STANDS * stands + floor_evidence, is_rest)
 
 
 def warn_of_doubt(name: str, axes: tuple[str, str]) -> None:
@@ -136,9 +170,6 @@ def rest_directions(parents: ndarray, offsets: ndarray, joints: Mapping[str, int
     for joint, parent in enumerate(parents):
         if parent >= 0:
             rest[joint] += rest[parent]
-    sides = ("left", "right")
-    shoulders, ankles = (
-        np.mean([rest[joints[f"{side}_{part}"]] for side in sides], axis=0)
-        for part in ("shoulder", "ankle")
-    )
-    return np.asarray(shoulders - ankles)
+    shoulders = rest[joints["left_shoulder"]] + rest[joints["right_shoulder"]]
+    ankles = rest[joints["left_ankle"]] + rest[joints["right_ankle"]]
+    return np.asarray(0.5 * (shoulders - ankles))
