@@ -121,54 +121,72 @@ class Mesh:
     def _triangles_between(
         self, start: SurfacePoint, end: SurfacePoint, ends: tuple[AroundPoint, AroundPoint]
     ) -> ndarray:
-        of_ends = ends[0][0], ends[1][0]
-        common = np.intersect1d(*of_ends)
+        (of_start, _), (of_end, _) = ends
+        common = np.intersect1d(of_start, of_end)
         if len(common):
             return common[:1]
         points, faces, inside, ways = self._points
-        places = [weights @ self.vertices[self.faces[face]] for face, weights in (start, end)]
-        to_ends = [np.linalg.norm(points - place, axis=1) for place in places]
-        parts = [ways]
-        for k in range(2):
-            near = np.unique(inside[of_ends[k]].indices)
-            parts.append((to_ends[k][near], near, np.full(len(near), len(points) + k)))
-        lengths, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
-        graph = sparse.csr_array((lengths, (rows, columns)), shape=(len(points) + 2,) * 2)
-        _, before = dijkstra(graph, False, len(points), return_predecessors=True)
-        passed: list[int] = []
-        step, there = before[-1], of_ends[1]
-        while step >= 0:
-            here = faces[step] if step < len(points) else of_ends[0]
-            passed.insert(0, np.intersect1d(here, there)[0])
-            step, there = before[step], here
-        if not passed:
+        # The two ends become nodes after those of the points.
+        n_points = len(points)
+        lengths, rows, columns = ([array] for array in ways)
+        for number, (point, around) in enumerate(((start, of_start), (end, of_end))):
+            face, weights = point
+            near = np.unique(inside[around].indices)
+            place = weights @ self.vertices[self.faces[face]]
+            lengths.append(np.linalg.norm(points[near] - place, axis=1))
+            rows.append(near)
+            columns.append(np.full(len(near), n_points + number))
+        entries = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
+        graph = sparse.csr_array(entries, shape=(n_points + 2, n_points + 2))
+        _, before = dijkstra(graph, directed=False, indices=n_points, return_predecessors=True)
+        # Back from the end: two points that follow each other are in one triangle.
+        strip_from_end: list[int] = []
+        node, there = before[-1], of_end
+        while node >= 0:
+            here = faces[node] if node < n_points else of_start
+            strip_from_end.append(np.intersect1d(here, there)[0])
+            node, there = before[node], here
+        if not strip_from_end:
             raise ArgumentError(
                 "a path along the surface must begin and end on one connected component"
             )
-        strip = np.array(passed)
+        strip = np.array(strip_from_end[::-1])
         return strip[np.append(True, np.diff(strip) != 0)]
 
 
 def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Lines:
     """Return the geodesics from start to end on surfaces: their ends and crossings with edges."""
-    (strip, ends), most = mesh.strip(start, end), len(mesh.faces) + 1
-    # Strip, edges, bends, places of edges, and crossings: of the best path and of the one tried.
-    arrays = np.empty((2, most), np.int64), *np.empty((2, 2, most, 2), np.int64)
-    paths = *arrays, np.empty((2, 2, most), np.complex128), np.empty((2, most))
-    few = np.empty(2, np.int64), np.empty(3, np.complex128)
+    strip, ends = mesh.strip(start, end)
+    most = len(mesh.faces) + 1
+    # Buffers for two paths: the best one, and the one that is tried.
+    strips = np.empty((2, most), np.int64)
+    edges = np.empty((2, most, 2), np.int64)
+    bends = np.empty((2, most, 2), np.int64)
+    sides = np.empty((2, 2, most), np.complex128)
+    places = np.empty((2, most))
+    paths = strips, edges, bends, sides, places
+    funnel = np.empty(2, np.int64), np.empty(3, np.complex128)
+    adjacency = mesh.faces, mesh.neighbours
     corners = mesh.faces[[start[0], end[0]]]
-    crossings = []
+    vertices_of_lines: list[ndarray] = []
+    weights_of_lines: list[ndarray] = []
     for f in np.require(values_of(surfaces), np.float64, ["C", "W"]):
-        paths[0][0, : len(strip)] = strip
-        buffer, n = _straighten(f, (mesh.faces, mesh.neighbours), ends, len(strip), paths, few)
-        edges, t = paths[1][buffer, : max(n, 0)], paths[4][buffer, : max(n, 0), np.newaxis]
-        crossed = np.concatenate([corners[:1], np.append(edges, edges[:, :1], axis=1), corners[1:]])
+        strips[0, : len(strip)] = strip
+        path, n = _straighten(f, adjacency, ends, len(strip), paths, funnel)
+        if n < 0:
+            vertices_of_lines.append(np.empty((0, 3), np.int64))
+            weights_of_lines.append(np.empty((0, 3)))
+            continue
+        # A crossing is on an edge, whose first vertex fills the place of a third one.
+        crossed = np.append(edges[path, :n], edges[path, :n, :1], axis=1)
+        t = places[path, :n, np.newaxis]
         inner = np.concatenate([1.0 - t, t, np.zeros_like(t)], axis=1)
-        weights = np.concatenate([start[1][np.newaxis], inner, end[1][np.newaxis]])
-        crossings.append((crossed, weights) if n >= 0 else (corners[:0], weights[:0]))
-    vertices, weights = (np.concatenate(parts) for parts in zip(*crossings, strict=True))
-    counts = np.array([len(part) for part, _ in crossings])
-    bodies = np.repeat(np.arange(len(crossings)), counts)
+        vertices_of_lines.append(np.concatenate([corners[:1], crossed, corners[1:]]))
+        weights_of_lines.append(np.concatenate([start[1][np.newaxis], inner, end[1][np.newaxis]]))
+    vertices = np.concatenate(vertices_of_lines)
+    weights = np.concatenate(weights_of_lines)
+    counts = np.array([len(line) for line in vertices_of_lines])
+    bodies = np.repeat(np.arange(len(counts)), counts)
     points = weighted_vertices(surfaces, bodies[:, None], vertices, weights)
 
     def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
@@ -185,22 +203,29 @@ def _straighten(
     ends: tuple[AroundPoint, AroundPoint],
     size: int,
     paths: Path,
-    few: Funnel,
+    funnel: Funnel,
 ) -> tuple[int, int]:
-    """Shorten the path in a strip until no rerouting helps; return its number and its crossings."""
+    """Shorten the path in a strip until no rerouting helps.
+
+    Return which of the two paths is the best one, and how many edges it crosses; -1 if none is.
+    """
     strips, edges, bends, sides, places = paths
     trial = strips[0], edges[0], bends[0], sides[0], places[0]
     best = strips[1], edges[1], bends[1], sides[1], places[1]
-    which, length, best_size, number, n_bends = 1, np.inf, 0, 0, 0
+    which = 1  # of the buffers holds the best path
+    length = np.inf
+    best_size, number, n_bends = 0, 0, 0
     while size > 0:  # ends: no strip comes twice
         size = _trim(trial[0], size, ends)
-        if _unfold(f, mesh, ends, trial, size, few[1]):
-            count = _funnel(trial, size, few)
+        if _unfold(f, mesh, ends, trial, size, funnel[1]):
+            count = _funnel(trial, size, funnel)
             moved = _cross_edges(trial, size, count)
             # Change the strip only if that gains more than rounding.
             if moved < length * (1.0 - _GAIN):
-                which, trial, best = 1 - which, best, trial
-                length, best_size, number, n_bends = moved, size, 0, count
+                which = 1 - which
+                trial, best = best, trial
+                length = moved
+                best_size, number, n_bends = size, 0, count
         size = 0
         while size == 0 and number < n_bends:
             edge, bend_side = bends[which, number, 0] - 1, bends[which, number, 1]
@@ -212,9 +237,9 @@ def _straighten(
 
 
 @compiled
-def _index_of(numbers: ndarray, wanted: int) -> int:
+def _index_of(numbers: ndarray, number: int) -> int:
     for k in range(len(numbers)):
-        if numbers[k] == wanted:
+        if numbers[k] == number:
             return k
     return -1
 
@@ -259,15 +284,13 @@ def _unfold(
     for step in range(size):
         face = strip[step]
         if step == 0:
-            p, q, corner, right, left = faces[face, 1], faces[face, 0], 0, 0.0j, 0.0j
+            p, q = faces[face, 1], faces[face, 0]
+            corner = 0
+            right = 0.0j
             left = complex(math.sqrt(_product(f, p, q, q)), 0.0)
         else:
-            p, q, right, left = (
-                edges[step - 1, 0],
-                edges[step - 1, 1],
-                sides[0, step],
-                sides[1, step],
-            )
+            p, q = edges[step - 1, 0], edges[step - 1, 1]
+            right, left = sides[0, step], sides[1, step]
             corner = _index_of(faces[face], q)
             if corner < 0 or faces[face, (corner + 1) % 3] != p:
                 return False
@@ -301,15 +324,20 @@ def _unfold(
 
 
 @compiled
-def _funnel(path: Path, size: int, few: Funnel) -> int:
+def _funnel(path: Path, size: int, funnel: Funnel) -> int:
     """Find the bends of the shortest path, with its end, and their sides; return how many."""
-    (_, _, bends, sides, _), (limits, views) = path, few
-    count, apex, place, k = 0, 0, sides[0, 0], 1
+    _, _, bends, sides, _ = path
+    limits, views = funnel
+    count, apex, k = 0, 0, 1
+    place = sides[0, 0]
     # The limits of the view from the last bend, to the right and to the left.
-    limits[0], limits[1], views[0], views[1] = apex, apex, place, place
+    limits[:] = apex
+    views[:2] = place
     while k <= size:
         for near in range(2):
-            far, point, turn = 1 - near, sides[near, k], 1.0 - 2.0 * near
+            far = 1 - near
+            point = sides[near, k]
+            turn = 1.0 - 2.0 * near  # 1 on the right, -1 on the left
             if turn * side(place, views[near], point) < 0.0:
                 continue
             if limits[near] == apex or turn * side(place, views[far], point) < 0.0:
@@ -317,8 +345,10 @@ def _funnel(path: Path, size: int, few: Funnel) -> int:
                 continue
             apex, place = limits[far], views[far]
             bends[count, 0], bends[count, 1] = apex, far
-            count, k = count + 1, apex
-            limits[0], limits[1], views[0], views[1] = apex, apex, place, place
+            count += 1
+            k = apex
+            limits[:] = apex
+            views[:2] = place
             break
         k += 1
     bends[count, 0], bends[count, 1] = size, 0
@@ -329,7 +359,9 @@ def _funnel(path: Path, size: int, few: Funnel) -> int:
 def _cross_edges(path: Path, size: int, n_bends: int) -> float:
     """Find where the path crosses edges, from 0 (right) to 1 (left); return its length."""
     _, _, bends, sides, places = path
-    length, k, here = 0.0, 1, sides[0, 0]
+    length = 0.0
+    k = 1
+    here = sides[0, 0]
     for number in range(n_bends):
         last, near = bends[number, 0], bends[number, 1]
         goal = sides[near, last]
@@ -346,7 +378,9 @@ def _cross_edges(path: Path, size: int, n_bends: int) -> float:
 @compiled
 def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new: ndarray) -> int:
     """Write a strip rerouted around the other side of a vertex; 0 if that has a boundary."""
-    (faces, neighbours), (strip, edges, _, _, _), first, last = mesh, path, edge, edge
+    faces, neighbours = mesh
+    strip, edges, _, _, _ = path
+    first, last = edge, edge
     while first > 0 and _index_of(edges[first - 1], vertex) >= 0:
         first -= 1
     while last + 1 < size - 1 and _index_of(edges[last + 1], vertex) >= 0:
@@ -354,7 +388,8 @@ def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new
     # Edges first to last meet the vertex; they lie between triangles first to last + 1.
     for k in range(first + 1):
         new[k] = strip[k]
-    count, face, goal = first + 1, strip[first], strip[last + 1]
+    count = first + 1
+    face, goal = strip[first], strip[last + 1]
     vertex_was_left = edges[first, 1] == vertex
     while face != goal:
         corner = _index_of(faces[face], vertex)
@@ -370,11 +405,11 @@ def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new
         new[count] = strip[k]
         count += 1
     # Remove triangles that the strip enters and leaves by the same edge.
-    kept = 0
+    length = 0
     for k in range(count):
-        if kept >= 2 and new[kept - 2] == new[k]:
-            kept -= 1
-        elif kept == 0 or new[kept - 1] != new[k]:
-            new[kept] = new[k]
-            kept += 1
-    return kept
+        if length >= 2 and new[length - 2] == new[k]:
+            length -= 1
+        elif length == 0 or new[length - 1] != new[k]:
+            new[length] = new[k]
+            length += 1
+    return length

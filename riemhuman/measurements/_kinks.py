@@ -58,9 +58,12 @@ def least_squares_with_kinks(
         else:
             break
         trial_cost, gradient, trial_matrix = _quadratic(values, rows)
-        bundle = [*bundle[1 - _MOST_GRADIENTS :], (trial, trial_cost, gradient)]
+        bundle.append((trial, trial_cost, gradient))
+        bundle = bundle[-_MOST_GRADIENTS:]
         if trial_cost < cost - _ACCEPTED * gain:
-            z, cost, matrix = trial, trial_cost, trial_matrix
+            z = trial
+            cost = trial_cost
+            matrix = trial_matrix
             root = cholesky(matrix)
     return z, cost, False
 
@@ -78,7 +81,9 @@ def _step(
     root: ndarray,
 ) -> tuple[ndarray, float]:
     """Return the best step that the bundle predicts, and its gain."""
-    points, costs, gradients = (np.array(column) for column in zip(*bundle, strict=True))
+    points = np.array([point for point, _, _ in bundle])
+    costs = np.array([point_cost for _, point_cost, _ in bundle])
+    gradients = np.array([gradient for _, _, gradient in bundle])
     away = z - points
     bent = away @ matrix
     errors = cost - costs - np.sum(away * (gradients + 0.5 * bent), axis=1)

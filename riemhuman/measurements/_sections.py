@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import autograd.numpy as np
 import numpy as onp
@@ -26,10 +25,14 @@ from riemhuman.checks import values_of
 from riemhuman.kernels.compilation import compiled
 from riemhuman.measurements._vertex_slopes import Pull, VertexSlopes, fixed
 
-FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
+FOREIGN = 0
+MEASURED = 1
+LEFT_OUT = 2
 """Roles of triangles: the line must not meet them, is measured on them, or passes over them."""
 
-MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
+MISSES = -1
+MEETS_OTHER_PART = -2
+OPEN = -3
 """Why there is no section: the plane misses the part, or the line leaves it or meets a boundary."""
 
 
@@ -55,12 +58,13 @@ class Lines:
 
     def select(self, choose: Callable[[Array, onp.integer], Integers]) -> Lines:
         """Return other lines through the points that a function of each line's points chooses."""
-        values, chosen = values_of(self.points), []
+        values = values_of(self.points)
+        chosen_points = []
         ends = onp.searchsorted(self.bodies, onp.arange(len(self.statuses) + 1))
         for body in onp.flatnonzero(self.statuses == 0):
             first, last = ends[body], ends[body + 1]
-            chosen.append(first + choose(values[first:last], body))
-        numbers = onp.concatenate([*chosen, onp.empty(0, onp.int64)])
+            chosen_points.append(first + choose(values[first:last], body))
+        numbers = onp.concatenate([*chosen_points, onp.empty(0, onp.int64)])
 
         def pull(upstream: ndarray, which: Integers, slopes: VertexSlopes) -> None:
             self.pull(upstream, numbers[which], slopes)
@@ -75,6 +79,7 @@ class Lines:
         """Return the convex hulls of lines in planes with these normals, shape (n, 3), closed."""
 
         def around(points: Array, body: onp.integer) -> Integers:
+            # Coordinates other than that of the normal's largest entry, in cyclic order.
             x, y = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
             numbers = onp.empty(len(points), onp.int64)
             return _circular(numbers[: _hull(points[:, x] + 1j * points[:, y], numbers)])
@@ -141,7 +146,13 @@ def _slopes_of_lengths(points: ndarray, bodies: ndarray, upstream: ndarray) -> n
     return slopes
 
 
-defvjp(_total_lengths, lambda _, *line: partial(_slopes_of_lengths, *line[:2]), argnums=(0,))
+def _traced_lengths(
+    _: Array, points: Array, bodies: ndarray, statuses: ndarray
+) -> Callable[[ndarray], ndarray]:
+    return lambda upstream: _slopes_of_lengths(points, bodies, upstream)
+
+
+defvjp(_total_lengths, _traced_lengths, argnums=(0,))
 
 
 @primitive
@@ -159,15 +170,17 @@ def _add_at(like: ndarray, places: Places, slopes: ndarray) -> ndarray:
     return total
 
 
-defvjp(
-    weighted_vertices,
-    lambda _, surfaces, bodies, vertices, weights: (
-        lambda upstream: _add_at(
-            surfaces, (bodies, vertices), weights[..., None] * upstream[..., None, :]
-        )
-    ),
-    argnums=(0,),
-)
+def _traced_vertices(
+    _: Array, surfaces: Array, bodies: ndarray, vertices: ndarray, weights: ndarray
+) -> Callable[[ndarray], ndarray]:
+    def pull_back(upstream: ndarray) -> ndarray:
+        slopes = weights[..., None] * upstream[..., None, :]
+        return _add_at(surfaces, (bodies, vertices), slopes)
+
+    return pull_back
+
+
+defvjp(weighted_vertices, _traced_vertices, argnums=(0,))
 
 
 @primitive
@@ -224,7 +237,11 @@ def _circular(numbers: ndarray) -> ndarray:
 def straight_lines(
     a: Array, b: Array, axes: Array | None = None, pulls: tuple[Pull, Pull, Pull] = (fixed,) * 3
 ) -> Lines:
-    """Return lines between points, shape (n, 3), or from the first ones along unit vectors."""
+    """Return lines between points, shape (n, 3).
+
+    With unit vectors `axes`, lines run along these, from the first points as far as to the level of
+    the second ones.
+    """
     step, end = b - a, b
     if axes is not None:
         end = a + np.sum(step * axes, axis=-1, keepdims=True) * axes
@@ -251,7 +268,7 @@ def section(
     cutter: Cutter,
     pulls: tuple[Pull, Pull] = (fixed, fixed),
 ) -> Lines:
-    """Return the sections of surfaces on wanted triangles by planes, each nearest to its origin."""
+    """Return the section of each surface by a plane, on measured triangles, nearest to its origin."""
     f, o, n = (
         onp.require(values_of(array), onp.float64, ["C", "W"])
         for array in (surfaces, origins, normals)
@@ -305,14 +322,21 @@ def _height(f: ndarray, vertex: int, o: ndarray, n: ndarray) -> float:
 
 @compiled
 def _trace(
-    f: Array, o: Array, n: Array, mesh: Cutter, edges: ndarray, heights: ndarray, wanted: ndarray
+    f: Array,
+    o: Array,
+    n: Array,
+    mesh: Cutter,
+    edges: ndarray,
+    heights: ndarray,
+    is_measured: ndarray,
 ) -> int:
     """Find edges that the section nearest to o crosses, and how high their ends lie above it.
 
     Return their number, or why there is no section.
     """
     faces, neighbours, roles, candidates = mesh
-    least, first, start, count = onp.inf, -1, 0, 0
+    least = onp.inf
+    first, start, count = -1, 0, 0
     for candidate in candidates:
         for k in range(3):
             a, b = faces[candidate, k], faces[candidate, (k + 1) % 3]
@@ -324,7 +348,8 @@ def _trace(
             for x in range(3):
                 squared += (f[a, x] + t * (f[b, x] - f[a, x]) - o[x]) ** 2
             if squared < least:
-                least, first, start = squared, candidate, k
+                least = squared
+                first, start = candidate, k
     if first < 0:
         return MISSES
     face, corner = first, start
@@ -333,14 +358,15 @@ def _trace(
         for k in range(2):
             edges[count, k] = faces[face, (corner + k) % 3]
             heights[count, k] = _height(f, edges[count, k], o, n)
-        wanted[count] = roles[face] == WANTED
+        is_measured[count] = roles[face] == MEASURED
         count += 1
         # It leaves by the edge from below to above, which runs the other way in the next triangle.
         out = (corner + 1) % 3
         if _height(f, faces[face, (out + 1) % 3], o, n) < 0.0:
             out = (out + 1) % 3
         beyond = neighbours[face, out]
-        a, b, corner = faces[face, out], faces[face, (out + 1) % 3], -1
+        a, b = faces[face, out], faces[face, (out + 1) % 3]
+        corner = -1
         for k in range(3):
             if beyond >= 0 and faces[beyond, k] == b and faces[beyond, (k + 1) % 3] == a:
                 corner = k
@@ -349,13 +375,15 @@ def _trace(
         if beyond != first and (corner < 0 or count == len(edges)):
             return OPEN
         face = beyond
-    kept = 0
+    # Crossings at either end of a measured triangle remain.
+    n_crossings = 0
     for k in range(count):
-        if wanted[k] or wanted[(k - 1) % count]:
+        if is_measured[k] or is_measured[(k - 1) % count]:
             for end in range(2):
-                edges[kept, end], heights[kept, end] = edges[k, end], heights[k, end]
-            kept += 1
-    return kept
+                edges[n_crossings, end] = edges[k, end]
+                heights[n_crossings, end] = heights[k, end]
+            n_crossings += 1
+    return n_crossings
 
 
 @compiled

@@ -1,8 +1,8 @@
 """Derivatives of measurements by the vertices of bodies, as terms that are added when needed.
 
-A girth depends on some hundred vertices, a volume on all. What a line, a place or an axis depends
-on is said by a function that is given the derivatives by it and adds those by the vertices: the
-chain rule, backwards.
+A girth depends on about a hundred vertices, a volume on all of them. Each line, place or axis comes
+with a function that receives the derivatives with respect to it and adds those with respect to the
+vertices: the chain rule, backwards.
 """
 
 from __future__ import annotations
@@ -60,12 +60,13 @@ def fixed(upstream: ndarray, slopes: VertexSlopes) -> None:
 def slopes_along(measurements: Sequence[VertexSlopes], directions: ndarray) -> ndarray:
     """Return derivatives of measurements of one body along columns of directions, (3V, K)."""
     parts = [slopes.of_one_body() for slopes in measurements]
-    vertices, values = (np.concatenate([part[k] for part in parts]) for k in range(2))
+    vertices = np.concatenate([numbers for numbers, _, _ in parts])
+    values = np.concatenate([slopes for _, slopes, _ in parts])
     columns = 3 * vertices[:, np.newaxis] + np.arange(3)
-    ends = 3 * np.cumsum([0, *(len(part[0]) for part in parts)])
+    ends = 3 * np.cumsum([0, *(len(numbers) for numbers, _, _ in parts)])
     terms = values.ravel(), columns.ravel(), ends
     along: ndarray = sparse.csr_array(terms, shape=(len(parts), len(directions))) @ directions
-    of_all = {number: part[2] for number, part in enumerate(parts) if part[2] is not None}
-    if of_all:
-        along[list(of_all)] += np.array(list(of_all.values())) @ directions
+    rows = [row for row, (_, _, of_all) in enumerate(parts) if of_all is not None]
+    if rows:
+        along[rows] += np.array([parts[row][2] for row in rows]) @ directions
     return along

@@ -80,7 +80,7 @@ class Measurement:
     note : str
         A remark.
     equivalents : mapping of str to str
-        Names of others for it, such as ``{"ANSUR II": "stature"}``; a name after "≈ " belongs to a
+        What others call it, such as ``{"ANSUR II": "stature"}``; "≈ " before a name marks a
         measurement that differs slightly, as the note says.
 
     Attributes
@@ -135,8 +135,7 @@ class Measurement:
         ----------
         bodies : LandmarkedBodies
         """
-        first, *others = (path.lengths for path in self._paths(bodies))
-        return sum(others, first)
+        return _sum([path.lengths for path in self._paths(bodies)])
 
     def value_and_slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
         """Return the measurement of each body and its derivatives by the vertices.
@@ -154,11 +153,11 @@ class Measurement:
 
     def _slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
         """Return `value` and its derivatives, written out; a class defines both of them or none."""
-        slopes, lengths = VertexSlopes(bodies.surfaces.shape), []
-        for path in self._paths(bodies):
-            lengths.append(path.lengths)
+        slopes = VertexSlopes(bodies.surfaces.shape)
+        paths = self._paths(bodies)
+        for path in paths:
             path.pull_lengths(slopes)
-        return sum(lengths[1:], lengths[0]), slopes
+        return _sum([path.lengths for path in paths]), slopes
 
     def lines(self, bodies: LandmarkedBodies) -> list[Array]:
         """Return the measurement lines on the first body, each of shape (k, 3).
@@ -190,6 +189,14 @@ class Measurement:
             if value != defaults[name]:
                 record[name] = list(value) if isinstance(value, tuple) else value
         return record
+
+
+def _sum(arrays: Sequence[Array]) -> Array:
+    """Return the sum of at least one array, which autograd may trace."""
+    total = arrays[0]
+    for array in arrays[1:]:
+        total = total + array
+    return total
 
 
 def _checked_parts(parts: Sequence[str], name: str) -> Parts:
@@ -425,10 +432,15 @@ class Length(Measurement):
     def _paths(self, bodies: LandmarkedBodies) -> list[Lines]:
         if self.path == "surface":
             places = [bodies.on_surface(place) for place in self.along]
-            return [geodesics(bodies.surfaces, *ends, bodies.set.mesh) for ends in pairwise(places)]
-        is_joints = self.path == "joints"
-        stops = bodies.bones(*map(str, self.along)) if is_joints else self.along
-        return [self._straight_line(bodies, *ends) for ends in pairwise(stops)]
+            return [
+                geodesics(bodies.surfaces, start, end, bodies.set.mesh)
+                for start, end in pairwise(places)
+            ]
+        stops = self.along
+        if self.path == "joints":
+            first, last = map(str, self.along)
+            stops = bodies.bones(first, last)
+        return [self._straight_line(bodies, start, end) for start, end in pairwise(stops)]
 
     def _straight_line(self, bodies: LandmarkedBodies, start: Place, end: Place) -> Lines:
         axis, pull_axis = None, fixed
@@ -586,11 +598,16 @@ def measurement_from_dict(record: Mapping[str, JSONValue]) -> Measurement:
         raise ArgumentError(f"a {cls.__name__} cannot be made of {record!r}: {error}") from error
 
 
-def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, object]) -> str:
-    """Return a name if it is known; otherwise raise an error that offers the nearest names."""
-    if name in known:
+def nearest_name(name: str, what: str, names: Sequence[str] | Mapping[str, object]) -> str:
+    """Return a name if it is among `names`; otherwise raise an error that offers the nearest ones.
+
+    `what` says what has the name, in the message.
+    """
+    if name in names:
         return name
-    near = get_close_matches(str(name), list(known), n=3, cutoff=0.5)
-    offered = f"did you mean {' or '.join(map(repr, near))}?" if near else ""
-    listed = offered or f"there are {', '.join(map(repr, known)) or 'none'}"
-    raise ArgumentError(f"there is no {what} {name!r}; {listed}")
+    matches = get_close_matches(str(name), list(names), n=3, cutoff=0.5)
+    if matches:
+        advice = f"did you mean {' or '.join(map(repr, matches))}?"
+    else:
+        advice = f"there are {', '.join(map(repr, names)) or 'none'}"
+    raise ArgumentError(f"there is no {what} {name!r}; {advice}")

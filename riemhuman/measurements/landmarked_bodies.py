@@ -16,7 +16,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import apply_operator
 from riemhuman.measurements._geodesics import SurfacePoint
 from riemhuman.measurements._landmarks import AXES, LandmarkedTemplate, Place
-from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, WANTED, Cutter, weighted_vertices
+from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, MEASURED, Cutter, weighted_vertices
 from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -49,7 +49,9 @@ class LandmarkedBodies:
     """
 
     def __init__(self, measurement_set: LandmarkedTemplate, surfaces: Array, axes: str) -> None:
-        self.set, self.surfaces, self._frames = measurement_set, surfaces, axes
+        self.set = measurement_set
+        self.surfaces = surfaces
+        self._axes_setting = axes
         self._positions: dict[str, Array] = {}
         self._numbers = onp.arange(len(surfaces))[:, None]
 
@@ -61,7 +63,7 @@ class LandmarkedBodies:
         surfaces : array, shape (n, V, 3)
             Bodies, metres, which autograd may trace.
         """
-        return LandmarkedBodies(self.set, surfaces, self._frames)
+        return LandmarkedBodies(self.set, surfaces, self._axes_setting)
 
     def place(self, place: Place) -> Array:
         """Return the position of a place on each body, shape (n, 3).
@@ -73,8 +75,10 @@ class LandmarkedBodies:
         """
         if isinstance(place, Mapping):
             total = sum(place.values())
-            first, *others = (weight / total * self.place(n) for n, weight in place.items())
-            return sum(others, first)
+            position = np.zeros(3)
+            for name, weight in place.items():
+                position = position + weight / total * self.place(name)
+            return position
         if place not in self._positions:
             vertices, weights = self.set.landmarks[place]
             combination = self._numbers, vertices[None], weights[None]
@@ -111,11 +115,11 @@ class LandmarkedBodies:
         if isinstance(axis, str):
             return self._axes[..., AXES.index(axis)]
         steps = self._steps(axis)
-        return _unit(steps[0] if len(steps) == 1 else np.cross(*steps))
+        return _unit(steps[0] if len(steps) == 1 else np.cross(steps[0], steps[1]))
 
     def _steps(self, axis: Sequence[Place]) -> list[Array]:
-        start, *ends = axis
-        return [self.place(end) - self.place(start) for end in ends]
+        """Return the vectors from the first place of an axis to the others."""
+        return [self.place(end) - self.place(axis[0]) for end in axis[1:]]
 
     def pull_axis(
         self, axis: str | Sequence[Place], upstream: ndarray, slopes: VertexSlopes
@@ -130,7 +134,7 @@ class LandmarkedBodies:
         slopes : VertexSlopes
         """
         if isinstance(axis, str):
-            if self._frames != "space":
+            if self._axes_setting != "space":
                 # The axis is the sum of the frame's columns with these weights.
                 weights = self.set.axes_in_frame[:, AXES.index(axis)]
                 bottom, top, right, left = self._frame_places()
@@ -138,20 +142,20 @@ class LandmarkedBodies:
                 for name, pull in zip(self.set.frame, pulls, strict=True):
                     self.pull_place(name, pull, slopes)
             return
-        (start, *ends), steps = axis, self._steps(axis)
+        steps = self._steps(axis)
         if len(steps) == 1:
             of_steps = [_pull_unit(steps[0], upstream)]
         else:
-            pull = _pull_unit(_cross(*steps), upstream)
+            pull = _pull_unit(_cross(steps[0], steps[1]), upstream)
             of_steps = [_cross(steps[1], pull), _cross(pull, steps[0])]
-        for end, pull in zip(ends, of_steps, strict=True):
+        for end, pull in zip(axis[1:], of_steps, strict=True):
             self.pull_place(end, pull, slopes)
-            self.pull_place(start, -pull, slopes)
+            self.pull_place(axis[0], -pull, slopes)
 
     @cached_property
     def _axes(self) -> Array:
         """Left, up and forward of every body as columns, shape (n, 3, 3)."""
-        if self._frames == "space":
+        if self._axes_setting == "space":
             return onp.asarray(self.set.axes) + np.zeros((len(self.surfaces), 1, 1))
         # The axes lie in this frame as the template's axes lie in the frame of its landmarks.
         return np.matmul(axes_of_frame(*self._frame_places()), self.set.axes_in_frame)
@@ -165,18 +169,19 @@ class LandmarkedBodies:
         Parameters
         ----------
         parts : tuple of str
-            Parts whose line is wanted; if empty, the whole body.
+            Parts on which the line is measured; if empty, the whole body.
         leave_out : tuple of str
             Parts that the line may cross.
         """
-        mesh, cutters = self.set.mesh, self.set.mesh.cutters
+        mesh = self.set.mesh
+        cutters = mesh.cutters
         if (parts, leave_out) not in cutters:
             roles = onp.full(len(self.set.faces), FOREIGN, dtype=onp.uint8)
-            roles[self.set.in_parts(parts)] = WANTED
+            roles[self.set.in_parts(parts)] = MEASURED
             if leave_out:
                 roles[self.set.in_parts(leave_out)] = LEFT_OUT
-            wanted = onp.flatnonzero(roles == WANTED)
-            cutters[parts, leave_out] = mesh.faces, mesh.neighbours, roles, wanted
+            starts = onp.flatnonzero(roles == MEASURED)
+            cutters[parts, leave_out] = mesh.faces, mesh.neighbours, roles, starts
         return cutters[parts, leave_out]
 
     def bones(self, first: str, last: str) -> tuple[str, ...]:
@@ -202,15 +207,13 @@ class LandmarkedBodies:
         place : str or mapping of str to float
             As for `place`.
         """
-        known, description = self.set.mesh.places, self.set
+        points = self.set.mesh.places  # those found before
         key = place if isinstance(place, str) else tuple(place.items())
-        if key not in known:
-            template = LandmarkedBodies(description, description.vertices[onp.newaxis], "space")
-            nearest, _ = nearest_points(
-                template.place(place), description.vertices, description.faces
-            )
-            known[key] = int(nearest.triangles[0]), nearest.barycentric[0]
-        return known[key]
+        if key not in points:
+            template = LandmarkedBodies(self.set, self.set.vertices[onp.newaxis], "space")
+            nearest, _ = nearest_points(template.place(place), self.set.vertices, self.set.faces)
+            points[key] = int(nearest.triangles[0]), nearest.barycentric[0]
+        return points[key]
 
     @cached_property
     def lowest(self) -> ndarray:
@@ -249,15 +252,15 @@ class LandmarkedBodies:
     @cached_property
     def volumes(self) -> Array:
         """Volumes that closed surfaces enclose, shape (n,)."""
-        # Homogeneous functions of degree three are a third of the product with their slopes. About
-        # the mean vertex, products of coordinates lose the fewest digits.
+        # By Euler's theorem, a homogeneous function of degree three is a third of the product of
+        # its slopes with the coordinates. About the mean vertex, these lose the fewest digits.
         centred = self.surfaces - np.mean(self.surfaces, axis=1, keepdims=True)
         return np.sum(centred * self.volume_slopes, axis=(-2, -1)) / 3.0
 
     @cached_property
     def volume_slopes(self) -> Array:
         """Derivatives of the volumes of closed surfaces by the vertices, shape (n, V, 3)."""
-        # A vertex moves its triangles, whose pyramids grow by a third of their areas.
+        # The pyramid over a triangle grows by a third of its area as one of its vertices rises.
         return apply_operator(self.set.mesh.corners.T, self._double_normals) / 6.0
 
     @cached_property

@@ -214,10 +214,10 @@ class MeasurementSet:
         parts : tuple of str
             Names of parts; if empty, the whole body.
         """
-        chosen = np.full(len(self.faces), not parts)
+        is_inside = np.full(len(self.faces), not parts)
         for name in parts:
-            chosen[self.parts[name]] = True
-        return chosen
+            is_inside[self.parts[name]] = True
+        return is_inside
 
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
         """Return the same landmarks and parts with other measurements.
@@ -227,12 +227,13 @@ class MeasurementSet:
         measurements : iterable of Measurement or str
             New measurements, or names of this set's.
         """
-        known = dict(zip(self.names, self.measurements, strict=True))
-        chosen = [
-            known[nearest_name(entry, "measurement", known)] if isinstance(entry, str) else entry
-            for entry in measurements
-        ]
-        changed = replace(self, measurements=chosen)
+        by_name = dict(zip(self.names, self.measurements, strict=True))
+        chosen_measurements: list[Measurement] = []
+        for entry in measurements:
+            if isinstance(entry, str):
+                entry = by_name[nearest_name(entry, "measurement", by_name)]
+            chosen_measurements.append(entry)
+        changed = replace(self, measurements=chosen_measurements)
         # Data prepared for the surface, such as strips of paths, stay the same.
         vars(changed)["mesh"] = self.mesh
         return changed
@@ -320,7 +321,7 @@ class MeasurementSet:
             "standard_pose": {n: np.asarray(v).tolist() for n, v in self.standard_pose.items()},
         }
         text = json.dumps(record, indent=1, ensure_ascii=False)
-        # Lists of numbers and names are one line each.
+        # Innermost lists, of numbers or names, take one line each.
         write_text(path, re.sub(r"\[[^][]*\]", lambda match: " ".join(match[0].split()), text))
 
     @classmethod
@@ -348,8 +349,15 @@ class MeasurementSet:
             landmarks = {name: (mark["vertices"], mark["weights"]) for name, mark in marks}
             count = surface.n_faces
             parts = {name: _from_runs(runs, count) for name, runs in record["parts"].items()}
-            others = (record[name] for name in ("frame", "axes", "standard_pose"))
-            return cls(template, definitions, landmarks, parts, *others)
+            return cls(
+                template,
+                definitions,
+                landmarks,
+                parts,
+                record["frame"],
+                record["axes"],
+                record["standard_pose"],
+            )
         except (
             *(LookupError, TypeError, ValueError, AttributeError),
             *(OverflowError, RecursionError),  # of absurd numbers, and of brackets in brackets

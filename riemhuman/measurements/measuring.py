@@ -40,8 +40,8 @@ _VERTICES = 20_000
 _THREADED = 64
 # Largest share of a measurement, by its derivatives, that may depend on unseen vertices.
 _MOST_UNSEEN = 0.05
-# Weight in square metres of the coefficients of hand poses, which do not tell people apart: where
-# hands were relaxed in the fit, fists would rotate the wrists.
+# Weight of the coefficients of hand poses in the fit, square metres. Fists are fitted, too: with
+# relaxed hands, they would rotate the wrists.
 _HANDS_PRIOR = 1e-6
 # Uneven bends of a spine, root of the sum of their squares in radians, that poses can have.
 _BENDS_OF_POSES = np.radians(7.0)
@@ -145,31 +145,7 @@ class Measurements:
     ) -> None:
         if isinstance(model, Bodies):
             model = model.template if model.model is None else model.model
-        if isinstance(model, MeasurementSet):
-            if isinstance(definitions, (str, Path)):
-                expected = "measurements or names where model is a MeasurementSet"
-                refuse_type(definitions, "definitions", expected)
-            measurement_set = model
-        elif not isinstance(model, (BodyModel, Template)):
-            refuse_type(model, "model", "a BodyModel, a Template, Bodies or a MeasurementSet")
-        elif isinstance(definitions, MeasurementSet):
-            raise ArgumentTypeError("definitions must not be a MeasurementSet: pass that as model")
-        elif isinstance(definitions, (str, Path)):
-            measurement_set, definitions = MeasurementSet.load(definitions, model), None
-        else:
-            of_open_model = open_measurements(model)
-            if of_open_model is None and definitions is None:
-                raise ArgumentError(
-                    f"there are no measurements for {model!r}; pass definitions, or map those of "
-                    "the open body model to it with MeasurementSet.mapped"
-                )
-            measurement_set = of_open_model or MeasurementSet(model, ())
-            if definitions is None:
-                others = [define() for define in extensions("measurements").values()]
-                definitions = [*measurement_set.measurements, *others]
-        self.definitions = measurement_set
-        if definitions is not None:
-            self.definitions = measurement_set.with_measurements(definitions)
+        self.definitions = _measurement_set(model, definitions)
         if not self.names:
             raise ArgumentError("definitions must hold at least one measurement; found none")
 
@@ -233,7 +209,8 @@ class Measurements:
         if pose == "standard":
             if gradient:
                 raise ArgumentError('gradient requires pose="as is"; found pose="standard"')
-            surfaces, axes = in_standard_pose(self.definitions, surfaces), "space"
+            surfaces = in_standard_pose(self.definitions, surfaces)
+            axes = "space"
         if not self.definitions.frame:
             axes = "space"
         values = np.empty((len(surfaces), len(self.names)))
@@ -332,16 +309,45 @@ class Measurements:
         return reasons
 
 
+def _measurement_set(
+    model: BodyModel | Template | MeasurementSet,
+    definitions: Iterable[Measurement | str] | str | Path | None,
+) -> MeasurementSet:
+    """Return the set for the arguments of `Measurements`."""
+    if isinstance(model, MeasurementSet):
+        if isinstance(definitions, (str, Path)):
+            expected = "measurements or names where model is a MeasurementSet"
+            refuse_type(definitions, "definitions", expected)
+        return model if definitions is None else model.with_measurements(definitions)
+    if not isinstance(model, (BodyModel, Template)):
+        refuse_type(model, "model", "a BodyModel, a Template, Bodies or a MeasurementSet")
+    if isinstance(definitions, MeasurementSet):
+        raise ArgumentTypeError("definitions must not be a MeasurementSet: pass that as model")
+    if isinstance(definitions, (str, Path)):
+        return MeasurementSet.load(definitions, model)
+    open_set = open_measurements(model)
+    if definitions is not None:
+        measurement_set = open_set or MeasurementSet(model, ())
+        return measurement_set.with_measurements(definitions)
+    if open_set is None:
+        raise ArgumentError(
+            f"there are no measurements for {model!r}; pass definitions, or map those of "
+            "the open body model to it with MeasurementSet.mapped"
+        )
+    added = [define() for define in extensions("measurements").values()]
+    return open_set.with_measurements([*open_set.measurements, *added])
+
+
 @overload
 def values_of_bodies(
-    description: MeasurementSet, surfaces: Array, axes: str, gradient: Literal[True]
+    definitions: MeasurementSet, surfaces: Array, axes: str, gradient: Literal[True]
 ) -> tuple[Array, Array]: ...
 @overload
 def values_of_bodies(
-    description: MeasurementSet, surfaces: Array, axes: str, gradient: bool
+    definitions: MeasurementSet, surfaces: Array, axes: str, gradient: bool
 ) -> tuple[Array, Array | None]: ...
 def values_of_bodies(
-    description: MeasurementSet, surfaces: Array, axes: str, gradient: bool
+    definitions: MeasurementSet, surfaces: Array, axes: str, gradient: bool
 ) -> tuple[Array, Array | None]:
     """Return values, shape (n, M), NaN if not defined, and their derivatives; nothing is checked.
 
@@ -354,22 +360,21 @@ def values_of_bodies(
         Whether to return derivatives, shape (n, M, V, 3); else None.
     """
     if not gradient:
-        bodies = LandmarkedBodies(description, surfaces, axes)
-        return np.stack(
-            [definition.value(bodies) for definition in description.measurements], axis=-1
-        ), None
-    measured, slopes = values_and_slopes(description, surfaces, axes)
-    slope = np.stack([of_one.by_vertex() for of_one in slopes], axis=1)
-    slope[np.isnan(measured)] = np.nan
-    return measured, slope
+        bodies = LandmarkedBodies(definitions, surfaces, axes)
+        values = [measurement.value(bodies) for measurement in definitions.measurements]
+        return np.stack(values, axis=-1), None
+    measured, slopes = values_and_slopes(definitions, surfaces, axes)
+    derivatives = np.stack([slope.by_vertex() for slope in slopes], axis=1)
+    derivatives[np.isnan(measured)] = np.nan
+    return measured, derivatives
 
 
 def values_and_slopes(
-    description: MeasurementSet, surfaces: Array, axes: str
+    definitions: MeasurementSet, surfaces: Array, axes: str
 ) -> tuple[ndarray, list[VertexSlopes]]:
     """Return values, shape (n, M), NaN if not defined, and derivatives; nothing is checked."""
-    bodies = LandmarkedBodies(description, surfaces, axes)
-    pairs = [measurement.value_and_slopes(bodies) for measurement in description.measurements]
+    bodies = LandmarkedBodies(definitions, surfaces, axes)
+    pairs = [measurement.value_and_slopes(bodies) for measurement in definitions.measurements]
     return np.stack([value for value, _ in pairs], axis=-1), [slopes for _, slopes in pairs]
 
 
@@ -419,7 +424,8 @@ def _standard_pose_of(definitions: MeasurementSet, fitted: ndarray) -> ndarray:
     """Return the standard pose, with the uneven bends of a fitted spine between upright ends."""
     pose = definitions.standard_pose_vector.copy()
     assert definitions.model is not None
-    names, left = definitions.model.joint_names, definitions.axes[:, 0]
+    names = definitions.model.joint_names
+    left = definitions.axes[:, 0]
     frame = [names.index(name) for name in definitions.frame if name in names]
     spine = joints_between(definitions.model.parents, *frame[:2])[1:-1] if len(frame) == 4 else []
     if not spine:

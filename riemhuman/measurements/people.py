@@ -86,10 +86,11 @@ def usual_distances(metric_of: Callable[[Template], Any]) -> UsualDistances:
     """
     bodies = load_open_bodies("coarse")
     distances = metric_of(bodies.template).dist_pairwise(bodies.points)
-    person, pose = (np.equal.outer(labels, labels) for labels in (bodies.subject, bodies.pose))
+    same_person = np.equal.outer(bodies.subject, bodies.subject)
+    same_pose = np.equal.outer(bodies.pose, bodies.pose)
     return UsualDistances(
-        one_person=float(np.median(distances[person & ~pose])),
-        two_people=float(np.median(distances[pose & ~person])),
+        one_person=float(np.median(distances[same_person & ~same_pose])),
+        two_people=float(np.median(distances[same_pose & ~same_person])),
     )
 
 

@@ -2,8 +2,9 @@ r"""Adults of a stature: how their measurements spread, and their average body.
 
 The people are simulated: bodies of the open model with the spread of ANSUR II (US Army, 2012),
 whose body mass index is moved to that of the US public (NHANES, 2021 to 2023). For each sex,
-log m = a + b log s + e, with the measurement m, the stature s, and the quantiles of e among these
-people; for the stature itself, b = 0. `tutorials/remake/build_percentiles.py` makes the numbers.
+log m = a + b log s + e, with the measurement m, the stature s, and a residual e whose quantiles
+among these people are stored; for the stature itself, b = 0. The numbers come from
+`tutorials/remake/build_percentiles.py`.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def percentiles(
     values : mapping of str to float
         Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
     sex : {"adult", "woman", "man"}
-        Population; for "adult", women and men count by how many of them have the stature.
+        Population; for "adult", women and men are weighted by how many of them have the stature.
     stature : float, optional
         The stature, metres; by default the one among the values.
 
@@ -62,13 +63,15 @@ def percentiles(
     """
     one_of(sex, "sex", ("adult", *SEXES))
     names = list(_adults()["woman"]["measurements"])
-    given = as_mapping(_without_missing(values), names)
-    height = given.get(_STATURE) if stature is None else real_number(stature, "stature")
+    known_values = as_mapping(_without_missing(values), names)
+    height = known_values.get(_STATURE) if stature is None else real_number(stature, "stature")
     if height is None:
         raise ArgumentError("stature must be given, as an argument or among the values")
     shares = _shares_of_sexes(height, sex)
     percentages = {name: float("nan") for name in values}
-    for name, value in given.items() if shares else ():
+    if not shares:
+        return percentages
+    for name, value in known_values.items():
         real_number(value, name, minimum=0.0, strict=True)
         percentages[name] = sum(
             share * _percentile(name, value, height, group) for group, share in shares.items()
@@ -89,7 +92,7 @@ def average_adult(
     stature : float
         Stature in metres; one that no adult has raises an error.
     sex : {"adult", "woman", "man"}
-        Population; for "adult", women and men count by how many of them have the stature.
+        Population; for "adult", women and men are weighted by how many of them have the stature.
     resolution : {"full", "coarse"}
         Resolution of the open body model.
     pose : array_like, shape (J, 3), optional
@@ -115,7 +118,8 @@ def average_adult(
         raise ArgumentError(f"stature must be that of an adult, in metres; found {stature:g}")
     definitions = open_measurements(resolution)
     assert definitions is not None, "the open model has measurements"
-    model, standing = load_open_model(resolution), definitions.standard_pose_vector
+    model = load_open_model(resolution)
+    standing = definitions.standard_pose_vector
     measurements = Measurements(model, [_STATURE])
     predictor = stature
     for _ in range(_STATURE_STEPS):  # the regression is off by millimetres for tall people
@@ -145,7 +149,7 @@ def _without_missing(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:
-    """Return how much each sex counts among adults of a stature; none where there are none."""
+    """Return the share of each sex among adults of a stature; empty if there are none."""
     sexes = [sex] if sex in SEXES else list(SEXES)
     if not stature > 0.0:
         return {}
@@ -163,16 +167,16 @@ def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:
 def _percentile(name: str, value: float, stature: float, sex: str) -> float:
     """Return the percentage of one sex with this stature below a value."""
     entry = _adults()[sex]
-    intercept, slope, *quantiles = entry["measurements"][name]
+    intercept, slope = entry["measurements"][name][:2]
+    quantiles = entry["measurements"][name][2:]
     mean, _ = entry["log_stature"]
     rest = np.log(value) - intercept - slope * (np.log(stature) - mean)
     scores = ndtri(np.array(_adults()["levels"]) / 100.0)
     score = np.interp(rest, quantiles, scores)
-    # Beyond the last quantiles, follow the line through them and the median.
-    middle = len(quantiles) // 2
-    for end in (0, -1):
-        beyond = rest < quantiles[0] if end == 0 else rest > quantiles[-1]
-        if beyond:
-            step = (quantiles[end] - quantiles[middle]) / (scores[end] - scores[middle])
-            score = scores[end] + (rest - quantiles[end]) / step
+    if not quantiles[0] <= rest <= quantiles[-1]:
+        # Beyond the outermost quantile, follow the line through it and the median.
+        end = 0 if rest < quantiles[0] else -1
+        middle = len(quantiles) // 2
+        step = (quantiles[end] - quantiles[middle]) / (scores[end] - scores[middle])
+        score = scores[end] + (rest - quantiles[end]) / step
     return float(100.0 * ndtr(score))

@@ -15,9 +15,12 @@ from riemhuman.measurements.measuring import Measurements
 
 _SIDES = ("left", "right")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-_HEEL = ("heel_inside", "heel_outside")
-_BALL = ("first_metatarsal", "fifth_metatarsal")
-_PAIRS = ("acromion", "tragion", "iliocristale", "trochanterion")
+# Landmarks with a left and a right side.
+_SIDED = (
+    *("acromion", "tragion", "iliocristale", "trochanterion"),
+    *("lateral_epicondyle", "lateral_malleolus", "radiale", "stylion"),
+    *("heel_inside", "heel_outside", "first_metatarsal", "fifth_metatarsal"),
+)
 
 
 def posture_angles(
@@ -67,9 +70,9 @@ def posture_angles(
     definitions = measurements.definitions
     missing = [name for name in _landmarks() if name not in definitions.landmarks]
     if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise ArgumentError(
-            f"measurements must have the landmarks of the open body; it lacks {missing[0]}"
-            + (f" and {len(missing) - 1} more" if len(missing) > 1 else "")
+            f"measurements must have the landmarks of the open body; it lacks {missing[0]}{more}"
         )
     points = real_array(points, "points", (definitions.n_vertices, 3))
     places = {}
@@ -85,9 +88,7 @@ def posture_angles(
 
 
 def _landmarks() -> list[str]:
-    paired = (*_PAIRS, "lateral_epicondyle", "lateral_malleolus", "radiale", "stylion")
-    sided = [f"{side}_{name}" for name in (*paired, *_HEEL, *_BALL) for side in _SIDES]
-    return ["cervicale", *sided]
+    return ["cervicale", *(f"{side}_{name}" for name in _SIDED for side in _SIDES)]
 
 
 @dataclass(frozen=True)
@@ -139,10 +140,10 @@ class _Stand:
         return _angle(arm, -self._trunk())
 
     def turn_out(self, side: str) -> ndarray:
-        heel, ball = (
-            sum(self.places[f"{side}_{name}"] for name in names) / 2 for names in (_HEEL, _BALL)
-        )
-        foot = ball - heel
+        heel = (self.places[f"{side}_heel_inside"] + self.places[f"{side}_heel_outside"]) / 2
+        inner_ball = self.places[f"{side}_first_metatarsal"]
+        outer_ball = self.places[f"{side}_fifth_metatarsal"]
+        foot = (inner_ball + outer_ball) / 2 - heel
         outward = np.sum(foot * self.left, axis=-1) * (1.0 if side == "left" else -1.0)
         return np.degrees(np.arctan2(outward, np.sum(foot * self.forward, axis=-1)))
 

@@ -13,7 +13,7 @@ from riemhuman.arrays import ArrayLike
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.measurement_set import load_json
+from riemhuman.measurements.measurement_set import MeasurementSet, load_json
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -134,10 +134,9 @@ def compare_visits(
     assert definitions.model is not None
     space = AlignedSurfaces(definitions.model.template, equip=False, scale=None)
     areas = space.face_areas(straight)
-    by_part = load_json("noise_of_poses.json")["log_areas"]
-    area_noise = np.full(len(definitions.faces), np.nan)
-    for name in filter(definitions.parts.__contains__, by_part):
-        area_noise[definitions.parts[name]] = by_part[name]
+    is_face_known = known_in_both[definitions.faces].all(axis=1)
+    area_changes = np.where(is_face_known, np.log(areas[1] / areas[0]), np.nan)
+    outward = np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1)
     return VisitComparison(
         names=measured.names,
         units=measured.units,
@@ -146,17 +145,20 @@ def compare_visits(
         noise=noise_of_measurements(measured.names),
         points_before=first,
         points_after=second,
-        area_changes=np.where(
-            known_in_both[definitions.faces].all(axis=1), np.log(areas[1] / areas[0]), np.nan
-        ),
-        area_noise=area_noise,
-        displacements=np.where(
-            known_in_both,
-            np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1),
-            np.nan,
-        ),
+        area_changes=area_changes,
+        area_noise=_noise_of_areas(definitions),
+        displacements=np.where(known_in_both, outward, np.nan),
         why_missing=measured.why_missing,
     )
+
+
+def _noise_of_areas(definitions: MeasurementSet) -> ndarray:
+    """Return the noise of the logarithm of each triangle's area, NaN where it is unknown."""
+    noise = np.full(len(definitions.faces), np.nan)
+    for name, noise_of_part in load_json("noise_of_poses.json")["log_areas"].items():
+        if name in definitions.parts:
+            noise[definitions.parts[name]] = noise_of_part
+    return noise
 
 
 def noise_of_measurements(names: Sequence[str]) -> ndarray:
@@ -176,5 +178,5 @@ def noise_of_measurements(names: Sequence[str]) -> ndarray:
     0.0051
     """
     # See tutorials/remake/build_noise_of_poses.py.
-    known = load_json("noise_of_poses.json")["measurements"]
-    return np.array([known.get(name, np.nan) for name in names])
+    noise = load_json("noise_of_poses.json")["measurements"]
+    return np.array([noise.get(name, np.nan) for name in names])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
@@ -9,7 +10,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, ArrayLike, PointsByNumber, PointsLike, PointsOnDemand
+from riemhuman.arrays import Array, PointsByNumber, PointsLike, PointsOnDemand
 from riemhuman.checks import length_of, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
@@ -49,8 +50,7 @@ def frame_runs(
     n_frames = frame_count(motion, name)
     for first in range(0, n_frames, _RUN):
         last = min(first + _RUN, n_frames)
-        frames = f"frames {first} to {last - 1} of {name}"
-        run = _checked_frames(space, motion[first:last], first, frames)
+        run = _checked_frames(space, motion, first, last, name)
         yield run if heading else face_forward(space, run)
 
 
@@ -64,11 +64,10 @@ def face_forward(space: Manifold, frames: ndarray) -> ndarray:
 def angles_to(space: AlignedSurfaces, frames: ndarray, others: ndarray) -> ndarray:
     """Return the angles about the vertical axis, y, that rotate frames to best fit others."""
     weights = space.template.vertex_areas[:, None]
-    to = others[..., ::2] - np.average(
-        others[..., ::2], axis=-2, weights=weights[:, 0], keepdims=True
-    )
+    level = others[..., [0, 2]]  # x and z, without the height
+    centres = np.average(level, axis=-2, weights=weights[:, 0], keepdims=True)
     x, z = frames[..., 0], frames[..., 2]
-    to_x, to_z = np.moveaxis(weights * to, -1, 0)
+    to_x, to_z = np.moveaxis(weights * (level - centres), -1, 0)
     along, across = x * to_x + z * to_z, x * to_z - z * to_x
     return np.arctan2(across.sum(axis=-1), along.sum(axis=-1))
 
@@ -85,7 +84,8 @@ def surfaces_between(
 ) -> ndarray:
     """Return the surfaces between two at times in [0, 1]; limbs keep their length."""
     surfaces = np.empty((len(times), *space.shape))
-    surfaces[times == 0.0], surfaces[times == 1.0] = start, end
+    surfaces[times == 0.0] = start
+    surfaces[times == 1.0] = end
     inside = (times > 0.0) & (times < 1.0)
     if inside.any():
         space.check_immersed(np.stack([start, end]), "frames")
@@ -119,44 +119,46 @@ def check_motions(motions: object, name: str = "motions") -> None:
         raise ArgumentError(f"{name} must contain at least one motion; found none")
 
 
-def _checked_frames(space: Manifold, frames: ArrayLike, first: int, name: str) -> ndarray:
-    values = values_of(frames, name)
+def _checked_frames(space: Manifold, motion: Motion, first: int, last: int, name: str) -> ndarray:
+    """Return the frames from `first` up to, but without, `last`."""
+    label = f"frames {first} to {last - 1} of {name}"
+    values = values_of(motion[first:last], label)
     if values.ndim != 3:
-        raise ArgumentError(f"{name} must have shape (n_frames, V, 3); found {values.shape}")
+        raise ArgumentError(f"{label} must have shape (n_frames, V, 3); found {values.shape}")
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         number = int(np.flatnonzero(~np.isfinite(values).all(axis=(1, 2)))[0])
-        motion = name.split(" of ", 1)[1]
         raise ArgumentError(
-            f"frame {first + number} of {motion} holds NaN or infinite entries; every entry must "
+            f"frame {first + number} of {name} holds NaN or infinite entries; every entry must "
             "be finite"
         )
-    return np.asarray(space.check_point(values, name))
+    return np.asarray(space.check_point(values, label))
 
 
 def sampled_rows(
     motions: Sequence[Motion], rows_of: Callable[[Motion, str], ndarray], n_frames: int = 1
 ) -> ndarray:
-    """Return rows that a function computes from a few runs of frames of motions."""
+    """Return rows that a function computes from evenly spaced runs of `n_frames` of the motions."""
     counts = [frame_count(m, f"motions[{k}]", n_frames) for k, m in enumerate(motions)]
-    step = -(-sum(counts) // _MOST_SAMPLED)
-    return np.concatenate(
-        [
-            rows_of(motion[j : j + n_frames], f"motions[{k}][{j}:{j + n_frames}]")
-            for k, motion in enumerate(motions)
-            for j in range(0, counts[k] - n_frames + 1, step)
-        ]
-    )
+    step = math.ceil(sum(counts) / _MOST_SAMPLED)
+    rows = []
+    for number, motion in enumerate(motions):
+        for first in range(0, counts[number] - n_frames + 1, step):
+            last = first + n_frames
+            rows.append(rows_of(motion[first:last], f"motions[{number}][{first}:{last}]"))
+    return np.concatenate(rows)
 
 
 class _FramesOnDemand:
     """Single frames of a motion, read again where two are too close for single precision."""
 
     def __init__(self, space: Manifold, motion: Motion, name: str, heading: bool) -> None:
-        self._space, self._motion, self._name, self._heading = space, motion, name, heading
+        self._space = space
+        self._motion = motion
+        self._name = name
+        self._heading = heading
 
     def __getitem__(self, number: int) -> ndarray:
-        part = self._motion[number : number + 1]
-        frames = _checked_frames(self._space, part, number, f"frame {number} of {self._name}")
+        frames = _checked_frames(self._space, self._motion, number, number + 1, self._name)
         return (frames if self._heading else face_forward(self._space, frames))[0]
 
 
@@ -173,9 +175,8 @@ class FrameDistances:
     """Squared distances of frames by a metric, its lower-bound coordinates or their components.
 
     Features of exact distances are in single precision, and those of close pairs are computed again
-    in double; where distances are subtracted from each other, all need double precision.
-    With `travel`, a number a frame that says how the body travels, squared differences of these
-    numbers count as well.
+    in double; if distances are subtracted from each other, all need double precision. With
+    `travel`, which returns one number per frame, squared differences of these numbers are added.
     """
 
     def __init__(
@@ -207,12 +208,17 @@ class FrameDistances:
     def frames(self, motion: Motion, name: str) -> Frames:
         """Return what distances need of all frames of a motion."""
         space = self._metric.space
-        parts, places = [], []
+        features_of_runs: list[Features] = []
+        places: list[ndarray] = []
         for run in frame_runs(space, motion, name):
             if self._travel is not None:
                 places.append(ground_places(surface_space(space), run))
-            parts.append(self._features(run if self._heading else face_forward(space, run)))
-        features = tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+            turned = run if self._heading else face_forward(space, run)
+            features_of_runs.append(self._features(turned))
+        features = tuple(
+            np.concatenate([run_features[part] for run_features in features_of_runs])
+            for part in range(len(features_of_runs[0]))
+        )
         travel = None
         if self._travel is not None:
             travel = self._travel(surface_space(space), motion, np.concatenate(places), name)

@@ -9,18 +9,18 @@ from riemhuman.datasets.motions import Motion as RecordedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, Manifold
 
-# Metres a second squared.
-_GRAVITY = 9.81
-# Seconds between the places that tell a speed: within a step, the body speeds up and slows down.
+_GRAVITY = 9.81  # metres per second squared
+# Seconds between the two places from which a speed is computed: within a step, the body speeds up
+# and slows down.
 _SMOOTHED = 0.25
 # Legs are about half as long as people are tall.
 _SHARE_OF_HEIGHT = 0.5
 
 
-def frame_rate(motion: object, given: float | None, name: str) -> float:
-    """Return the frames per second of a motion: given, or those of a recording."""
-    if given is not None:
-        return given
+def frame_rate(motion: object, frames_per_second: float | None, name: str) -> float:
+    """Return the frames per second of a motion, by default those of a recording."""
+    if frames_per_second is not None:
+        return frames_per_second
     if isinstance(motion, RecordedMotion):
         return motion.frames_per_second
     raise ArgumentError(
@@ -41,7 +41,7 @@ def surface_space(space: Manifold) -> AlignedSurfaces:
 def ground_places(space: AlignedSurfaces, frames: ndarray) -> ndarray:
     """Return where the centres of surfaces are on the ground, shape (n_frames, 2)."""
     shares = space.template.vertex_areas / space.template.vertex_areas.sum()
-    return np.einsum("v,nvk->nk", shares, frames[..., ::2])
+    return np.einsum("v,nvk->nk", shares, frames[..., [0, 2]])
 
 
 def leg_length(space: AlignedSurfaces) -> float:
@@ -55,9 +55,10 @@ def travel_speeds(space: AlignedSurfaces, places: ndarray, rate: float) -> ndarr
         return np.zeros(len(places))
     reach = max(1, round(0.5 * _SMOOTHED * rate))
     numbers = np.arange(len(places))
-    before, after = np.maximum(numbers - reach, 0), np.minimum(numbers + reach, len(places) - 1)
-    ways = np.linalg.norm(places[after] - places[before], axis=1)
-    speeds = rate * ways / (after - before)
+    before = np.maximum(numbers - reach, 0)
+    after = np.minimum(numbers + reach, len(places) - 1)
+    lengths = np.linalg.norm(places[after] - places[before], axis=1)
+    speeds = rate * lengths / (after - before)
     return np.asarray(speeds / np.sqrt(_GRAVITY * leg_length(space)))
 
 

@@ -1,8 +1,8 @@
 r"""The curves of transported velocities that `RateInvariantMetric` compares, and their matching.
 
-The fields Φ(f_k) of the frames are joined by geodesics. The velocity at the middle of each is
-transported to one point, where velocities in orthonormal coordinates add up to a polygon. Its sides
-change with the frames; the cubic spline through its vertices changes little.
+The fields Φ(f_k) of the frames are joined by geodesics. The velocity at the middle of each geodesic
+is transported to one point, where velocities in orthonormal coordinates add up to a polygon. Its
+sides depend on how densely frames are sampled; the cubic spline through its vertices hardly does.
 
 Two polygons with segments v_i and w_j have, after the best re-timing, the squared distance L + M −
 2F of their lengths L, M and
@@ -18,7 +18,8 @@ among equally spaced positions on every side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
@@ -71,9 +72,9 @@ class TransportedVelocities:
         if isinstance(self._fields, ProductMetric):
             metrics = [factor.metric for factor in self._fields.space.factors]
             factors = zip(metrics, self._parts(self._base), self._fields.weights, strict=True)
-            self._charts = [_chart(metric, base, weight) for metric, base, weight in factors]
+            self._charts = [_chart_at(base, metric, weight) for metric, base, weight in factors]
         else:
-            self._charts = [_chart(self._fields, self._base, 1.0)]
+            self._charts = [_chart_at(self._base, self._fields, 1.0)]
 
     def segments(self, motion: Motion, name: str = "motion") -> ndarray:
         """Return log Φ(f_{k+1}) at Φ(f_k), transported, in coordinates, shape (n_frames - 1, p)."""
@@ -92,7 +93,7 @@ class TransportedVelocities:
                 velocities, middles, end_point=np.broadcast_to(self._base, middles.shape)
             )
             parts = zip(self._charts, self._parts(transported), strict=True)
-            rows.append(np.concatenate([chart(part) for chart, part in parts], axis=1))
+            rows.append(np.concatenate([chart.coordinates(part) for chart, part in parts], axis=1))
         return np.concatenate(rows)
 
     def _parts(self, fields: ndarray) -> Sequence[ndarray]:
@@ -103,8 +104,25 @@ class TransportedVelocities:
         return [fields]
 
 
-def _chart(metric: RiemannianMetric, base: ndarray, weight: float) -> Callable[[ndarray], ndarray]:
-    """Return a function from tangent vectors at a point to orthonormal coordinates."""
+@dataclass(frozen=True)
+class _Chart:
+    """Orthonormal coordinates of tangent vectors at a point.
+
+    `roots` (F, m, r) maps the m entries of a vector on each of the F triangles to r coordinates.
+    """
+
+    roots: ndarray
+
+    def coordinates(self, vectors: ndarray) -> ndarray:
+        """Return coordinates, shape (n, F r)."""
+        n_triangles, n_entries, _ = self.roots.shape
+        entries = vectors.reshape(-1, n_triangles, n_entries)
+        coordinates = np.einsum("nfi,fir->nfr", entries, self.roots)
+        return coordinates.reshape(len(vectors), -1)
+
+
+def _chart_at(base: ndarray, metric: RiemannianMetric, weight: float) -> _Chart:
+    """Return the coordinates of tangent vectors at a point."""
     if not isinstance(metric, (EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric)):
         raise NotDefinedError(
             f"rate-invariant distances need the fields of an elastic metric, of rotations or of "
@@ -115,13 +133,11 @@ def _chart(metric: RiemannianMetric, base: ndarray, weight: float) -> Callable[[
     units = np.broadcast_to(np.eye(size).reshape(size, 1, *entries), (size, count, *entries))
     basis = metric.space.to_tangent(units, base)
     # These metrics are sums over triangles: each triangle has a Gram matrix of its own.
-    lowered, fields = (x.reshape(size, count, size) for x in (metric.covector(basis, base), basis))
+    fields = basis.reshape(size, count, size)
+    lowered = metric.covector(basis, base).reshape(size, count, size)
     values, vectors = np.linalg.eigh(weight * np.einsum("ifk,jfk->fij", lowered, fields))
-    used = values.max(axis=0) > _NO_LENGTH * values.max()
-    roots = (np.sqrt(np.maximum(values, 0.0))[:, None] * vectors)[..., used]
-    return lambda v: np.einsum("nfi,fir->nfr", v.reshape(-1, count, size), roots).reshape(
-        len(v), -1
-    )
+    has_length = values.max(axis=0) > _NO_LENGTH * values.max()
+    return _Chart((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors)[..., has_length])
 
 
 def even_segments(segments: ndarray, n_segments: int, smoothing: float) -> tuple[ndarray, ndarray]:
@@ -144,14 +160,15 @@ def even_segments(segments: ndarray, n_segments: int, smoothing: float) -> tuple
     times = np.interp(even, np.arange(finer + 1), times)
     sides = np.minimum(times.astype(int), len(moving) - 1)
     places = moving[sides] + (times - sides)
-    places[[0, -1]] = 0.0, n
+    places[0] = 0.0
+    places[-1] = n
     return np.diff(curve(even), axis=0) @ segments[moving], places
 
 
 def _even_times(curve: CubicSpline, within: ndarray, n_arcs: int) -> ndarray:
     """Return times of a spline between which lie arcs of equal length, shape (n_arcs + 1,)."""
     n_pieces = len(curve.x) - 1
-    finer = _FINER * -(-n_arcs // n_pieces)
+    finer = _FINER * math.ceil(n_arcs / n_pieces)
     times = np.linspace(0.0, n_pieces, n_pieces * finer + 1)
     squares = []
     for first in range(0, len(times) - 1, _RUN):
@@ -171,18 +188,21 @@ def _smooth(points: ndarray, deviation: float) -> ndarray:
 
 
 def best_matching(products: ndarray, n_steps: int) -> tuple[float, ndarray]:
-    """Return F for inner products of segments, and places in segments of both, from their starts.
+    """Return F for inner products of segments, and the places that the best matching joins.
 
-    The best matching is straight between these places, which are among so many steps a segment.
+    Places are counted in segments of each polygon; the best matching is straight between them. They
+    are among `n_steps` equally spaced ones in every segment.
     """
     n, m = products.shape
     steps = np.arange(n_steps + 1.0)
     roots = np.sqrt(np.outer(steps, steps)) / n_steps
-    lower, left = np.zeros((n + 1, m, n_steps + 1)), np.zeros((n, m + 1, n_steps + 1))
+    lower = np.zeros((n + 1, m, n_steps + 1))
+    left = np.zeros((n, m + 1, n_steps + 1))
     path = np.zeros((n + m + 2, 2))
     _fill_gains(products, roots, lower, left)
     length = _trace_gains(products, roots, lower, left, path)
-    return float(max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps])), path[length - 1 :: -1]
+    gain = float(max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps]))
+    return gain, path[:length][::-1]
 
 
 @compiled

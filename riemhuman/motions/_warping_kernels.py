@@ -172,14 +172,14 @@ def _match_frames(
     sums[0, 0] = 0.0
     for k in range(n - 1):
         for j in range(m):
-            best, chosen = math.inf, 0
+            best, best_place = math.inf, 0
             for i in range(j + 1):
                 if sums[k, i] < best:
                     product = costs[k, j] + costs[k + 1, i] - costs[k, i] - costs[k + 1, j]
                     value = sums[k, i] + _apart(steps[k], lengths[i, j], 0.5 * product)
                     if value < best:
-                        best, chosen = value, i
-            sums[k + 1, j], before[k + 1, j] = best, chosen
+                        best, best_place = value, i
+            sums[k + 1, j], before[k + 1, j] = best, best_place
     place = m - 1
     for k in range(n - 1, -1, -1):
         places[k] = place
@@ -187,7 +187,7 @@ def _match_frames(
 
 
 PlaceTables = tuple[tuple[ndarray, ...], tuple[ndarray, ...], ndarray]
-"""Numbers, whole numbers and weights of the places that are tried."""
+"""Numbers, whole numbers and weights of the candidates for places."""
 
 
 @compiled
@@ -195,8 +195,8 @@ def _move_places(
     falls: ndarray, steps: ndarray, within: ndarray, places: ndarray, tables: PlaceTables
 ) -> float:
     """Move places to nearby ones with the least sum, ever closer together, and return it."""
-    (tried, spread, at_begin, at_end, sums), (firsts, before), weights = tables
-    n, count = tried.shape
+    (candidates, spread, at_begin, at_end, sums), (firsts, before), weights = tables
+    n, count = candidates.shape
     nodes, reach = min(_NODES, len(within)), 1.0
     for _ in range(_HALVINGS):
         reach *= 0.5
@@ -206,7 +206,7 @@ def _move_places(
                 if 0 < k < n - 1:
                     place = min(max(place + (p - _REACH) * reach, 0.0), len(within) - 1.0)
                 first = min(max(math.floor(place) - 1, 0), len(within) - nodes)
-                tried[k, p], firsts[k, p] = place, first
+                candidates[k, p], firsts[k, p] = place, first
                 at_begin[k, p], at_end[k, p] = 0.0, 0.0
                 for i in range(nodes):
                     weight = 1.0  # of a Lagrange polynomial
@@ -221,22 +221,22 @@ def _move_places(
                 spread[k, p] = 0.5 * _between(within, firsts, weights, (k, p), (k, p))
         for k in range(n - 1):
             for q in range(count):
-                best, chosen = math.inf, 0
+                best, best_place = math.inf, 0
                 for p in range(count):
-                    if tried[k, p] > tried[k + 1, q]:
+                    if candidates[k, p] > candidates[k + 1, q]:
                         continue
                     squared = _between(within, firsts, weights, (k, p), (k + 1, q))
                     squared -= spread[k, p] + spread[k + 1, q]
                     product = 0.5 * (at_end[k + 1, q] - at_begin[k, p])
                     value = sums[k, p] + _apart(steps[k], math.sqrt(max(squared, 0.0)), product)
                     if value < best:
-                        best, chosen = value, p
-                sums[k + 1, q], before[k + 1, q] = best, chosen
-        # Of positions with equal sums, the previous one is preferred.
-        chosen = _REACH
+                        best, best_place = value, p
+                sums[k + 1, q], before[k + 1, q] = best, best_place
+        # The ends do not move: their place is the middle candidate.
+        best_place = _REACH
         for k in range(n - 1, -1, -1):
-            places[k] = tried[k, chosen]
-            chosen = before[k, chosen]
+            places[k] = candidates[k, best_place]
+            best_place = before[k, best_place]
     return sums[n - 1, _REACH]
 
 

@@ -26,8 +26,8 @@ from riemhuman.motions._frames import (
 )
 from riemhuman.motions._travel import frame_rate, ground_places, surface_space, travel_speeds
 
-# Smaller differences of speed, in units of √(g · leg length), are swaying on the spot: about a
-# tenth of a metre a second.
+# Smaller differences of speed, in units of √(g · leg length), are swaying on the spot (about 0.1
+# metres per second).
 _SWAYING = 0.03
 
 
@@ -153,9 +153,11 @@ class MotionDescriptor(Estimator):
         )
         summaries = [self._summary(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
         self._scales: list[float] = []
-        for block in zip(*(summary.blocks for summary in summaries), strict=True):
-            spread = float(np.sqrt(np.sum(np.var(np.stack(block), axis=0))))
+        for number in range(len(summaries[0].blocks)):
+            rows = np.stack([summary.blocks[number] for summary in summaries])
+            spread = float(np.sqrt(np.sum(np.var(rows, axis=0))))
             self._scales.append(1.0 / spread if spread > 0.0 else 0.0)
+        # The last block is that of travel.
         self._scales[-1] = weight * min(self._scales[-1], 1.0 / _SWAYING)
         self.n_features_out_ = sum(len(block) for block in summaries[0].blocks)
         self.metric_ = VectorSpace((self.n_features_out_,)).metric
@@ -170,13 +172,12 @@ class MotionDescriptor(Estimator):
 
     def _coordinates(self, motion: Motion, name: str) -> tuple[ndarray, ndarray]:
         """Return lower-bound coordinates of all frames, and places on the ground."""
-        space, metric = surface_space(self.metric.space), self.metric
+        space = surface_space(self.metric.space)
         rows, places = [], []
         for run in frame_runs(space, motion, name):
             places.append(ground_places(space, run))
-            rows.append(
-                metric.lower_bound_coordinates(run if self.heading else face_forward(space, run))
-            )
+            turned = run if self.heading else face_forward(space, run)
+            rows.append(self.metric.lower_bound_coordinates(turned))
         return np.concatenate(rows), np.concatenate(places)
 
     def _summary(self, motion: Motion, name: str) -> _Summary:

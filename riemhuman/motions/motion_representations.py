@@ -39,9 +39,11 @@ if TYPE_CHECKING:
     from riemhuman.datasets.open_motions import OpenMotion
     from riemhuman.geometry import RiemannianMetric
 
-_FEWEST_FRAMES, _MOST_FRAMES = 24, 60
-# Speeds change by up to a factor of two either way, and are interpolated between five values.
-_SPEEDS, _FASTEST = 5, 2.0
+_FEWEST_FRAMES = 24
+_MOST_FRAMES = 60
+# Speeds change by up to this factor either way, and are interpolated between so many values.
+_FASTEST = 2.0
+_SPEEDS = 5
 _COMPONENTS = 200
 
 
@@ -135,7 +137,8 @@ def compare_representations(
     labels = np.array([motion.sequence for motion in open_motions])
     model = open_motions[0].model
     space = AlignedSurfaces(model.template, equip=False)
-    space.metric = pose = ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    pose = ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    space.metric = pose
     shared: dict[str, Any] = {"n_components": _COMPONENTS, "n_jobs": -1}
     measures: dict[str, GramHankel | MotionDistance] = {
         "Hankel matrices of currents": GramHankel(space),

@@ -82,27 +82,31 @@ class MotionSearch:
             The nearest first. No two overlap.
         """
         whole_number(n_occurrences, "n_occurrences", minimum=1)
-        lengths = [frame_count(query, "query", 2), frame_count(motion, "motion", 2)]
+        n_query = frame_count(query, "query", 2)
+        n_frames = frame_count(motion, "motion", 2)
         frames = FrameDistances(self.metric, heading=self.heading)
-        wanted = frames.frames(query, "query")
-        sums, starts = np.full(lengths[0], math.inf), np.zeros(lengths[0], dtype=np.int64)
-        totals, begins = np.empty(lengths[1]), np.empty(lengths[1], dtype=np.int64)
-        longest_run = lengths[0]
-        if self.shortest * lengths[0] > 1.0:
+        query_frames = frames.frames(query, "query")
+        sums = np.full(n_query, math.inf)
+        starts = np.zeros(n_query, dtype=np.int64)
+        totals = np.empty(n_frames)
+        begins = np.empty(n_frames, dtype=np.int64)
+        longest_run = n_query
+        if self.shortest * n_query > 1.0:
             longest_run = math.ceil(1.0 / self.shortest)
         first = 0
-        bar = ProgressBar(total=lengths[1], desc="Frames", disable=not self.progress, unit="frame")
+        bar = ProgressBar(total=n_frames, desc="Frames", disable=not self.progress, unit="frame")
         with bar:
             for run in frame_runs(self.metric.space, motion, heading=self.heading):
-                costs = frames.squared(wanted, frames.of_run(run))
+                costs = frames.squared(query_frames, frames.of_run(run))
                 last = first + len(run)
-                parts = totals[first:last], begins[first:last]
-                extend_paths(costs, first, longest_run, sums, starts, *parts)
+                extend_paths(
+                    costs, first, longest_run, sums, starts, totals[first:last], begins[first:last]
+                )
                 first = last
                 bar.update(len(run))
-        n_frames = np.arange(lengths[1]) - begins + 1
-        distances = np.sqrt(totals / (lengths[0] + n_frames))
-        distances[n_frames < self.shortest * lengths[0]] = math.inf
+        part_lengths = np.arange(n_frames) - begins + 1
+        distances = np.sqrt(totals / (n_query + part_lengths))
+        distances[part_lengths < self.shortest * n_query] = math.inf
         return _nearest_parts(distances, begins, n_occurrences)
 
 

@@ -113,9 +113,9 @@ class MotionSpace(Manifold):
         segments = np.minimum(places.astype(int), n_frames - 2)
         result = np.empty((len(places), *self.frames.shape))
         for k in np.unique(segments):
-            chosen = segments == k
+            is_inside = segments == k
             start, end = read_motion(self.frames, motion[k : k + 2], f"{name}[{k}:{k + 2}]")
-            result[chosen] = surfaces_between(self.frames, start, end, places[chosen] - k)
+            result[is_inside] = surfaces_between(self.frames, start, end, places[is_inside] - k)
         return result
 
     def face_forward(self, motion: Motion) -> ndarray:
@@ -131,14 +131,14 @@ class MotionSpace(Manifold):
 
 
 def _times_within(at: ArrayLike, last: int) -> ndarray:
-    wanted = np.asarray(real_array(at, "at", ("n_times",), batched=False))
-    if (np.diff(wanted) < 0).any():
+    times = np.asarray(real_array(at, "at", ("n_times",), batched=False))
+    if (np.diff(times) < 0).any():
         raise ArgumentError("at must not decrease; found a later time before an earlier one")
-    if len(wanted) and (wanted[0] < 0.0 or wanted[-1] > last):
+    if len(times) and (times[0] < 0.0 or times[-1] > last):
         raise ArgumentError(
-            f"at must lie within the motion, 0 to {last}; found {wanted[0]:g} to {wanted[-1]:g}"
+            f"at must lie within the motion, 0 to {last}; found {times[0]:g} to {times[-1]:g}"
         )
-    return wanted
+    return times
 
 
 class RateDependentMetric(RiemannianMetric):

@@ -236,8 +236,11 @@ class MotionMean(Estimator):
             times = np.stack([np.interp(common, even, row) for row in times])
             motions = [_at_shares(space, m, times[k], f"X[{k}]") for k, m in enumerate(X)]
             aligned = _facing_together(space, np.stack(motions))
-            reference = mean = self._means(aligned)
-        self.estimate_, self.times_, self.aligned_ = mean, times, aligned
+            mean = self._means(aligned)
+            reference = mean
+        self.estimate_ = mean
+        self.times_ = times
+        self.aligned_ = aligned
         over_time = RateDependentMetric(space, self._metric)
         self.variance_ = float(np.mean([over_time.squared_dist(m, mean) for m in aligned]))
         return self
@@ -326,7 +329,8 @@ class MotionComponents(Estimator):
         """
         self.mean.fit(X)
         self.mean_ = self.mean.estimate_
-        space, self._metric = self.mean.space, self.mean._metric
+        space = self.mean.space
+        self._metric = self.mean._metric
         fields = ProductManifold([self._metric.target_metric.space] * space.n_times)
         weights = RateDependentMetric(space, self._metric).time_weights
         fields.equip_with_metric(ProductMetric, weights=weights)

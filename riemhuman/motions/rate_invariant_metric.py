@@ -18,8 +18,10 @@ from riemhuman.motions._velocity_curves import TransportedVelocities, best_match
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.time_warping import MotionDistance, Warp
 
-# Number of chords that represent a motion, and of steps of the re-timing within a pair of them.
-_N_CHORDS, _N_STEPS = 60, 8
+# Number of chords that represent a motion.
+_N_CHORDS = 60
+# Number of steps of the re-timing within a pair of chords.
+_N_STEPS = 8
 # Standard deviation of the Gaussian mean along a curve, as a share of its length.
 _SMOOTHING = 0.03
 
@@ -130,10 +132,8 @@ class RateInvariantMetric(MotionDistance):
     def _match(self, basis: Projection | None, a: _Curve, b: _Curve) -> Warp:
         """Return the best re-timing, and the distance of the velocities after it."""
         products = a.directions @ b.directions.T
-        gain, matched = best_matching(products, _N_STEPS)
+        gain, matches = best_matching(products, _N_STEPS)
         corners = np.arange(_N_CHORDS + 1)
-        first, second = (
-            np.interp(places, corners, curve.places)
-            for places, curve in zip(matched.T, (a, b), strict=True)
-        )
+        first = np.interp(matches[:, 0], corners, a.places)
+        second = np.interp(matches[:, 1], corners, b.places)
         return Warp(math.sqrt(max(a.length + b.length - 2.0 * gain, 0.0)), first, second)

@@ -33,8 +33,8 @@ from riemhuman.motions._warping_kernels import (
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import constructor_text
 
-# Largest number of steps of a motion by whose velocities it is matched; frames in excess are
-# skipped. More steps distinguish finer movements; noise counts less in fewer, longer ones.
+# Largest number of steps whose velocities are matched; frames of longer motions are skipped. More
+# steps distinguish finer movements; in fewer, longer ones noise counts less.
 _MOST_STEPS = 20
 
 
@@ -131,6 +131,7 @@ class MotionDistance(ABC):
         distances = np.zeros((n, n))
 
         def fill_row(i: int) -> int:
+            """Fill a row up to the diagonal, and the same column; return the number of pairs."""
             for j in range(i):
                 distances[i, j] = self._match(basis, prepared[i], prepared[j]).dist
                 distances[j, i] = distances[i, j]
@@ -141,8 +142,8 @@ class MotionDistance(ABC):
         )
         with bar, single_threaded_libraries():
             # The longest rows come first, so that no thread is left with a long row at the end.
-            for n_done in mapped(fill_row, range(n - 1, -1, -1), thread_count(self.n_jobs)):
-                bar.update(n_done)
+            for n_pairs in mapped(fill_row, range(n - 1, -1, -1), thread_count(self.n_jobs)):
+                bar.update(n_pairs)
         return distances
 
     @abstractmethod

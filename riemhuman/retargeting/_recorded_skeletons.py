@@ -22,8 +22,8 @@ _SMOOTHED = 0.1
 _NEAR_FLOOR = 0.04
 # Joints of standing feet are at most this far above the lowest point, leg lengths (about 12 cm).
 _FOOT = 0.15
-# If someone moves faster than this, leg lengths per second, and farther than this between two frames,
-# leg lengths, the recording may have been interrupted.
+# If someone moves faster than this, leg lengths per second, and farther than this between two
+# frames, leg lengths, the recording may have been interrupted.
 _FASTEST = 8.0
 _FARTHEST = 0.25
 # Parts with less than this share of the frames do not count for the axis that points up.

@@ -1,8 +1,9 @@
 """Which axis of a recording points up, by evidence that may contradict itself.
 
-People mostly stand along it, the floor is at height 0, the rest pose often stands along it, and most
-programs follow one convention. Someone who lies on the floor or on a bed, someone who stands on
-their hands, or a converted file contradicts one of these: then the convention and the floor decide.
+People mostly stand along it, the floor is at height 0, the rest pose often stands along it, and
+most programs follow one convention. Someone who lies on the floor or on a bed, someone who stands
+on their hands, or a converted file contradicts one of these: then the convention and the floor
+decide.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ _DOUBTFUL_FLOOR = 1.2
 _SOME_FLOOR = 0.5
 # The body is upright along an axis if shoulders are above feet by this cosine.
 _UPRIGHT = 0.8
-# Heights in lengths of the leg: a floor is this near to 0, and beds, and tables on which a body is at
-# rest, are at most this high.
+# Heights in lengths of the leg: a floor is this near to 0, and beds, and tables on which a body is
+# at rest, are at most this high.
 _NEAR_ZERO = 0.15
 _HIGHEST_BED = 0.8
 _HIGHEST_TABLE = 1.4
@@ -125,8 +126,8 @@ def _evidence_for(
 ) -> _Evidence:
     """Return the evidence for an axis, from coordinates along it.
 
-    Heights (n_frames, J) are those of joints in lengths of the leg, and cosines (n_frames,) those of
-    the angles between the axis and the direction from ankles to shoulders.
+    Heights (n_frames, J) are those of joints in lengths of the leg, and cosines (n_frames,) those
+    of the angles between the axis and the direction from ankles to shoulders.
     """
     lowest = heights.min(axis=1)
     floor = float(np.percentile(lowest, 1.0))
