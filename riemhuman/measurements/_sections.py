@@ -268,7 +268,7 @@ def section(
     cutter: Cutter,
     pulls: tuple[Pull, Pull] = (fixed, fixed),
 ) -> Lines:
-    """Return the section of each surface by a plane, on measured triangles, nearest to its origin."""
+    """Return the section of each surface by a plane that is nearest to the plane's origin."""
     f, o, n = (
         onp.require(values_of(array), onp.float64, ["C", "W"])
         for array in (surfaces, origins, normals)
