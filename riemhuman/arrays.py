@@ -19,6 +19,7 @@ __all__ = [
     "Callback",
     "Contents",
     "FeatureRows",
+    "Features",
     "Fields",
     "Image",
     "Integers",
@@ -55,6 +56,9 @@ Fields: TypeAlias = tuple[NDArray[np.float64], ...]
 
 FeatureRows: TypeAlias = NDArray[np.float64]
 """Features of surfaces, in double or single precision; loops over them have one type for both."""
+
+Features: TypeAlias = tuple[NDArray[np.float64], ...]
+"""Features from which a metric computes distances, arrays whose first axis is that of points."""
 
 Triangles: TypeAlias = NDArray[np.int64 | np.intp]
 """Vertex indices of triangles, shape (F, 3), counted from 0."""

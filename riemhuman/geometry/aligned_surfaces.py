@@ -27,7 +27,7 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import common_seams
 from riemhuman.kernels import surface
 from riemhuman.surfaces.template import Template
-from riemhuman.terms._drivers import nearly_degenerate
+from riemhuman.terms._sums import nearly_degenerate
 
 # Share of the largest displacement by which both sides of a seam may differ.
 _TEAR = 1e-6

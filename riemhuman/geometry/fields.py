@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import autograd.numpy as np
 
-from riemhuman.arrays import Array, ArrayLike, Booleans, Fields, Points, TangentVectors
+from riemhuman.arrays import Array, ArrayLike, Booleans, Features, Fields, Points, TangentVectors
 from riemhuman.checks import Rng, generator, joint_shape, real_array, refuse_type, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
@@ -21,7 +20,7 @@ from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._drivers import BulkOfFields
+from riemhuman.terms._sums import TablesOfTerms, features_of_fields
 from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Term
 
@@ -83,8 +82,12 @@ class FieldMetric(RiemannianMetric):
 
     @property
     def bulk(self) -> Bulk:
-        fields = partial(self._fields, name="points")
-        return BulkOfFields(self._term, self._areas, fields)
+        areas = self._areas
+
+        def features(points: Points, precision: str) -> Features:
+            return features_of_fields(self._term, self._fields(points, "points"), areas, precision)
+
+        return TablesOfTerms([self._term], areas, features)
 
     @abstractmethod
     def _fields(self, point: Points, name: str) -> Fields:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, Points, PointsByNumber, PointsLike
+from riemhuman.arrays import Array, Features, Points, PointsByNumber, PointsLike
 from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
-from riemhuman.terms._drivers import Bulk, Features, PairByPair, SumOfFactors
 
 __all__ = [
     "MEMORY",
@@ -44,6 +44,92 @@ _ROUNDING_SHARE = 5e-6
 _BLOCK = 256
 # Points of one block of pairs too close for single precision.
 _CLOSE_BLOCK = 16
+
+
+class Bulk(Protocol):
+    """Features of points, and tables of distances computed from them: what a metric's `bulk` is.
+
+    Without better, `PairByPair`; for products and images, `SumOfFactors`; for metrics of terms,
+    `riemhuman.terms._sums.TablesOfTerms`. A metric keeps it as an object, so that a table goes from
+    here to the loops over terms directly, not by a method of every class in between.
+    """
+
+    n_arrays: int
+
+    @abstractmethod
+    def features(self, points: Points, precision: str) -> Features:
+        """Return the features of n points, arrays whose first axis is that of the points."""
+
+    @abstractmethod
+    def rounding(self, features: Features) -> Array:
+        """Return bounds on the rounding errors of each point's features, as distances."""
+
+    @abstractmethod
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        """Return the table of squared distances; the same features twice for those within a set."""
+
+
+class PairByPair(Bulk):
+    """Distances computed one by one: the points are their own features."""
+
+    n_arrays = 1
+
+    def __init__(self, squared_dist: Callable[[Points, Points], Array]) -> None:
+        self._squared_dist = squared_dist
+
+    def features(self, points: Points, precision: str) -> Features:
+        return (np.ascontiguousarray(points),)
+
+    def rounding(self, features: Features) -> Array:
+        return np.zeros(len(features[0]))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        squared = np.zeros((len(a[0]), len(b[0])))
+
+        def fill_row(i: int) -> None:
+            for j in range(i + 1 if a is b else 0, len(b[0])):
+                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
+                if a is b:
+                    squared[j, i] = squared[i, j]
+
+        list(mapped(fill_row, range(len(squared)), n_threads))
+        return squared
+
+
+class SumOfFactors(Bulk):
+    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
+
+    def __init__(self, parts: Sequence[tuple[Callable[[Array], Array], float, Bulk]]) -> None:
+        self._parts = tuple(parts)
+        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
+
+    def features(self, points: Points, precision: str) -> Features:
+        return tuple(
+            feature
+            for component, _, bulk in self._parts
+            for feature in bulk.features(component(points), precision)
+        )
+
+    def rounding(self, features: Features) -> Array:
+        parts = self._split(features)
+        return np.sqrt(sum(weight * bulk.rounding(part) ** 2 for weight, bulk, part in parts))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        parts_a = list(self._split(a))
+        parts_b = parts_a if b is a else list(self._split(b))
+        return sum(
+            (
+                w * bulk.squared_distances(part_a, part_b, n_threads)
+                for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
+            ),
+            start=np.zeros(()),
+        )
+
+    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
+        start = 0
+        for _, weight, bulk in self._parts:
+            yield weight, bulk, features[start : start + bulk.n_arrays]
+            start += bulk.n_arrays
 
 
 class PointsOfOneShape(Protocol):

@@ -9,7 +9,7 @@ from typing import Unpack
 import autograd.numpy as np
 import numpy as onp
 
-from riemhuman.arrays import Array, Booleans, Points, TangentVectors
+from riemhuman.arrays import Array, Booleans, Features, Points, TangentVectors
 from riemhuman.checks import real_number, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
@@ -23,7 +23,7 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import fill_quaternions, nearest_rotations, transpose
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms._drivers import BulkOfFields, area_ratios
+from riemhuman.terms._sums import TablesOfTerms, area_ratios, features_of_fields
 from riemhuman.terms.normals import RotationTerm
 
 # The area of an adult's skin, m², from which the default times of other templates follow.
@@ -142,20 +142,25 @@ class RotationMetric(SmoothedMetric):
 
     @property
     def bulk(self) -> Bulk:
+        term, areas = RotationTerm(), self.space.template.face_areas
 
-        def fields(points: Points) -> tuple[Array]:
-            surfaces = self.space.check_point(points, "points")
-            n_faces = self.space.template.n_faces
-            components, rotations = np.empty((len(surfaces), n_faces, 4)), np.empty((n_faces, 3, 3))
-            for f, quaternions in zip(surfaces, components, strict=True):
-                f_u, f_v = (of_one_kind(part) for part in self.space.partial_derivatives(f))
-                if surface.fill_rotations(f_u, f_v, self._axes, rotations):
-                    fill_quaternions(of_one_kind(self._diffused(rotations)), quaternions)
-                else:  # the definition names the triangle without area
-                    fill_quaternions(of_one_kind(self.rotations(f)), quaternions)
-            return (components,)
+        def features(points: Points, precision: str) -> Features:
+            return features_of_fields(term, (self._quaternions(points),), areas, precision)
 
-        return BulkOfFields(RotationTerm(), self.space.template.face_areas, fields)
+        return TablesOfTerms([term], areas, features)
+
+    def _quaternions(self, points: Points) -> Array:
+        """Return the smoothed rotations of surfaces as quaternions, shape (n, F, 4)."""
+        surfaces = self.space.check_point(points, "points")
+        n_faces = self.space.template.n_faces
+        components, rotations = np.empty((len(surfaces), n_faces, 4)), np.empty((n_faces, 3, 3))
+        for f, quaternions in zip(surfaces, components, strict=True):
+            f_u, f_v = (of_one_kind(part) for part in self.space.partial_derivatives(f))
+            if surface.fill_rotations(f_u, f_v, self._axes, rotations):
+                fill_quaternions(of_one_kind(self._diffused(rotations)), quaternions)
+            else:  # the definition names the triangle without area
+                fill_quaternions(of_one_kind(self.rotations(f)), quaternions)
+        return components
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         rotations = self.rotations(points)

@@ -13,7 +13,6 @@ from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.surface import derivatives
-from riemhuman.terms._drivers import SumOfQuadraticTerms, checked_terms
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
@@ -22,6 +21,8 @@ from riemhuman.terms._quadratic import (
     SecondOrderTerm,
     ZerothOrderTerm,
 )
+from riemhuman.terms._sums import SumOfQuadraticTerms
+from riemhuman.terms._term_checks import checked_terms
 
 
 class MidpointMetric(MetricOfTerms):

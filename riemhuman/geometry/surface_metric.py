@@ -24,6 +24,7 @@ from riemhuman.geometry.fields import (
 )
 from riemhuman.geometry.manifold import Manifold, SurfaceSpace
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
@@ -31,8 +32,9 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.surfaces.template import Template
-from riemhuman.terms._drivers import SumOfTerms, SumOnSurfaces, checked_terms
 from riemhuman.terms._quadratic import QuadraticTerm
+from riemhuman.terms._sums import SumOfTerms, SumOnSurfaces, TablesOfTerms
+from riemhuman.terms._term_checks import checked_terms
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import RootNormalTerm
 from riemhuman.terms.normals import NormalTerm
@@ -40,7 +42,7 @@ from riemhuman.terms.term import Term
 
 
 class MetricOfTerms(RiemannianMetric):
-    """A metric on aligned surfaces that is a sum of terms; subclasses set them and their driver."""
+    """A metric on aligned surfaces that is a sum of terms; subclasses set the terms and the sum."""
 
     space: SurfaceSpace
     terms: tuple[Term, ...] | tuple[QuadraticTerm, ...]
@@ -185,8 +187,8 @@ class SurfaceMetric(MetricOfTerms):
         return self._sum.squared_dists(point, others, weights)
 
     @cached_property
-    def bulk(self) -> SumOfTerms:
-        return self._sum
+    def bulk(self) -> Bulk:
+        return TablesOfTerms(self.terms, self._sum.areas, self._sum.features)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         points = self.space.check_point(points, "points")

@@ -21,7 +21,7 @@ from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFac
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Result, finish, interruptible
 from riemhuman.surfaces import Template
-from riemhuman.terms._drivers import SumOfTerms
+from riemhuman.terms._sums import SumOfTerms
 
 # Iterations after which the matrix is factored anew.
 _REFRESH = 30

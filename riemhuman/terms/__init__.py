@@ -1,4 +1,4 @@
-"""Terms of surface metrics, and the driver that runs a weighted sum of them."""
+"""Terms of surface metrics, and the loops that run weighted sums of them."""
 
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import Derivatives

@@ -300,9 +300,12 @@ class Term(ABC):
         Parameters
         ----------
         records : array, shape (n_times, 12, n)
-            Records of triangles, see `riemhuman.terms._drivers`.
+            Records of n triangles at all times: three numbers of f_u, three of f_v and three of
+            the unit normal n, then the area ratio A, f_u·f_u and f_u·f_v. On a triangle without
+            area, n and A are 0.
         slopes : array, shape (n_times, 12, n)
-            Derivatives with respect to the numbers in the records; they are added in place.
+            Derivatives with respect to the numbers in the records, each taken for independent; they
+            are added in place.
         areas : array, shape (n,)
         """
         if self.needs_area and not records[:, 9].all():
@@ -346,7 +349,7 @@ class Term(ABC):
         Parameters
         ----------
         record : array, shape (12, F)
-            Records of its triangles, see `riemhuman.terms._drivers`.
+            Records of its triangles, see `add_segments`.
         areas : array, shape (F,)
         kept : array of float32 or float64, shape (n_features, F⁺)
         """

@@ -106,7 +106,7 @@ def test_an_energy_alone_does_without_its_gradient(monkeypatch):
     def fail(*_):
         raise AssertionError("slopes were added up")
 
-    monkeypatch.setattr("riemhuman.terms._drivers.add_gradient", fail)
+    monkeypatch.setattr("riemhuman.terms._sums.add_gradient", fail)
     assert metric.energy(path) == expected
 
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 COMPUTE = """
 import numpy as np
-from riemhuman.terms._drivers import fill_records
+from riemhuman.terms._sums import fill_records
 records = np.empty((1, 12, 1))
 corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 fill_records(corners[:, None], np.array([[0, 1, 2]]), np.array([[1.0, 1.0, 0.0]]), 0, 1, records)

@@ -10,6 +10,7 @@ from cases import open_template, sphere_template, surfaces
 from numba import njit
 from scipy.optimize import minimize
 
+from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
 from riemhuman.kernels import surface
 from riemhuman.terms import (
     ConeTerm,
@@ -19,7 +20,6 @@ from riemhuman.terms import (
     _polynomial_fits,
     cone,
 )
-from riemhuman.terms._drivers import SumOfTerms
 
 WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
 
@@ -204,12 +204,12 @@ def test_the_chart_is_tight_for_near_surfaces(weights):
 
 def test_single_precision_keeps_its_bound():
     template = open_template()
-    driver = SumOfTerms([ConeTerm(1.0, 1.0, 0.2, 0.7)], template)
+    metric = SurfaceMetric(AlignedSurfaces(template), [ConeTerm(1.0, 1.0, 0.2, 0.7)])
     points = surfaces(template, 8, rng=3)
     points[1] = points[0] + 1e-6 * points[2]
-    exact, single = (driver.features(points, precision) for precision in ("double", "single"))
-    dists = [np.sqrt(driver.squared_distances(part, part)) for part in (exact, single)]
-    rounding = driver.rounding(single)
+    exact, single = (metric.features(points, precision) for precision in ("double", "single"))
+    dists = [np.sqrt(metric.bulk.squared_distances(part, part)) for part in (exact, single)]
+    rounding = metric.bulk.rounding(single)
     assert np.all(rounding > 0)
     assert np.all(rounding < 1e-4)
     slack = rounding[:, None] + rounding + 1e-6 * dists[0]

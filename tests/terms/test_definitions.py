@@ -7,7 +7,6 @@ import pkgutil
 import numpy as np
 import pytest
 from cases import deformations, sphere_template, surfaces
-from packed_fields import field_features
 
 import riemhuman.terms
 from riemhuman.errors import ArgumentError
@@ -21,7 +20,6 @@ from riemhuman.terms import (
     RotationTerm,
     Term,
 )
-from riemhuman.terms._drivers import SumOfTerms, add_gradient, fill_records
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
@@ -29,6 +27,13 @@ from riemhuman.terms._quadratic import (
     QuadraticTerm,
     SecondOrderTerm,
     ZerothOrderTerm,
+)
+from riemhuman.terms._sums import (
+    SumOfTerms,
+    TablesOfTerms,
+    add_gradient,
+    features_of_fields,
+    fill_records,
 )
 
 TEMPLATE = sphere_template()
@@ -81,15 +86,15 @@ def test_pairs(term, size):
     points = size * POINTS
     fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in points]
     expected = [[term.squared_dist(one, other) @ AREAS for other in fields] for one in fields]
-    driver = SumOfTerms([term], TEMPLATE)
+    tables = TablesOfTerms([term], AREAS, SumOfTerms([term], TEMPLATE).features)
     together = tuple(map(np.stack, zip(*fields, strict=True)))
     for features in (
-        field_features(term, together, AREAS, "double"),
-        driver.features(points, "double"),
+        features_of_fields(term, together, AREAS, "double"),
+        tables.features(points, "double"),
     ):
-        assert len(features) == driver.n_arrays
-        np.testing.assert_array_equal(driver.rounding(features), 0.0)
-        close(driver.squared_distances(features, features), term.weight * np.array(expected))
+        assert len(features) == tables.n_arrays
+        np.testing.assert_array_equal(tables.rounding(features), 0.0)
+        close(tables.squared_distances(features, features), term.weight * np.array(expected))
         pair = (of_one_kind(features[0]), of_one_kind(features[0].copy()))
         close(term.squared_distances(*pair, AREAS), expected)
 
@@ -104,18 +109,18 @@ def test_forms(term):
 @each_term
 def test_what_terms_say_of_what_they_see(term):
     """Of a turn, of a larger copy, and of triangles without area."""
-    driver, turn = SumOfTerms([term], TEMPLATE), np.linalg.qr(POINTS[0, :3])[0]
+    alone, turn = SumOfTerms([term], TEMPLATE), np.linalg.qr(POINTS[0, :3])[0]
     turn *= np.linalg.det(turn)
     f = POINTS[0]
 
     def changes(other):
-        return driver.path_energy(np.stack([f, other]))[0] > 1e-9
+        return alone.path_energy(np.stack([f, other]))[0] > 1e-9
 
     assert changes(f @ turn) != term.is_rotation_invariant
     assert changes(2.0 * f) != term.is_stretch_invariant
     flat = f.copy()
     flat[FACES[3]] = flat[FACES[3, 0]]
-    assert np.isinf(driver.path_energy(np.stack([f, flat]))[0]) == term.needs_area
+    assert np.isinf(alone.path_energy(np.stack([f, flat]))[0]) == term.needs_area
 
 
 def test_the_smallest_weights():

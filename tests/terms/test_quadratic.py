@@ -11,7 +11,6 @@ from oracles import taylor_slope
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import _quadratic
-from riemhuman.terms._drivers import SumOfQuadraticTerms
 from riemhuman.terms._quadratic import (
     FirstOrderTerm,
     FirstOrderWeights,
@@ -21,6 +20,7 @@ from riemhuman.terms._quadratic import (
     by_vertex,
     corner_averages,
 )
+from riemhuman.terms._sums import SumOfQuadraticTerms
 
 WEIGHTS = {
     "all": FirstOrderWeights(0.7, 0.3, 1.1, 0.9, 0.4),

@@ -7,7 +7,6 @@ import pytest
 from block_patterns import couplings
 from cases import deformations, open_template, surfaces
 from interpreted import check_bounds, interpret
-from packed_fields import field_features
 from scipy.sparse import bsr_array
 from scipy.spatial.distance import cdist
 
@@ -20,15 +19,15 @@ from riemhuman.terms import (
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
-    _drivers,
     _polynomial_fits,
     _quadratic,
+    _sums,
     cone,
     flat,
     normals,
 )
-from riemhuman.terms._drivers import SumOfTerms
 from riemhuman.terms._quadratic import by_vertex
+from riemhuman.terms._sums import SumOfTerms, features_of_fields
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -41,7 +40,7 @@ QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
 QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
 # With functions of numbers alone: they would be compiled for these tests.
-MODULES = (_drivers, cone, flat, normals, _polynomial_fits)
+MODULES = (_sums, cone, flat, normals, _polynomial_fits)
 
 
 def collapsed(points):
@@ -94,7 +93,7 @@ LOOPS = [
 def test_pairs(monkeypatch, module, term):
     """In chunks of a few triangles, of which the last is shorter."""
     first = surface.derivatives(surfaces(TEMPLATE, 5, rng=3), TEMPLATE.differential_operator)
-    features, _ = field_features(term, term.fields(first), AREAS, "double")
+    features, _ = features_of_fields(term, term.fields(first), AREAS, "double")
     a, b = of_one_kind(features[:3]), of_one_kind(features[2:])
     expected = term.squared_distances(a, b, AREAS)
     within = np.triu(term.squared_distances(a, a, AREAS), 1)

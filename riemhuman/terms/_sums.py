@@ -1,19 +1,19 @@
-r"""Drivers that do the work of metrics: sums of terms, and distances of many pairs.
+"""Weighted sums of terms: energies of paths, inner products, features and tables of distances.
 
-A metric checks its arguments and leaves the rest to an object of one of two protocols:
+A metric on surfaces checks its arguments and leaves inner products, their matrices and energies of
+paths to a `SumOnSurfaces`: `SumOfTerms` if its terms have distances in closed form (`Term`),
+`SumOfQuadraticTerms` if they are given by their inner products alone (`QuadraticTerm`).
 
-- `SumOnSurfaces`: inner products, their matrices and the energies of paths, for a metric on
-  surfaces. `SumOfTerms` runs terms with distances in closed form (`Term`), `SumOfQuadraticTerms`
-  terms that are given by their inner products alone (`QuadraticTerm`).
-- `Bulk`: features of points and the tables of distances computed from them, for any metric's
-  `bulk`. `SumOfTerms` is one; `SumOfFactors` runs those of the factors of a product, or of an
-  image; `PairByPair` computes one distance after the other, for metrics that offer no more.
+`TablesOfTerms` computes distances of many pairs from features. It is not a part of the sum, as
+metrics on fields, which have a term but no surfaces, compute tables in the same way. Tables of any
+other metric, with or without terms, are those of `riemhuman.geometry.pairwise`.
 
-All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
-n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
-are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
-slopes by the vertices. Arrays of records hold each number of many triangles in a row, so that loops
-over triangles run in vector registers; along paths some thousand triangles at a time.
+All that compiled loops need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the
+unit normal n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without
+area n and A are 0. Slopes of a sum over triangles by the numbers of a record, each taken for
+independent, become slopes by the vertices. Arrays of records hold each number of many triangles in
+a row, so that loops over triangles run in vector registers; along paths some thousand triangles at
+a time.
 """
 
 from __future__ import annotations
@@ -21,24 +21,19 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as onp
 from scipy.sparse import csr_array
 
-from riemhuman.arrays import Array, Fields, Points, TangentVectors, Triangles
+from riemhuman.arrays import Array, Features, Fields, Points, TangentVectors, Triangles
 from riemhuman.checks import values_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import FUSED, compiled
-from riemhuman.kernels.surface import follow_up
-from riemhuman.kernels.threads import LANES, in_tiles, mapped, of_one_kind, sums_in_chunks
+from riemhuman.kernels.threads import LANES, in_tiles, of_one_kind, sums_in_chunks
 from riemhuman.surfaces.template import Template
 from riemhuman.terms._quadratic import QuadraticTerm, by_vertex
-from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.term import LENGTH, Term
-
-Features = tuple[Array, ...]
 
 # Below this many triangles times surfaces, threads cost more than they gain.
 _WORTH_THREADS = 50_000
@@ -62,86 +57,17 @@ class SumOnSurfaces(Protocol):
         """Return the energy of a path, infinite where it has none, and its gradient if wanted."""
 
 
-class Bulk(Protocol):
-    """Features of points, and distances computed from them."""
-
-    n_arrays: int
-
-    @abstractmethod
-    def features(self, points: Points, precision: str) -> Features:
-        """Return the features of n points, arrays whose first axis is that of the points."""
-
-    @abstractmethod
-    def rounding(self, features: Features) -> Array:
-        """Return bounds on the rounding errors of each point's features, as distances."""
-
-    @abstractmethod
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
-        """Return the table of squared distances; the same features twice for those within a set."""
-
-
-class BulkOfTerms(Bulk):
-    """Distances by a weighted sum of terms; features are of each term an array, and its rounding.
-
-    The numbers `areas` are those of the triangles that the terms are integrated over.
-    """
-
-    def __init__(self, terms: Sequence[Term], areas: Array) -> None:
-        self.terms, self.areas = tuple(terms), areas
-        self.n_arrays = 2 * len(self.terms)
-        self._row_length = -(-len(areas) // LANES) * LANES
-
-    def rounding(self, features: Features) -> Array:
-        """Return a bound on the rounding error of each point's features, as a distance."""
-        total = onp.zeros(())
-        for term, gaps in zip(self.terms, features[1::2], strict=True):
-            total = total + term.weight * gaps**2
-        return onp.sqrt(total)
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
-        """Return all squared distances between two sets of points."""
-
-        def run(pair: tuple[Features, Features]) -> Array:
-            total = onp.zeros(())
-            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
-                total = total + term.weight * term.squared_distances(
-                    row_features, column_features, self.areas
-                )
-            return total
-
-        return in_tiles(run, a[::2], b[::2], n_threads)
-
-
-class BulkOfFields(BulkOfTerms):
-    """Distances of points that are fields themselves, by the one term that compares them."""
-
-    def __init__(self, term: Term, areas: Array, fields_of: Callable[[Points], Fields]) -> None:
-        super().__init__([term], areas)
-        self._fields_of = fields_of
-
-    def features(self, points: Points, precision: str) -> Features:
-        """Return the features of fields."""
-        [term] = self.terms
-        real = onp.float32 if precision == "single" and term.single else onp.float64
-        packed = onp.zeros((len(points), term.n_features, self._row_length), real)
-        gaps = onp.zeros(len(points))
-        fields = tuple(map(of_one_kind, self._fields_of(points)))
-        for i, kept in enumerate(packed):
-            gap = term.pack(tuple(field[i] for field in fields), self.areas, kept)
-            gaps[i] = math.sqrt(gap) if real == onp.float32 else 0.0
-        return packed, gaps
-
-
-class SumOfTerms(SumOnSurfaces, BulkOfTerms):
-    """A weighted sum of terms on the surfaces over a template, which others have checked."""
+class SumOfTerms(SumOnSurfaces):
+    """A sum of terms with distances in closed form, which energies of paths add up."""
 
     def __init__(self, terms: Sequence[Term], template: Template) -> None:
-        BulkOfTerms.__init__(self, terms, template.face_areas)
-        self.template = template
+        self.terms, self.template, self.areas = tuple(terms), template, template.face_areas
         self.needs_area = any(term.needs_area for term in self.terms)
         self._faces, self._frames = template.faces, template.frame_coefficients
 
     def __reduce__(self) -> tuple[object, ...]:
+        # Copied by themselves, the arrays could be written to, and loops are compiled for such
+        # arrays anew.
         return type(self), (self.terms, self.template)
 
     def inner_product(self, h: TangentVectors, k: TangentVectors, f: Points) -> Array:
@@ -154,29 +80,6 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
         surface.refuse_degenerate(first.degenerate, "base_point")
         scales = [term.weight * self.areas * first.areas**term.area_power for term in self.terms]
         return [(term.form(first), scale) for term, scale in zip(self.terms, scales, strict=True)]
-
-    def features(self, points: Points, precision: str) -> Features:
-        """Return the features of surfaces."""
-        n_faces = len(self.areas)
-        packed: Features = ()
-        for term in self.terms:
-            real = onp.float32 if precision == "single" and term.single else onp.float64
-            rows = onp.zeros((len(points), term.n_features, self._row_length), real)
-            packed += rows, onp.zeros(len(points))
-        records = onp.empty((1, LENGTH, n_faces))
-        degenerate = onp.zeros((len(points), n_faces), dtype=bool)
-        for i, point in enumerate(points):
-            surface_alone = of_one_kind(point)[:, None]
-            fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
-            if self.needs_area and not records[0, 9].all():
-                degenerate[i] = records[0, 9] == 0.0
-                continue
-            for term, kept, gaps in zip(self.terms, packed[::2], packed[1::2], strict=True):
-                gap = term.pack_record(records[0], self.areas, kept[i])
-                gaps[i] = math.sqrt(gap) if kept.dtype == onp.float32 else 0.0
-        if degenerate.any():
-            surface.refuse_degenerate(degenerate)
-        return packed
 
     def path_energy(self, path: Points, *, gradient: bool = True) -> tuple[float, Array]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
@@ -216,7 +119,7 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
         faces, frames, areas = self._faces, self._frames, self.areas
         faces_of_others = faces if other_faces is None else of_one_kind(other_faces)
         f = of_one_kind(point)[:, None]
-        kinds = [of_one_kind(reference)[:, None] for reference in others]
+        references = [of_one_kind(reference)[:, None] for reference in others]
 
         def run(first: int, last: int) -> tuple[Array, Array]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
@@ -225,7 +128,7 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
                 end = min(start + size, last)
                 records, slopes = onp.zeros((2, 2, LENGTH, end - start))
                 fill_records(f, faces, frames, start, end, records[1:])
-                for i, reference in enumerate(kinds):
+                for i, reference in enumerate(references):
                     # The slopes by these are summed as well but not used.
                     fill_records(reference, faces_of_others, frames, start, end, records[:1])
                     weighted = of_one_kind(weights[i] * areas[start:end])
@@ -246,9 +149,32 @@ class SumOfTerms(SumOnSurfaces, BulkOfTerms):
             surface.add_blocks(blocks, f, self._faces, self._forms(first))
         return self.template.assembler.assemble(blocks / len(surfaces))
 
+    def features(self, points: Points, precision: str) -> Features:
+        """Return the features of surfaces, see `TablesOfTerms`."""
+        n_faces = len(self.areas)
+        features: Features = ()
+        for term in self.terms:
+            real = onp.float32 if precision == "single" and term.single else onp.float64
+            rows = onp.zeros((len(points), term.n_features, -(-n_faces // LANES) * LANES), real)
+            features += rows, onp.zeros(len(points))
+        records = onp.empty((1, LENGTH, n_faces))
+        degenerate = onp.zeros((len(points), n_faces), dtype=bool)
+        for i, point in enumerate(points):
+            surface_alone = of_one_kind(point)[:, None]
+            fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
+            if self.needs_area and not records[0, 9].all():
+                degenerate[i] = records[0, 9] == 0.0
+                continue
+            for term, rows, gaps in zip(self.terms, features[::2], features[1::2], strict=True):
+                gap = term.pack_record(records[0], self.areas, rows[i])
+                gaps[i] = math.sqrt(gap) if rows.dtype == onp.float32 else 0.0
+        if degenerate.any():
+            surface.refuse_degenerate(degenerate)
+        return features
+
 
 class SumOfQuadraticTerms(SumOnSurfaces):
-    """The driver of a sum of terms that are given by their inner products."""
+    """A sum of terms that are given by their inner products, taken at midpoints along paths."""
 
     def __init__(self, terms: Sequence[QuadraticTerm], template: Template) -> None:
         self.terms, self.template = tuple(terms), template
@@ -290,67 +216,52 @@ class SumOfQuadraticTerms(SumOnSurfaces):
         surface.refuse_degenerate(first.degenerate, "base_point")
 
 
-class PairByPair(Bulk):
-    """Distances computed one by one: the points are their own features."""
+class TablesOfTerms:
+    """Tables of distances by a weighted sum of terms, integrated over triangles with these areas.
 
-    n_arrays = 1
+    Features are of each term an array, whose first axis is that of the points, filled up to whole
+    vector registers, and bounds on the points' rounding errors, as distances. A function computes
+    them from points and a precision.
+    """
 
-    def __init__(self, squared_dist: Callable[[Points, Points], Array]) -> None:
-        self._squared_dist = squared_dist
-
-    def features(self, points: Points, precision: str) -> Features:
-        return (onp.ascontiguousarray(points),)
-
-    def rounding(self, features: Features) -> Array:
-        return onp.zeros(len(features[0]))
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
-        squared = onp.zeros((len(a[0]), len(b[0])))
-
-        def fill_row(i: int) -> None:
-            for j in range(i + 1 if a is b else 0, len(b[0])):
-                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
-                if a is b:
-                    squared[j, i] = squared[i, j]
-
-        list(mapped(fill_row, range(len(squared)), n_threads))
-        return squared
-
-
-class SumOfFactors(Bulk):
-    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
-
-    def __init__(self, parts: Sequence[tuple[Callable[[Array], Array], float, Bulk]]) -> None:
-        self._parts = tuple(parts)
-        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
-
-    def features(self, points: Points, precision: str) -> Features:
-        return tuple(
-            feature
-            for component, _, bulk in self._parts
-            for feature in bulk.features(component(points), precision)
-        )
+    def __init__(
+        self, terms: Sequence[Term], areas: Array, features: Callable[[Points, str], Features]
+    ) -> None:
+        self.terms, self.areas, self.features = tuple(terms), areas, features
+        self.n_arrays = 2 * len(self.terms)
 
     def rounding(self, features: Features) -> Array:
-        parts = self._split(features)
-        return onp.sqrt(sum(weight * bulk.rounding(part) ** 2 for weight, bulk, part in parts))
+        """Return a bound on the rounding error of each point's features, as a distance."""
+        squared = onp.zeros(())
+        for term, gaps in zip(self.terms, features[1::2], strict=True):
+            squared = squared + term.weight * gaps**2
+        return onp.sqrt(squared)
 
     def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
-        parts_a = list(self._split(a))
-        parts_b = parts_a if b is a else list(self._split(b))
-        return sum(
-            (
-                w * bulk.squared_distances(part_a, part_b, n_threads)
-                for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
-            ),
-            start=onp.zeros(()),
-        )
+        """Return all squared distances between two sets of points."""
 
-    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
-        start = 0
-        for _, weight, bulk in self._parts:
-            yield weight, bulk, features[start : start + bulk.n_arrays]
-            start += bulk.n_arrays
+        def run(pair: tuple[Features, Features]) -> Array:
+            total = onp.zeros(())
+            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
+                total = total + term.weight * term.squared_distances(
+                    row_features, column_features, self.areas
+                )
+            return total
+
+        return in_tiles(run, a[::2], b[::2], n_threads)
+
+
+def features_of_fields(term: Term, fields: Fields, areas: Array, precision: str) -> Features:
+    """Return the features of the fields of one term, see `TablesOfTerms`."""
+    fields = tuple(map(of_one_kind, fields))
+    n_points = len(fields[0])
+    real = onp.float32 if precision == "single" and term.single else onp.float64
+    rows = onp.zeros((n_points, term.n_features, -(-len(areas) // LANES) * LANES), real)
+    gaps = onp.zeros(n_points)
+    for i, row in enumerate(rows):
+        gap = term.pack(tuple(field[i] for field in fields), areas, row)
+        gaps[i] = math.sqrt(gap) if rows.dtype == onp.float32 else 0.0
+    return rows, gaps
 
 
 @compiled(forceinline=True)
@@ -470,57 +381,3 @@ def nearly_degenerate(surfaces: Points, template: Template) -> Array:
         # A² + m² = e g.
         marked[:] = squared <= surface.NEARLY_DEGENERATE * (squared + mixed**2)
     return flagged
-
-
-# Partial derivatives of three triangles on each of two surfaces, nearly those of the template.
-_TRIANGLES = onp.random.default_rng(0).uniform(-0.3, 0.3, (2, 2, 3, 3))
-_TRIANGLES += onp.eye(2, 3)[:, None, None]
-
-
-TermType = TypeVar("TermType")
-
-
-def checked_terms(terms: Sequence[TermType], term_class: type[TermType]) -> tuple[TermType, ...]:
-    """Return the terms of a metric after checking that they work triangle by triangle."""
-    if not isinstance(terms, Sequence) or isinstance(terms, str):
-        raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")
-    if not terms:
-        raise ArgumentError("terms must hold at least one term; found none")
-    for term in terms:
-        if not isinstance(term, term_class):
-            raise ArgumentTypeError(
-                f"terms must hold instances of {term_class.__name__}; found {term!r}"
-            )
-        if isinstance(term, Term):
-            with onp.errstate(all="ignore"):
-                _check_fields(term)
-    return tuple(terms)
-
-
-def _check_fields(term: Term) -> None:
-    name, shape = type(term).__name__, _TRIANGLES.shape[1:3]
-    together = term.fields(follow_up(*_TRIANGLES))
-    if not isinstance(together, tuple) or not together:
-        raise ArgumentTypeError(
-            f"fields of {name} must return a tuple of arrays; found {type(together).__name__}"
-        )
-    alone = term.fields(follow_up(*_TRIANGLES[:, 1:, 2:]))
-    dimensions = (3,) if isinstance(term, FlatTerm) else (2, 3)
-    for whole, part in zip(together, alone, strict=True):
-        if whole.shape[:2] != shape or whole.ndim not in dimensions:
-            expected = " or ".join(["(..., F)", "(..., F, n)"][-len(dimensions) :])
-            raise ArgumentError(
-                f"the fields of {name} must have shape {expected}; for derivatives of shape "
-                f"(2, 3, 3), of three triangles on each of two surfaces, found {whole.shape}"
-            )
-        if not onp.allclose(whole[1:, 2:], part, rtol=1e-8, atol=1e-8):
-            raise ArgumentError(
-                f"the fields of {name} must be computed triangle by triangle; found values that "
-                "change with the other triangles"
-            )
-    found_shape = onp.shape(term.squared_dist(together, together))
-    if found_shape != shape:
-        raise ArgumentError(
-            f"squared_dist of {name} must return shape (..., F), one number per triangle; for "
-            f"fields of three triangles on each of two surfaces, found {found_shape}"
-        )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from autograd import value_and_grad
 from cases import CASES, SURFACES, TEMPLATES, name_of, open_template, sphere_template, surfaces
-from packed_fields import field_features
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import (
@@ -28,9 +27,9 @@ from riemhuman.terms import (
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
-    _drivers,
+    _sums,
 )
-from riemhuman.terms._drivers import SumOfTerms
+from riemhuman.terms._sums import SumOfTerms, TablesOfTerms, features_of_fields
 
 COMPILED = [case for case in SURFACES if isinstance(case.metric, SurfaceMetric)]
 
@@ -95,7 +94,7 @@ def test_how_thin_a_triangle_may_be(share):
     """Whatever the lengths of its sides: the sine of the angle between them counts."""
     for along, across in ((1e-3, 1e3), (1e3, 1e-3), (30.0, 20.0)):
         height = across * share * np.sqrt(surface.DEGENERATE)
-        *_, area = _drivers.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
+        *_, area = _sums.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
         assert area == pytest.approx(along * height if share > 1 else 0.0, rel=1e-12)
 
 
@@ -105,7 +104,7 @@ def test_nearly_degenerate_triangles_are_those_of_the_definition(at):
     path = surfaces(template, 3, rng=3)
     one, two, three = template.faces[5]
     path[1, three] = (1 - at) * path[1, one] + at * path[1, two]
-    marked = _drivers.nearly_degenerate(path, template)
+    marked = _sums.nearly_degenerate(path, template)
     assert marked[1, 5]
     derivatives = surface.partial_derivatives(path, template.differential_operator)
     np.testing.assert_array_equal(marked, surface.is_degenerate(*derivatives))
@@ -124,17 +123,17 @@ LONG_TERMS = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7), Uncompil
 def test_long_paths_are_the_sum_of_their_parts():
     """They run in threads, a few triangles after the others; short paths run in one pass."""
     template, n_parts = TEMPLATES["sphere"](), 100
-    driver, path = SumOfTerms(LONG_TERMS, template), surfaces(template, 12 * n_parts + 1, rng=3)
-    energy, gradient = driver.path_energy(path)
-    total, slopes = 0.0, np.zeros_like(path)
+    total, path = SumOfTerms(LONG_TERMS, template), surfaces(template, 12 * n_parts + 1, rng=3)
+    energy, gradient = total.path_energy(path)
+    expected, slopes = 0.0, np.zeros_like(path)
     for first in range(0, 12 * n_parts, 12):
         part = slice(first, first + 13)
-        energy_of_part, slopes_of_part = driver.path_energy(path[part])
-        total += n_parts * energy_of_part
+        energy_of_part, slopes_of_part = total.path_energy(path[part])
+        expected += n_parts * energy_of_part
         slopes[part] += n_parts * slopes_of_part
-    np.testing.assert_allclose(energy, total, rtol=1e-12)
+    np.testing.assert_allclose(energy, expected, rtol=1e-12)
     np.testing.assert_allclose(gradient, slopes, rtol=0, atol=1e-12 * np.abs(slopes).max())
-    assert driver.path_energy(path, gradient=False)[0] == pytest.approx(energy, rel=1e-14)
+    assert total.path_energy(path, gradient=False)[0] == pytest.approx(energy, rel=1e-14)
 
 
 def test_distances_on_large_meshes_are_the_sum_over_their_parts():
@@ -155,17 +154,17 @@ def test_distances_on_large_meshes_are_the_sum_over_their_parts():
 def test_distances_from_one_surface_are_energies_of_single_steps():
     """Of surfaces whose vertices are numbered in another order, too."""
     template = TEMPLATES["sphere"]()
-    driver = SumOfTerms([EbinTerm(1.0, 0.3), NormalTerm(0.2), Uncompiled(0.4)], template)
+    total = SumOfTerms([EbinTerm(1.0, 0.3), NormalTerm(0.2), Uncompiled(0.4)], template)
     f, *others = surfaces(template, 4, rng=3)
     weights = np.array([0.2, 1.3, 0.7])
-    steps = [driver.path_energy(np.stack([other, f])) for other in others]
+    steps = [total.path_energy(np.stack([other, f])) for other in others]
     expected = np.tensordot(weights, [slope[1] for _, slope in steps], 1)
     order = np.random.default_rng(4).permutation(template.n_vertices)
     for points, faces in (
         (np.stack(others), None),
         (np.stack(others)[:, order], np.argsort(order)[template.faces]),
     ):
-        squared, gradient = driver.squared_dists(f, points, weights, faces)
+        squared, gradient = total.squared_dists(f, points, weights, faces)
         np.testing.assert_allclose(squared, [energy for energy, _ in steps], rtol=1e-12)
         np.testing.assert_allclose(gradient, expected, atol=1e-12)
 
@@ -176,6 +175,10 @@ TEMPLATE = open_template()
 PRECISIONS = {"single": np.float32, "double": np.float64}
 # Rounding errors of the features, and of the arithmetic that leads to them.
 TOLERANCES = {"single": 1.2e-7, "double": 1e-13}
+
+
+def tables_of(terms):
+    return TablesOfTerms(terms, TEMPLATE.face_areas, SumOfTerms(terms, TEMPLATE).features)
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -191,7 +194,9 @@ def test_normals_of_surfaces(precision):
     np.testing.assert_array_equal(found[..., n_faces:], 0.0)
     expected = np.swapaxes(normals, 1, 2)
     np.testing.assert_allclose(found[..., :n_faces], expected, atol=TOLERANCES[precision])
-    again, rounding_again = field_features(NormalTerm(), (normals,), TEMPLATE.face_areas, precision)
+    again, rounding_again = features_of_fields(
+        NormalTerm(), (normals,), TEMPLATE.face_areas, precision
+    )
     np.testing.assert_allclose(found, again, atol=TOLERANCES[precision])
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
@@ -204,26 +209,26 @@ BY_STRETCH_AND_BY_TURN = ConeTerm(1.0, 1e4, 1.0, 1e-4), ConeTerm(1.0, 1e-4, 1.0,
     "term", [*BY_STRETCH_AND_BY_TURN, NormalTerm(), RootNormalTerm()], ids=repr
 )
 def test_rounding_is_little_more_than_the_distance_to_what_is_kept(term):
-    driver, points = SumOfTerms([term], TEMPLATE), surfaces(TEMPLATE, 3, rng=5)
-    exact, single = (driver.features(points, precision) for precision in ("double", "single"))
+    tables, points = tables_of([term]), surfaces(TEMPLATE, 3, rng=5)
+    exact, single = (tables.features(points, precision) for precision in ("double", "single"))
     kept = tuple(array.astype(np.float64) for array in single)
-    distances = np.sqrt(np.diag(driver.squared_distances(exact, kept)))
-    rounding = driver.rounding(single)
+    distances = np.sqrt(np.diag(tables.squared_distances(exact, kept)))
+    rounding = tables.rounding(single)
     assert np.all(distances <= (1.0 + 1e-6) * rounding)
     assert np.all(rounding <= 2.0 * distances)
 
 
-def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
+def test_features_of_several_terms_are_those_of_each():
     terms, points = [EbinTerm(lam=0.3), NormalTerm(), RootNormalTerm()], surfaces(TEMPLATE, 3)
-    driver = SumOfTerms(terms, TEMPLATE)
-    found = driver.features(points, "single")
-    assert len(found) == driver.n_arrays
-    expected = [SumOfTerms([term], TEMPLATE).features(points, "single") for term in terms]
-    for array, other in zip(found, sum(expected, ()), strict=True):
-        np.testing.assert_array_equal(array, other)
+    tables = tables_of(terms)
+    joint = tables.features(points, "single")
+    assert len(joint) == tables.n_arrays
+    single = [tables_of([term]).features(points, "single") for term in terms]
+    for array, expected in zip(joint, sum(single, ()), strict=True):
+        np.testing.assert_array_equal(array, expected)
     points[1, TEMPLATE.faces[4]] = points[1, TEMPLATE.faces[4, 0]]
     with pytest.raises(DegenerateSurfaceError, match=r"triangle \d of item \(1,\), the first of"):
-        driver.features(points, "single")
+        tables.features(points, "single")
 
 
 def test_range_of_single_precision():
@@ -235,7 +240,7 @@ def test_range_of_single_precision():
     x[0], x[1] = 0.95e15, -1.05e15
     y[2], y[3], y[4], y[5] = 0.95e15, 1.05e15, 1.05e-15, 0.95e-15
     s[6], s[7] = 0.95e15, 1.05e15
-    _, rounding = field_features(EbinTerm(lam=0.3), (x, y, s), np.ones(1), "single")
+    _, rounding = features_of_fields(EbinTerm(lam=0.3), (x, y, s), np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, False, True, False, True, False, True]
     vectors = np.array([[0.95e15], [-1.05e15]])
     _, rounding = VectorSpace((1,)).metric.features(vectors, "single")
@@ -298,7 +303,7 @@ each_kernel = pytest.mark.parametrize(("term", "fields"), KERNELS.values(), ids=
 
 
 def features(term, fields, precision):
-    return field_features(term, fields, WEIGHTS, precision)[0]
+    return features_of_fields(term, fields, WEIGHTS, precision)[0]
 
 
 def distances(term, a, b, n_threads=1):
@@ -341,7 +346,7 @@ def test_bits_do_not_depend_on_company(term, fields, precision):
 def test_rounding_bounds_the_distance_to_what_is_kept(lam):
     term, fields = EbinTerm(lam=lam), metric_fields(3)
     double = features(term, fields, "double")
-    single, rounding = field_features(term, fields, WEIGHTS, "single")
+    single, rounding = features_of_fields(term, fields, WEIGHTS, "single")
     pair = (threads.of_one_kind(double), threads.of_one_kind(single.astype(float)))
     gaps = np.sqrt(np.diag(term.squared_distances(*pair, WEIGHTS)))
     assert np.all(gaps <= rounding * (1 + 1e-6))
