@@ -264,6 +264,10 @@ def features_of_fields(term: Term, fields: Fields, areas: Array, precision: str)
     return rows, gaps
 
 
+# Records are filled in the file of their loops: names of compiled functions are bound in modules
+# that define some, and elsewhere every call would look its function up.
+
+
 @compiled(forceinline=True)
 def first_forms(
     u0: float, u1: float, u2: float, v0: float, v1: float, v2: float
