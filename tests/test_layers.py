@@ -1,6 +1,7 @@
 """The contracts on imports in setup.cfg are kept, and each of them can be broken."""
 
 import ast
+import functools
 import importlib
 import inspect
 import os
@@ -110,29 +111,38 @@ def named_modules(node):
         return {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     if isinstance(node, ast.Import):
         return {alias.name for alias in node.names}
-    if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
-        name = node.args[0]
-        return {name.value if isinstance(name, ast.Constant) else ast.unparse(name)}
+    if isinstance(node, ast.Call):
+        function = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        if function == "import_module":
+            name = node.args[0]
+            return {name.value if isinstance(name, ast.Constant) else ast.unparse(name)}
     return set()
 
 
-def imported(name, path, modules, *, types):
-    """Return the modules whose code a module runs, in functions too, and those named for types.
+@functools.cache
+def names_in(text):
+    """Return the names of modules that code runs, in functions too, and those for types alone.
 
     Importing a module runs the `__init__` of its subpackage, too.
     """
-    names, nodes = set(), [ast.parse(path.read_text(encoding="utf-8"))]
+    names, for_types, nodes = set(), set(), [ast.parse(text)]
     while nodes:
         node = nodes.pop()
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             nodes += node.orelse
-            if types:
-                names |= {text for line in node.body for text in named_modules(line)}
+            for_types |= {name for line in node.body for name in named_modules(line)}
             continue
-        for text in named_modules(node):
-            parts = text.split(".")
+        for name in named_modules(node):
+            parts = name.split(".")
             names |= {".".join(parts[:count]) for count in range(1, len(parts) + 1)}
         nodes += ast.iter_child_nodes(node)
+    return names, for_types
+
+
+def imported(name, path, modules, *, types):
+    """Return the modules whose code a module runs, and on request those named for types."""
+    names, for_types = names_in(path.read_text(encoding="utf-8"))
+    names = names | for_types if types else names
     return {
         other
         for other in names & modules.keys()
@@ -211,7 +221,8 @@ def test_modules_are_imported_by_names_that_checkers_see():
     importing = {
         name
         for name, path in files_of(ROOT / "riemhuman").items()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if "import_module" in (text := path.read_text(encoding="utf-8"))
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Call) and named_modules(node)
     }
     assert importing <= {"riemhuman", "riemhuman.optional"}

@@ -5,6 +5,7 @@ import decimal
 import numpy as np
 import pandas
 import pytest
+from cases import sphere_template, surfaces
 
 import riemhuman as rh
 from riemhuman.checks import class_numbers, label_list
@@ -48,13 +49,14 @@ KINDS = {
 DISTANCES = np.random.default_rng(0).random((N_POINTS, N_POINTS))
 DISTANCES = DISTANCES + DISTANCES.T
 FIRST = np.arange(N_POINTS) % 2
+TEMPLATE = sphere_template()
+POINTS = surfaces(TEMPLATE, N_POINTS)
 
 
 def bodies_with(labels):
-    bodies = rh.datasets.load_open_bodies("coarse")[:N_POINTS]
     return rh.datasets.Bodies(
-        points=bodies.points,
-        template=bodies.template,
+        points=POINTS,
+        template=TEMPLATE,
         subject=labels,
         subject_names=tuple("abc"),
         pose=NUMBERS,
@@ -66,8 +68,7 @@ class LabelledBodies:
     """Surfaces of another package, which checks no labels."""
 
     def __init__(self, labels):
-        bodies = rh.datasets.load_open_bodies("coarse")[:N_POINTS]
-        self.points, self.template = bodies.points, bodies.template
+        self.points, self.template = POINTS, TEMPLATE
         self.subject, self.pose = labels, None
 
     def __len__(self):
@@ -75,18 +76,13 @@ class LabelledBodies:
 
 
 def learned():
-    template = rh.datasets.load_open_bodies("coarse").template
-    return rh.LearnedMetric(rh.ElasticMetric(rh.AlignedSurfaces(template), 0.0, 0.0, 1.0))
-
-
-def points():
-    return rh.datasets.load_open_bodies("coarse").points[:N_POINTS]
+    return rh.LearnedMetric(rh.ElasticMetric(rh.AlignedSurfaces(TEMPLATE), 0.0, 0.0, 1.0))
 
 
 def regression(labels):
-    space = rh.AlignedSurfaces(rh.datasets.load_open_bodies("coarse").template)
+    space = rh.AlignedSurfaces(TEMPLATE)
     space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
-    return rh.statistics.regress_shape(space, np.arange(12.0), points(), people=labels)
+    return rh.statistics.regress_shape(space, np.arange(12.0), POINTS, people=labels)
 
 
 FUNCTIONS = {
@@ -95,9 +91,9 @@ FUNCTIONS = {
     "tables of scores": lambda labels: retrieval_table({"one": DISTANCES}, labels),
     "confusion": lambda labels: confusion(DISTANCES, labels),
     "precision_recall": lambda labels: precision_recall(DISTANCES, labels),
-    "LearnedMetric.fit": lambda labels: learned().fit(points(), labels),
+    "LearnedMetric.fit": lambda labels: learned().fit(POINTS, labels),
     "LearnedMetric.held_out_distances": lambda labels: learned().held_out_distances(
-        points(), TEXT, labels
+        POINTS, TEXT, labels
     ),
     "groups of a test": lambda labels: rh.statistics.two_sample_test(DISTANCES, labels),
     "units of a test": lambda labels: rh.statistics.two_sample_test(

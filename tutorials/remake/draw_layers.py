@@ -8,6 +8,7 @@ source, writes `tutorials/pictures/layers.png`, and sets the line numbers of lin
 import ast
 import re
 from configparser import ConfigParser
+from functools import cache
 from pathlib import Path
 
 import matplotlib
@@ -31,6 +32,7 @@ def floors():
     return [[name for name in row if name != "__main__"] for row in rows]
 
 
+@cache
 def imports():
     """Return pairs of an importing and an imported part, with how many modules import."""
     counts = {}
