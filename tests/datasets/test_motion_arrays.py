@@ -1,17 +1,13 @@
 """Motions from arrays in SMPL's joint order: every shape, one person, and the direction up."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from model_pickles import smpl_fields
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.datasets import motion_from_arrays
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.retargeting.smpl_layout import smpl_offsets, smpl_skeleton
 from riemhuman.surfaces.procrustes import make_upright
 
 N_FRAMES = 12
@@ -162,15 +158,3 @@ def test_wrong_arguments(smpl, changes, message):
         motion_from_arrays(**(right | changes))
     with pytest.raises(ArgumentTypeError, match="model must be a BodyModel"):
         motion_from_arrays(**(right | {"model": "smpl"}))
-
-
-def test_scaled_skeletons_keep_their_joints(poses):
-    """Joints of long recordings are computed once, before the legs get their length."""
-    # The legs swing over a foot that stands, of someone smaller than SMPL's mean.
-    swings = np.linspace(0.0, 1.0, N_FRAMES)[:, None, None] * poses[:1]
-    still = smpl_skeleton(swings, np.zeros((N_FRAMES, 3)), 30.0, "", "y")
-    places = -0.9 * still.positions[:, SMPL_JOINTS.index("left_toes")]
-    skeleton = smpl_skeleton(swings, places, 30.0, "", "y")
-    assert np.abs(skeleton.offsets).max() < 0.95 * np.abs(smpl_offsets()).max()
-    assert {"positions", "global_rotations"} <= set(vars(skeleton))
-    np.testing.assert_allclose(skeleton.positions, replace(skeleton).positions, atol=1e-12)

@@ -2,14 +2,14 @@
 
 import gzip
 import pickle
-import zipfile
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from model_pickles import Call, Raw, name_of, pickled, smpl_fields
+from model_pickles import Call, pickled, smpl_fields
 from scipy.spatial.transform import Rotation
+from torch_files import Tensor, torch_file
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import RetargetedMotion, load_recording, recording_contents
@@ -30,49 +30,6 @@ def smpl():
     fields = smpl_fields(24, n_vertices=30, n_betas=10, rng=0)
     fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
     return BodyModel(**fields)
-
-
-class Tensor:
-    """An array that is written as a tensor of PyTorch, with its entries in a storage."""
-
-    def __init__(self, array, kind="DoubleStorage", strides=None, offset=0, shape=None):
-        self.array, self.kind, self.offset = np.ascontiguousarray(array), kind, offset
-        self.shape = array.shape if shape is None else shape
-        steps = [step // self.array.itemsize for step in self.array.strides]
-        self.strides = steps if strides is None else strides
-
-
-def torch_file(path, content, folder="archive", byteorder="little"):
-    """Write nested dictionaries of tensors as `torch.save` does."""
-    storages = []
-
-    def opcodes(value):
-        if isinstance(value, dict):
-            return {key: opcodes(item) for key, item in value.items()}
-        if not isinstance(value, Tensor):
-            return value
-        storages.append(value.array.tobytes())
-        numbers = str(len(storages) - 1)
-        identifier = ("storage", name_of(f"torch {value.kind}"), numbers, "cpu", value.array.size)
-        stored = Raw(pickled(identifier)[2:-1] + b"Q")
-        shape, strides = tuple(value.shape), tuple(value.strides)
-        arguments = (
-            stored,
-            value.offset,
-            shape,
-            strides,
-            False,
-            Call("collections OrderedDict", ()),
-        )
-        return Call("torch._utils _rebuild_tensor_v2", arguments)
-
-    data = pickled(opcodes(content))
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr(f"{folder}/data.pkl", data)
-        archive.writestr(f"{folder}/byteorder", byteorder)
-        for number, storage in enumerate(storages):
-            archive.writestr(f"{folder}/data/{number}", storage)
-    return path
 
 
 def aist(path):
@@ -242,22 +199,6 @@ def test_refused_files(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         load_recording(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    ("tensor", "message"),
-    [
-        (Tensor(ROWS, "QInt8Storage"), r"asks for torch\.QInt8Storage"),
-        (Tensor(ROWS, shape=(7, 72)), "larger than its data"),
-        (Tensor(ROWS, offset=1), "larger than its data"),
-        (Tensor(ROWS, strides=(-72, 1)), "malformed tensor"),
-        (Tensor(ROWS, shape=(2**30, 72), strides=(0, 1)), "more often than its size allows"),
-    ],
-)
-def test_hostile_tensors(tmp_path, tensor, message):
-    file = torch_file(tmp_path / "a.pt", {"poses": tensor, "trans": Tensor(PLACES)})
-    with pytest.raises(FileFormatError, match=message):
-        load_recording(file)
 
 
 def test_lists_in_each_other_without_end(tmp_path):

@@ -11,7 +11,6 @@ from known_surfaces import (
     sphere_spectrum,
     torus_spectrum,
 )
-from scipy.spatial.distance import cdist
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import (
@@ -136,19 +135,6 @@ def test_people_differ_more_than_their_poses():
         assert distances[same & others].mean() < 0.6 * distances[~same].mean(), descriptor
 
 
-def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
-    meshes = [folded_sheet(angle) for angle in (0.0, 0.5)]
-    dna = ShapeDNA(5)
-    rows = dna.describe_all(iter(meshes))
-    assert rows.shape == (2, 5)
-    np.testing.assert_allclose(rows[0], dna.describe(*meshes[0]))
-    flat = np.zeros_like(meshes[0][0])
-    with pytest.raises(DegenerateSurfaceError, match=r"^body 1: the mesh has 480 of 480"):
-        dna.describe_all([meshes[0], (flat, meshes[0][1])])
-    with pytest.raises(ArgumentError, match="bodies must hold at least one surface"):
-        dna.describe_all([])
-
-
 def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsys):
     meshes = [folded_sheet(angle) for angle in (0.0, 0.5)]
     sharing = [*descriptors(8), ShapeDNA(5), HeatKernelSignature(n_eigenvalues=6)]
@@ -189,11 +175,3 @@ def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsy
 def test_bad_parameters(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
-
-
-def test_bad_vectors():
-    with pytest.raises(ArgumentError, match=r"vectors must have shape \(n_vectors, n_numbers\)"):
-        ShapeDNA().distances(np.ones(3))
-    assert ShapeDNA().distances(np.ones((1, 4))).shape == (1, 1)
-    rows = np.random.default_rng(0).normal(size=(5, 3))
-    np.testing.assert_allclose(ShapeDNA().distances(rows), cdist(rows, rows), atol=1e-12)

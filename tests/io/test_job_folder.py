@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.fingerprint import describe
 from riemhuman.io.job_folder import JobFolder
 
 JOB, LAYOUT = {"metric": {"a": 1.0}, "n": 3}, {"tile": 2}
@@ -19,10 +18,6 @@ def job(tmp_path):
     assert job.claim(JOB, LAYOUT) == LAYOUT
     job.make_tables({"D.npy": ((3, 4), np.float64)})
     return job
-
-
-def test_numbers_in_extended_precision_are_described():
-    assert describe(np.longdouble(1)) == describe(np.longdouble(1)) != describe(np.longdouble(2))
 
 
 def test_tables_are_kept(job):

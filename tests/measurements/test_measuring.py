@@ -4,16 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from autograd.core import make_vjp
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
-from riemhuman.measurements._sections import section
 from riemhuman.measurements._vertex_slopes import slopes_along
-from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measuring import values_and_slopes
 from riemhuman.registration import ScanRegistration
 from riemhuman.surfaces import Template
@@ -57,33 +54,6 @@ def test_all_in_one_pass_as_one_by_one(bodies, own, values):
     assert by_name["volume"][1] == own.measure(bodies.points[1])["volume"]
 
 
-def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(own):
-    """Among adults, the planes of the coarse bodies' girths cut the full bodies alike.
-
-    The rest of the difference is of the surfaces: a chord lies inside the arc that it replaces, so
-    that the limbs of the coarse model are thinner.
-    """
-    betas = np.random.default_rng(0).normal(size=(4, 32))
-    pose = own.definitions.standard_pose_vector
-    full, coarse = (load_open_model(resolution) for resolution in ("full", "coarse"))
-    fine = Measurements(full)
-    surfaces, simpler = full(betas, pose), coarse(betas, pose)
-    truth, values = (fine.measure(surfaces, axes="space"), own.measure(simpler, axes="space"))
-    gaps = (values.values - truth.values)[:, [unit == "m" for unit in own.units]]
-    assert np.median(np.abs(gaps)) < 0.005
-    assert gaps.max() < 0.03
-    assert gaps.min() > -0.045
-    bodies = LandmarkedBodies(own.definitions, simpler, "space")
-    bodies_in_full = LandmarkedBodies(fine.definitions, surfaces, "space")
-    for name in ("forearm girth", "mid-thigh girth", "chest girth", "calf girth"):
-        number = own.names.index(name)
-        girth, simple = (own_set.definitions.measurements[number] for own_set in (fine, own))
-        cutter = bodies_in_full.cutter(girth.parts, girth.leave_out)
-        normals = bodies.axis(simple.normal)
-        moved = section(surfaces, bodies.place(simple.at), normals, cutter).hulls(normals).lengths
-        np.testing.assert_allclose(moved, truth[name], atol=0.006, err_msg=name)
-
-
 def test_derivatives(bodies, own):
     rng = np.random.default_rng(4)
     point = bodies.points[3]
@@ -97,26 +67,6 @@ def test_derivatives(bodies, own):
     both = few.measure(bodies.points[:2], gradient=True).gradient
     each = [few.measure(point, gradient=True).gradient for point in bodies.points[:2]]
     np.testing.assert_allclose(both, each, atol=1e-12)
-
-
-@pytest.mark.parametrize("axes", ["space", "body"])
-def test_written_derivatives_are_those_of_autograd(bodies, own, axes, monkeypatch):
-    """On a bent body, whose axes are not those of the template, and on another one beside it."""
-    points = bodies.points[[3, 14]]
-    traced = []
-    for measurement in own.definitions.measurements:
-        pull_back, value = make_vjp(
-            lambda f, one=measurement: one.value(LandmarkedBodies(own.definitions, f, axes)), points
-        )
-        traced.append((value, pull_back(np.ones(2))))
-    monkeypatch.setattr("riemhuman.measurements.definitions.make_vjp", None)
-    written = own.measure(points, axes=axes, gradient=True)
-    for number, (value, slopes) in enumerate(traced):
-        name, scale = own.names[number], np.abs(slopes).max()
-        np.testing.assert_allclose(written.values[:, number], value, rtol=1e-12, err_msg=name)
-        np.testing.assert_allclose(
-            written.gradient[:, number], slopes, rtol=0, atol=1e-11 * scale, err_msg=name
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,14 +93,6 @@ def test_derivatives_along_directions(bodies, own):
     np.testing.assert_array_equal(values[0], measured.values)
     expected = measured.gradient.reshape(len(own.names), -1) @ directions
     np.testing.assert_allclose(slopes_along(slopes, directions), expected, rtol=1e-9, atol=1e-9)
-
-
-def test_volume_and_area_are_those_of_the_surface(bodies, own):
-    mesh = bodies.template.to_trimesh(bodies.points[0])
-    measured = own.measure(bodies.points[0])
-    np.testing.assert_allclose(measured["volume"], mesh.volume, rtol=1e-9)
-    np.testing.assert_allclose(measured["surface area"], mesh.area, rtol=1e-9)
-    np.testing.assert_allclose(measured["body mass"], 1000.0 * mesh.volume, rtol=1e-9)
 
 
 def test_thigh_is_measured_where_the_line_crosses_the_trunk(own):

@@ -1,9 +1,6 @@
 """Figures that read in both themes."""
 
 import io
-import os
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -92,30 +89,3 @@ def test_negative_values_keep_their_sign():
     assert scale_ends(-np.ones(9)) == (-1.0, 1.0)
     # A part without negative values may belong to a whole that has some.
     np.testing.assert_array_equal(value_colors(np.array([-0.5]), 1.0, signed=True)[0], colors[2])
-
-
-BACKENDS = (
-    "module://matplotlib_inline.backend_inline",  # Jupyter sets it for all processes it starts
-    "module://nowhere.backend",
-    "nonsense",
-    "template",
-)
-SCRIPT = """
-import sys
-import numpy as np
-import riemhuman as rh
-with rh.plots.figure_style():
-    ax = rh.plots.plot_energy([3.0, 2.0, 1.0])
-for ending in ("png", "svg", "pdf"):
-    rh.plots.figures.save_figure(ax.figure, f"{sys.argv[1]}/figure.{ending}")
-"""
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_files_are_written_whatever_backend_is_asked_for(backend, tmp_path):
-    environment = {**os.environ, "MPLBACKEND": backend}
-    command = [sys.executable, "-c", SCRIPT, str(tmp_path)]
-    subprocess.run(command, env=environment, check=True, timeout=120)
-    assert imread(tmp_path / "figure.png").std() > 0
-    assert (tmp_path / "figure.pdf").read_bytes().startswith(b"%PDF")
-    ElementTree.fromstring((tmp_path / "figure.svg").read_text(encoding="utf-8"))

@@ -75,19 +75,6 @@ def test_back_faces_are_not_drawn():
 
 
 @pytest.mark.parametrize(
-    ("view", "right", "up"),
-    [
-        (FRONT, [1, 0, 0], [0, 1, 0]),
-        (View(90.0, 0.0), [0, 0, -1], [0, 1, 0]),
-        (View(0.0, 90.0), [1, 0, 0], [0, 0, -1]),
-    ],
-)
-def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
-    np.testing.assert_allclose(view.rotate(np.array(right, float)), [1, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(view.rotate(np.array(up, float)), [0, 1, 0], atol=1e-12)
-
-
-@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"color": [[0.5, 0.5, 0.5]] * 2}, r"color must have shape \(3,\), \(1, 3\) or \(3, 3\)"),

@@ -2,12 +2,18 @@
 
 import os
 
+import numpy as np
 import pytest
 from filelock import FileLock
+from scipy.spatial.transform import Rotation
 from third_party import Extents, VertexOffsets
 
+import riemhuman as rh
 from riemhuman import extensions
-from riemhuman.report import make_report
+from riemhuman.errors import MissingDependencyError
+from riemhuman.registration.folders import ScanRecord
+from riemhuman.report import make_report, printing, sheet_folders
+from riemhuman.report import sheets as sheets_module
 from riemhuman.surfaces import DeformationBasis
 
 
@@ -37,3 +43,78 @@ def report_page(make_small_report, tmp_path_factory):
     with FileLock(output.with_name("report.lock")):
         page = output / "index.html"
         return page if page.exists() else make_small_report(output)
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse", people=2)
+
+
+@pytest.fixture(scope="module")
+def measurements(bodies):
+    return rh.measurements.Measurements(bodies.model)
+
+
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch):
+    """Draw faster, with a third of the pixels."""
+
+    def render_small(points, faces, *, height, **settings):
+        return rh.plots.render(points, faces, height=height // 3, **settings)
+
+    monkeypatch.setattr("riemhuman.report._sheet_pictures.render", render_small)
+
+
+@pytest.fixture
+def no_browser(monkeypatch):
+    """Hide browsers from whatever writes PDF files."""
+    for module in (printing, sheets_module, sheet_folders):
+        monkeypatch.setattr(module, "find_browser", lambda: None)
+
+
+@pytest.fixture(scope="module")
+def record(bodies):
+    """Return the record of a scan that lies on its side, and does not show the feet."""
+    points = bodies[0]
+    shown = points[points[:, 1] > points[:, 1].min() + 0.25]
+    transform = np.eye(4)
+    transform[:3, :3] = Rotation.from_euler("x", 90, degrees=True).as_matrix()
+    in_scan = transform[:3, :3].T
+    trusted = points[:, 1] > points[:, 1].min() + 0.25
+    return ScanRecord(
+        name="half",
+        trusted=True,
+        message="the feet were not seen (7 % of the body)",
+        likelihood=2.0,
+        median_distance=0.0021,
+        matched_share=0.66,
+        arrays={
+            "points": points @ in_scan.T,
+            "transform": transform,
+            "shown": (shown @ in_scan.T).astype(np.float32),
+            "trusted_vertices": trusted,
+            "faces": bodies.template.faces,
+        },
+    )
+
+
+@pytest.fixture
+def folder(bodies, tmp_path):
+    """Return a folder with two visits of one person, another person, and labels."""
+    place = tmp_path / "bodies"
+    place.mkdir()
+    for name, number in (("emma_1", 0), ("emma_2", 3), ("index", 12)):
+        rh.save_mesh(place / f"{name}.ply", bodies[number], bodies.template.faces)
+    rows = ["file;person;sex;date", "emma_2.ply;Emma;F;2026-06-01", "emma_1;Emma;woman;2026-02-28"]
+    (place / "labels.csv").write_text("\n".join([*rows, "index.ply;=Ada;;"]), encoding="utf-8")
+    return place
+
+
+@pytest.fixture
+def no_pdf(monkeypatch):
+    """Make no PDF files, which take most of the time."""
+
+    def missing():
+        raise MissingDependencyError("pip install")
+
+    monkeypatch.setattr(sheet_folders, "check_printing", missing)

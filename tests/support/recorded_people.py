@@ -1,13 +1,14 @@
 """Recordings of the open model's people, and recordings changed so that the truth stays known."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import rotation_matrix
-from riemhuman.datasets import SkeletonMotion
+from riemhuman.datasets import ArrayMotion, SkeletonMotion, load_open_motions
 
 RECORDING = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
 
@@ -63,4 +64,15 @@ def scaled(recording, factor):
         recording,
         offsets=factor * recording.offsets,
         translations=factor * recording.translations,
+    )
+
+
+@cache
+def seven_frames():
+    """Return seven frames of an open motion, somewhere else."""
+    (motion,) = load_open_motions("coarse", subjects="lean runner", sequences="knees")
+    frames = slice(0, 70, 10)
+    poses, places = motion.pose_vectors[frames], motion.translations[frames]
+    return ArrayMotion(
+        ("ann", "knees"), 30.0, motion.model, motion.betas, poses, places + [0.3, 0.0, -0.2]
     )

@@ -1,0 +1,162 @@
+"""A folder of sheets: its pages and tables, what is refused, and what an interruption leaves."""
+
+import csv
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
+from riemhuman.report import sheet_folders
+from riemhuman.report._sheet_subjects import find_subjects
+
+
+def table_of(folder):
+    text = (folder / "measurements.csv").read_text(encoding="utf-8")
+    return list(csv.reader(text.splitlines()))
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_visits_of_two_people_are_doubted(bodies, folder, tmp_path, no_pdf):
+    """The page says so in the words of `riemhuman compare`, and so does a warning."""
+    people = rh.measurements.person_distance(bodies[0], bodies[13], bodies.template.faces)
+    sheet = rh.report.sheet(bodies[13], name="Emma", before=bodies[0])
+    assert people.is_hardly_one_person
+    assert f"The two visits show {people.text}." in sheet.html
+    rh.save_mesh(folder / "emma_2.ply", bodies[13], bodies.template.faces)
+    with pytest.warns(UserWarning, match=re.escape(f"emma_1 and emma_2 are {people.text}")):
+        rh.report.make_sheets(folder, tmp_path / "sheets")
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_a_folder_of_sheets(folder, tmp_path, no_pdf, measurements, bodies):
+    page = rh.report.make_sheets(folder, tmp_path / "sheets")
+    names = {"index.html", "measurements.csv", "emma_1.html", "emma_2.html", "index_2.html"}
+    written = {file.name for file in page.parent.iterdir()}
+    assert written - {"measurements.xlsx"} == names
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"<button>(\w+)", text)[:5] == ["Name", "Sex", "Visit", "Trust", "Stature"]
+    for name in names - {"index.html"}:
+        assert f'href="{name}"' in text
+    rows = table_of(tmp_path / "sheets")
+    table = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+    assert [row["name"] for row in table] == ["emma_1", "emma_2", "index"]
+    assert [row["sex"] for row in table] == ["woman", "woman", "adult"]
+    assert table[2]["person"] == "'=Ada"  # no formula
+    measured = measurements.measure(bodies.points[[0, 3, 12]], pose="standard", missing="nan")
+    for column in ("stature", "waist girth"):
+        np.testing.assert_allclose(
+            [float(row[f"{column} (m)"]) for row in table], measured[column], atol=1e-6
+        )
+    assert float(table[0]["body mass (kg)"]) == pytest.approx(measured["body mass"][0])
+    later = (tmp_path / "sheets" / "emma_2.html").read_text(encoding="utf-8")
+    assert "Changes since 2026-02-28" in later
+    assert "Changes since" not in (tmp_path / "sheets" / "emma_1.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_the_workbook_holds_the_same(folder, tmp_path, no_pdf):
+    openpyxl = pytest.importorskip("openpyxl")
+    rh.report.make_sheets(folder, tmp_path / "sheets")
+    book = openpyxl.load_workbook(tmp_path / "sheets" / "measurements.xlsx")
+    assert book.sheetnames == ["Measurements", "Percentiles", "Uncertainty", "Posture", "Changes"]
+    header, *rows = book["Measurements"].iter_rows(values_only=True)
+    table = table_of(tmp_path / "sheets")
+    column = header.index("hip girth (m)")
+    of_csv = table[0].index("hip girth (m)")
+    assert [row[column] for row in rows] == pytest.approx([float(row[of_csv]) for row in table[1:]])
+
+
+def test_nothing_is_left_of_what_fails(folder, bodies, tmp_path, no_pdf, monkeypatch):
+    output = tmp_path / "sheets"
+
+    def fail(*arguments):
+        raise FileError("the disk is full")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(sheet_folders, "index_page", fail)
+        with (
+            pytest.raises(FileError, match="the disk is full"),
+            pytest.warns(UserWarning, match="no PDF is written"),
+        ):
+            rh.report.make_sheets([folder / "emma_1.ply"], output)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bodies"]
+    output.mkdir()
+    (output / "thesis.doc").touch()
+    with pytest.raises(FileError, match="something else"):
+        rh.report.make_sheets(folder, output, replace_output=True)
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_an_earlier_result_is_kept_unless_asked(folder, tmp_path, no_pdf):
+    output = tmp_path / "sheets"
+    output.mkdir()
+    (output / "gone.html").touch()
+    with pytest.raises(FileError, match="earlier result"):
+        rh.report.make_sheets([folder / "emma_1.ply"], output)
+    rh.report.make_sheets([folder / "emma_1.ply"], output, replace_output=True)
+    assert not (output / "gone.html").exists()
+    assert (output / "emma_1.html").exists()
+
+
+def test_without_openpyxl_the_table_is_there(folder, tmp_path, monkeypatch):
+    def missing(module, extra):
+        raise MissingDependencyError(f"pip install '.[{extra}]'")
+
+    monkeypatch.setattr(sheet_folders, "import_optional", missing)
+    monkeypatch.setattr(sheet_folders, "save_pdf", lambda content, file, browser: None)
+    monkeypatch.setattr(sheet_folders, "check_printing", lambda: None)
+    with pytest.warns(
+        UserWarning, match=r"measurements\.xlsx is not written: pip install '\.\[sheet\]'"
+    ):
+        rh.report.make_sheets([folder / "emma_1.ply"], tmp_path / "sheets")
+    assert (tmp_path / "sheets" / "measurements.csv").exists()
+
+
+def test_other_bodies_are_refused(bodies, tmp_path):
+    rh.save_mesh(tmp_path / "mm.ply", 1000.0 * bodies[0], bodies.template.faces)
+    with pytest.raises(
+        ArgumentError, match=r"mm\.ply is .* but a body in millimetres would be; .* --unit"
+    ):
+        rh.report.make_sheets(tmp_path / "mm.ply", tmp_path / "sheets")
+    rh.save_mesh(tmp_path / "box.ply", np.random.default_rng(0).random((4, 3)), [[0, 1, 2]])
+    with pytest.raises(FileError, match=r"box\.ply has .* register it first"):
+        rh.report.make_sheets(tmp_path / "box.ply", tmp_path / "sheets")
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_pdf):
+    """Also those that are not trusted, and the reason why there is no body."""
+    from riemhuman.registration.folders import _write
+
+    place = tmp_path / "registered"
+    (place / "registrations").mkdir(parents=True)
+    arrays = record.arrays | {"up": np.array([0.0, 1.0, 0.0]), "matched": np.ones(1202, bool)}
+    fits = {"betas": np.zeros(3), "pose": np.zeros(3), "trans": np.zeros(3), "hands": np.zeros(3)}
+    shown = {"shown_distances": np.zeros(len(arrays["shown"]), np.float32)}
+    whole = replace(record, arrays=arrays | fits | shown)
+    _write(place, whole, "key", None)
+    _write(place, replace(whole, name="bad", trusted=False, message="no person"), "key", None)
+    _write(
+        place, replace(record, name="none", trusted=False, message="empty", arrays={}), "k", None
+    )
+    page = rh.report.make_sheets(place, tmp_path / "sheets")
+    text = page.read_text(encoding="utf-8")
+    assert "1 partly seen, 1 not trusted" in text
+    assert "<strong>none</strong>: empty" in text
+    one = (tmp_path / "sheets" / "half.html").read_text(encoding="utf-8")
+    assert "The scan from three sides" in one
+    # One file of such a folder, too, is found with its scan.
+    found = find_subjects([place / "partial" / "half.ply"], None)
+    assert found.subjects[0].scan is not None
+
+
+@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
+def test_the_index_has_no_empty_columns(folder, tmp_path, no_pdf):
+    (folder / "labels.csv").unlink()
+    text = rh.report.make_sheets(folder / "emma_1.ply", tmp_path / "sheets").read_text("utf-8")
+    assert re.findall(r"<button>(\w+)", text)[:3] == ["Name", "Trust", "Stature"]
+    # The row of the one body begins with a picture and a heading.
+    assert text.count('<th scope="col"') == text.count("<td") + text.count('<th scope="row"')
