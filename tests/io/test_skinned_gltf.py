@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from riemhuman.io import load_mesh
 
-
 TYPES = {5121: "u1", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": (), "VEC3": (3,), "VEC4": (4,), "MAT4": (4, 4)}
 
