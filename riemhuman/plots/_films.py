@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
-from riemhuman.plots._ground_picture import Ground, over
+from riemhuman.plots._ground_picture import Ground
 from riemhuman.plots.rendering import render
 from riemhuman.plots.windows import View, Window
 from riemhuman.progress import ProgressBar
@@ -108,7 +108,7 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
                 window=window,
                 color=body.colors(film.faces),
             )
-            parts.append(over(drawn, ground.picture(surface, view, window, drawn.shape[:2])))
+            parts.append(ground.under(drawn, surface, view, window))
         said = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
         yield _on_paper(parts, [body.label for body in film.bodies], said)
 

@@ -63,11 +63,39 @@ class Ground:
         centre, size = (low + high) / 2, high - low
         return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
 
-    def picture(
-        self, surface: ndarray, view: View, window: Window, shape: tuple[int, ...]
+    def under(self, picture: ndarray, surface: ndarray, view: View, window: Window) -> ndarray:
+        """Return a picture of a body with the ground under it.
+
+        Pictures have shape (rows, columns, 4), colours and opacity up to 255.
+        """
+        laid = picture.astype(np.float64)
+        # The ground is seen as an ellipse; from the side, as a line.
+        across, up, _ = view.rotate(self.middle)
+        flat = self.radius * abs(float(np.sin(np.radians(view.elevation))))
+        pixel, (n_rows, n_columns) = window.height / len(picture), picture.shape[:2]
+        middle = np.array([window.centre[1] - up, across - window.centre[0]]) / pixel
+        reach = np.array([flat, self.radius]) / pixel
+        shape = np.array([n_rows, n_columns])
+        first = np.clip(np.floor(shape / 2 + middle - reach), 0, shape).astype(int)
+        last = np.clip(np.ceil(shape / 2 + middle + reach), 0, shape).astype(int)
+        if flat < pixel or (first >= last).any():
+            return laid
+        part = slice(first[0], last[0]), slice(first[1], last[1])
+        laid[part] = over(
+            laid[part], self._picture(surface, view, window, (n_rows, n_columns), part)
+        )
+        return laid
+
+    def _picture(
+        self,
+        surface: ndarray,
+        view: View,
+        window: Window,
+        shape: tuple[int, int],
+        part: tuple[slice, slice],
     ) -> ndarray:
-        """Return the ground seen in a window, (rows, columns, 4), colours and opacity up to 255."""
-        place, wide = self._seen(view, window, shape)
+        """Return the ground in a part of a picture of some shape."""
+        place, wide = self._seen(view, window, shape, part)
         from_middle = np.linalg.norm(place - self.middle[::2], axis=-1) / self.radius
         fade = 1 - _smooth_step(0.35, 1.0, from_middle)
         lines = np.maximum(
@@ -82,12 +110,14 @@ class Ground:
         color = _INK * (grid * (1 - dark) / np.maximum(opacity, 1e-6))[..., None]
         return np.concatenate([color, 255 * opacity[..., None]], axis=-1)
 
-    def _seen(self, view: View, window: Window, shape: tuple[int, ...]) -> tuple[ndarray, ndarray]:
+    def _seen(
+        self, view: View, window: Window, shape: tuple[int, int], part: tuple[slice, slice]
+    ) -> tuple[ndarray, ndarray]:
         """Return the positions x, z on the ground that pixels show, and their change per pixel."""
         rows, columns = shape
         pixel = window.height / rows
-        x = window.centre[0] + (np.arange(columns) + 0.5 - columns / 2) * pixel
-        y = window.centre[1] - (np.arange(rows) + 0.5 - rows / 2) * pixel
+        x = window.centre[0] + (np.arange(columns)[part[1]] + 0.5 - columns / 2) * pixel
+        y = window.centre[1] - (np.arange(rows)[part[0]] + 0.5 - rows / 2) * pixel
         right, up, towards = view.rotate(np.eye(3)).T
         x, y = np.meshgrid(x, y)
         depth = (self.middle[1] - y * up[1]) / towards[1]

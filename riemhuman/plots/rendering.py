@@ -27,7 +27,7 @@ from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots._depth import draw_triangles, shares_at
 from riemhuman.plots._eyes import eyes_of
-from riemhuman.plots._ground_picture import Ground, over, window_of
+from riemhuman.plots._ground_picture import Ground, window_of
 from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots.figures import SKIN
 from riemhuman.plots.windows import View, Window, same_heights, window_around
@@ -129,8 +129,7 @@ def drawn(
     _paint(corners, normals[triangles], corner_colors, *_light(), owner, picture)
     if floor is None:
         return picture
-    below = floor.picture(vertices, view, window, (height, width))
-    return np.round(over(picture, below)).astype(np.uint8)
+    return np.round(floor.under(picture, vertices, view, window)).astype(np.uint8)
 
 
 def _with_eyes(

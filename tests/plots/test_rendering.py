@@ -119,33 +119,6 @@ def test_pictures_show_at_most_eight_surfaces(by_triangles, n_surfaces, n_shown)
     assert np.count_nonzero(np.diff(columns.astype(int)) == 1) == n_shown
 
 
-def test_surfaces_stand_on_a_ground_with_their_shadow():
-    """Grid and shadow are below the feet, and what is above is drawn as without them."""
-    bodies = rh.datasets.load_open_bodies("coarse")
-    view = View(azimuth=20.0, elevation=12.0)
-    settings = {"height": 300, "view": view}
-    on_ground = render(bodies[1], bodies.template.faces, ground=True, **settings)
-    assert on_ground.shape[1] > render(bodies[1], bodies.template.faces, **settings).shape[1]
-    window = Window((0.0, 0.0), 2.6, 2.6)
-    body = bodies[1] - (bodies[1].min(axis=0) + bodies[1].max(axis=0)) / 2
-    pictures = [
-        render(body, bodies.template.faces, window=window, ground=ground, **settings).astype(int)
-        for ground in (False, True)
-    ]
-    bare, grounded = pictures
-    is_body = bare[..., 3] == 255
-    np.testing.assert_array_equal(bare[is_body], grounded[is_body])
-    added = grounded[..., 3] - bare[..., 3]
-    lowest_row = np.flatnonzero(is_body.any(axis=1))[-1]
-    assert added[: lowest_row - 60].max() == 0
-    assert (added[lowest_row - 40 :] > 10).sum() > 500
-    # The shadow is darkest below the feet, where it hides the grid.
-    row, column = np.unravel_index(np.where(is_body, 0, added).argmax(), added.shape)
-    near = np.abs(np.argwhere(is_body) - [row, column]).max(axis=1).min()
-    assert near < 12
-    assert added[row, column] > 100
-
-
 def test_pictures_side_by_side_leave_no_empty_bands():
     """Narrow bodies have narrow pictures beside wide ones, and all stand on one floor."""
     bodies = rh.datasets.load_open_bodies("coarse")
