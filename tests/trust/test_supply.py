@@ -65,6 +65,7 @@ def packages(archives):
         return set(archive.namelist()), sources
 
 
+@pytest.mark.slow  # and whatever is installed is tested
 def test_the_licences_of_all_parts_are_named(archives):
     with zipfile.ZipFile(archives[1]) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
@@ -78,6 +79,7 @@ def test_the_licences_of_all_parts_are_named(archives):
     }
 
 
+@pytest.mark.slow  # and whatever is installed is tested
 def test_packages_are_whole_and_hold_nothing_else(packages):
     package = ROOT / "riemhuman"
     needed = {
