@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from autograd import grad
 from cases import TEMPLATES, deformations, open_template, sphere_template, surfaces
+from every_term import QUADRATIC_TERMS, quadratic_terms
 from oracles import taylor_slope
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import _quadratic
 from riemhuman.terms._quadratic import (
-    FirstOrderTerm,
     FirstOrderWeights,
     NormalPartTerm,
-    SecondOrderTerm,
     ZerothOrderTerm,
     by_vertex,
     corner_averages,
@@ -28,29 +27,19 @@ WEIGHTS = {
 }
 
 
-def terms_over(template):
-    """Return every kind of term over a template, with weights that are not 1."""
-    terms = {
-        "zeroth": ZerothOrderTerm(template, 0.7),
-        "second": SecondOrderTerm(template, 1.3),
-        "normal part": NormalPartTerm(template, FirstOrderTerm(template, WEIGHTS["all"])),
-    }
-    return terms | {"first": FirstOrderTerm(template, WEIGHTS["all"])}
-
-
 def compiled(term, h, f):
     value, in_vectors, in_surfaces = term.squared_norms_and_slopes(by_vertex(h), by_vertex(f))
     return value, by_vertex(in_vectors), by_vertex(in_surfaces)
 
 
-every_term = pytest.mark.parametrize("name", ["zeroth", "first", "second", "normal part"])
+every_term = pytest.mark.parametrize("name", QUADRATIC_TERMS)
 
 
 @every_term
 @pytest.mark.parametrize("shape", ["sphere", "open"])
 def test_values_slopes_and_matrices(name, shape):
     template = TEMPLATES[shape]()
-    term = terms_over(template)[name]
+    term = quadratic_terms(template)[name]
     f, h = surfaces(template, 3, rng=1), deformations(template, 3, rng=2)
     value, in_vectors, in_surfaces = compiled(term, h, f)
     np.testing.assert_allclose(value, term.inner_product(h, h, f).sum(), rtol=1e-12)
@@ -67,7 +56,7 @@ def test_values_slopes_and_matrices(name, shape):
 @pytest.mark.parametrize("corners", [[1], [1, 2]], ids=["edge", "point"])
 def test_triangles_without_area_cost_infinitely_much(name, corners):
     template = sphere_template()
-    term = terms_over(template)[name]
+    term = quadratic_terms(template)[name]
     f, h = surfaces(template, 3, rng=3), deformations(template, 3, rng=4)
     f[1, template.faces[7, corners]] = f[1, template.faces[7, 0]]
     value, *slopes = compiled(term, h, f)
@@ -79,7 +68,7 @@ def test_triangles_without_area_cost_infinitely_much(name, corners):
 @every_term
 def test_many_surfaces_run_in_threads_as_few_do_alone(name):
     template = sphere_template(2)
-    term = terms_over(template)[name]
+    term = quadratic_terms(template)[name]
     f, h = surfaces(template, 64, rng=6), deformations(template, 64, rng=7)
     assert len(f) * template.n_faces > 20_000
     value, *slopes = compiled(term, h, f)
@@ -93,7 +82,7 @@ def test_many_surfaces_run_in_threads_as_few_do_alone(name):
 
 def test_sums_of_terms():
     template = sphere_template()
-    terms = list(terms_over(template).values())[:2]
+    terms = list(quadratic_terms(template).values())[:2]
     both = SumOfQuadraticTerms(terms, template)
     path, h = surfaces(template, 4, rng=10), deformations(template, 2, rng=11)
     products = sum(term.inner_product(h[0], h[1], path[:3]) for term in terms)

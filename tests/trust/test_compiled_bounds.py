@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from block_patterns import couplings
 from cases import deformations, open_template, surfaces
+from every_term import QUADRATIC_TERMS, TERMS, quadratic_terms
 from interpreted import check_bounds, interpret
 from scipy.sparse import bsr_array
 from scipy.spatial.distance import cdist
@@ -17,7 +18,6 @@ from riemhuman.terms import (
     ConeTerm,
     EbinTerm,
     NormalTerm,
-    RootNormalTerm,
     RotationTerm,
     _polynomial_fits,
     _quadratic,
@@ -31,14 +31,7 @@ from riemhuman.terms._sums import SumOfTerms, features_of_fields
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
-TERMS = [EbinTerm(1.0, 0.3), ConeTerm(0.5), NormalTerm(0.2), RootNormalTerm(0.7)]
 WITHOUT_AREA = [term for term in TERMS if not term.needs_area]
-FIRST_ORDER = _quadratic.FirstOrderTerm(
-    TEMPLATE, _quadratic.FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3)
-)
-QUADRATIC = [FIRST_ORDER, _quadratic.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
-QUADRATIC += [_quadratic.ZerothOrderTerm(TEMPLATE, 0.4)]
-QUADRATIC += [_quadratic.SecondOrderTerm(TEMPLATE, 0.1)]
 # With functions of numbers alone: they would be compiled for these tests.
 MODULES = (_sums, cone, flat, normals, _polynomial_fits)
 
@@ -70,12 +63,13 @@ def test_features(monkeypatch, precision):
     check_bounds(monkeypatch, MODULES, calls)
 
 
-@pytest.mark.parametrize("quadratic", QUADRATIC, ids=lambda term: type(term).__name__)
-def test_squared_norms(monkeypatch, quadratic):
+@pytest.mark.parametrize("name", QUADRATIC_TERMS)
+def test_squared_norms(monkeypatch, name):
+    term = quadratic_terms(TEMPLATE)[name]
     h, f = (by_vertex(make(TEMPLATE, 2, rng=6)) for make in (deformations, surfaces))
     calls = [
-        lambda: quadratic.squared_norms_and_slopes(h, f),
-        lambda: [quadratic.squared_norms(h, f)],
+        lambda: term.squared_norms_and_slopes(h, f),
+        lambda: [term.squared_norms(h, f)],
     ]
     check_bounds(monkeypatch, [_quadratic], calls)
 
