@@ -227,7 +227,7 @@ class DiscreteExponential(ExpSolver):
         metric : RiemannianMetric
             A metric of surfaces.
         path : array, shape (n_nodes, \*shape)
-            Result of `solve` without a basis.
+            Result of `solve` without a basis; at least two points.
         tangent_vec : array, shape (\*shape,)
             Its initial velocity.
         covectors : array, shape (n_nodes, \*shape)
@@ -235,13 +235,17 @@ class DiscreteExponential(ExpSolver):
         max_iter : int
             Largest number of iterations of each linear equation.
         """
+        check_metric(metric)
         max_iter = whole_number(max_iter, "max_iter", minimum=1)
         if self.basis is not None or not metric.space.is_surface_space:
             raise NotDefinedError(
                 "derivatives of the discrete exponential exist only for surfaces with all "
                 "coordinates free, that is, DiscreteExponential() without a basis"
             )
-        covectors = np.array(covectors)
+        path = path_array(path, metric.space, batched=False)
+        shape = metric.space.shape
+        tangent_vec = real_array(tangent_vec, "tangent_vec", shape, batched=False)
+        covectors = real_array(covectors, "covectors", path.shape, batched=False).copy()
         # Of every three neighbours x, y, z, y makes E = d²(x, y) + d²(y, z) stationary. Derivatives
         # by z are passed on to x and y, from the end to the start, by one linear equation with the
         # second derivatives of E for each point: the adjoint method.

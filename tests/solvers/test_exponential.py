@@ -21,6 +21,7 @@ from oracles import orders
 
 from riemhuman.errors import (
     ArgumentError,
+    ArgumentTypeError,
     ConvergenceWarning,
     NotDefinedError,
     OutsideManifoldError,
@@ -261,3 +262,17 @@ def test_where_there_are_no_derivatives():
     plane = CASES["half-plane, distance"]
     with pytest.raises(NotDefinedError, match="exist only for surfaces"):
         SOLVER.derivatives(plane.metric, plane.points[:2], plane.points[0], plane.points[:2])
+
+
+def test_derivatives_need_a_whole_path():
+    path = np.stack([START, START + VELOCITIES[0]])
+    for points, velocity, covectors, message in (
+        (path[:1], VELOCITIES[0], path[:1], "path must have at least two times; found 1"),
+        (START, VELOCITIES[0], START, "path must have shape"),
+        (path, VELOCITIES, path, "tangent_vec must have shape"),
+        (path, VELOCITIES[0], path[:1], "covectors must have shape"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            SOLVER.derivatives(METRIC, points, velocity, covectors)
+    with pytest.raises(ArgumentTypeError, match="metric must be a metric"):
+        SOLVER.derivatives(None, path, VELOCITIES[0], path)
