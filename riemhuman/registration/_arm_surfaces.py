@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._posed_body import ModelSamples
-from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import ArmSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template

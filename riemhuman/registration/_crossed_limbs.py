@@ -17,10 +17,10 @@ from riemhuman.registration._arms_and_hands import (
     limited_distances,
     points_on,
 )
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
 from riemhuman.registration._posed_body import Pose, Prior
 from riemhuman.registration._registration_model import RegistrationModel
-from riemhuman.registration._start_poses import BodyParts
 
 _MIRROR = np.diag([-1.0, 1.0, 1.0])
 # The joints of one side, from the one that stays, for the arms and legs whose ends cross.

@@ -71,6 +71,28 @@ class _Limb:
         return positions
 
 
+@dataclass(frozen=True, eq=False)
+class _LimbSurface:
+    """The surface of a limb, which is compared with the points of a scan near it."""
+
+    limb: _Limb
+    skin: ModelSamples  # the limb's vertices
+    faces: np.ndarray  # its triangles, numbered among these
+
+    def points(self, pose: Pose) -> np.ndarray:
+        """Return the limb's vertices in a pose."""
+        return pose_body(self.skin, pose).points
+
+    def costs(self, poses: list[Pose], points: np.ndarray, farthest: float) -> np.ndarray:
+        """Return the limited mean distance of points in each pose, raised where it is unlikely."""
+        costs = [
+            self.limb.strain(pose)
+            * limited_distances(points, self.points(pose), self.faces, farthest).mean()
+            for pose in poses
+        ]
+        return np.array(costs)
+
+
 @dataclass(frozen=True)
 class _Start:
     """A pose from which a limb is fitted; rivals from there have moved a joint, if it is given."""
@@ -302,30 +324,19 @@ def _displaced_in_rivals(
     if not len(seen):
         return displaced
     seen = seen[:: max(len(seen) // settings.n_compared, 1)]
-    skin = task.body.samples(None).only(vertices)
-    faces = faces_among(task.body.model.faces, vertices)
-
-    def surfaces_of(poses: list[Pose]) -> list[np.ndarray]:
-        return [pose_body(skin, candidate).points for candidate in poses]
-
-    def costs_of(poses: list[Pose], points: np.ndarray) -> np.ndarray:
-        farthest = settings.exchanged_metres
-        distances = [
-            limited_distances(points, candidate, faces, farthest).mean()
-            for candidate in surfaces_of(poses)
-        ]
-        return np.array(distances) * [limb.strain(candidate) for candidate in poses]
-
-    def fit(starts: list[Pose], scales: tuple[float, ...]) -> list[Pose]:
-        return fit_starts(task, limb.joints, limb.samples, starts, scales)
-
+    skin, faces = task.body.samples(None).only(vertices), task.body.model.faces
+    surface_of_limb = _LimbSurface(limb, skin, faces_among(faces, vertices))
     n_first, scales = task.body.settings.arms.n_first_steps, task.body.settings.dense.scales
-    first = fit([pose, *(start.pose for start in starts)], scales[:n_first])
-    costs = costs_of([pose, *first], seen[:: settings.n_compared_first])
+    unfitted = [pose, *(start.pose for start in starts)]
+    first = fit_starts(task, limb.joints, limb.samples, unfitted, scales[:n_first])
+    few, farthest = seen[:: settings.n_compared_first], settings.exchanged_metres
+    costs = surface_of_limb.costs([pose, *first], few, farthest)
     # Fits that are still far away will not come nearer.
     near = np.flatnonzero(costs[2:] < settings.most_farther * min(costs[:2]))
-    poses = [pose, *fit([first[0], *(first[1 + k] for k in near)], scales[n_first:])]
-    costs, surfaces = costs_of(poses, seen), surfaces_of(poses)
+    nearer = [first[0], *(first[1 + k] for k in near)]
+    poses = [pose, *fit_starts(task, limb.joints, limb.samples, nearer, scales[n_first:])]
+    costs = surface_of_limb.costs(poses, seen, farthest)
+    surfaces = [surface_of_limb.points(candidate) for candidate in poses]
     joints = [limb.joint_positions(candidate) for candidate in poses]
     for k, surface, cost, rival in zip(near, surfaces[2:], costs[2:], joints[2:], strict=True):
         joint = starts[k].joint

@@ -13,8 +13,9 @@ from riemhuman.bodies.skinning import JointMotions
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.registration._arm_surfaces import ArmSurface, make_arm_surface
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, sample_model
-from riemhuman.registration._start_poses import BodyParts, joint_precisions, start_poses
+from riemhuman.registration._start_poses import joint_precisions, start_poses
 from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
 
 

@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import TrustSettings
 from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.template import Template

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._messages import LANDMARKS_DECIDE
-from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration.settings import RivalSettings, TrustSettings
 from riemhuman.surfaces.template import Template
 

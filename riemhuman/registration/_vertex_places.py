@@ -103,8 +103,8 @@ class VertexPlaces:
         return at_places
 
     @cached_property
-    def _fillers(self) -> list[_Filler]:
-        return [_Filler(self.target, self.target_faces, part) for part in self.parts]
+    def _fillings(self) -> list[_Filling]:
+        return [_make_filling(self.target, self.target_faces, part) for part in self.parts]
 
     def apply(self, surface: np.ndarray) -> np.ndarray:
         """Return the target's vertices for a surface of the source, shape (n_source, 3)."""
@@ -113,8 +113,8 @@ class VertexPlaces:
             points = self._carried(surface)
         else:
             points = self.reconstruction @ surface
-        for filler in self._fillers:
-            points[filler.part.vertices] = filler.fill(points)
+        for filling in self._fillings:
+            points[filling.vertices] = filling.fill(points)
         return points
 
     def _carried(self, surface: np.ndarray) -> np.ndarray:
@@ -156,29 +156,43 @@ class VertexPlaces:
         return sizes
 
 
-class _Filler:
-    """Moves a part by the similarity of its anchors, and elastically where it is attached."""
+@dataclass(frozen=True, eq=False)
+class _Filling:
+    """A part that moves by the similarity of its anchors, and elastically where it is attached."""
 
-    def __init__(self, target: np.ndarray, faces: np.ndarray, part: FilledPart) -> None:
-        self.part = part
-        self._part, self._anchors = target[part.vertices], target[part.anchors]
-        self._ring, self._extension = _harmonic_extension(target, faces, part.vertices)
-        self._ring_points = target[self._ring]
+    vertices: np.ndarray  # (n,) of the part
+    anchors: np.ndarray  # (k,) vertices with counterpart around it
+    ring: np.ndarray  # (r,) vertices next to it
+    extension: np.ndarray  # (n, r) matrix that extends values on the ring into the part
+    # In the reference:
+    part_points: np.ndarray  # (n, 3)
+    anchor_points: np.ndarray  # (k, 3)
+    ring_points: np.ndarray  # (r, 3)
 
     def fill(self, points: np.ndarray) -> np.ndarray:
         """Return the positions of the part, (n, 3), from those of the vertices around it."""
-        moved = points[self.part.anchors]
-        before, after = self._anchors.mean(axis=0), moved.mean(axis=0)
-        centred, moved = self._anchors - before, moved - after
+        moved = points[self.anchors]
+        before, after = self.anchor_points.mean(axis=0), moved.mean(axis=0)
+        centred, moved = self.anchor_points - before, moved - after
         rotation = nearest_rotations(moved.T @ centred)
         scale = np.linalg.norm(moved) / max(float(np.linalg.norm(centred)), np.finfo(float).tiny)
+        ring = scale * (self.ring_points - before) @ rotation.T + after
+        part: np.ndarray = scale * (self.part_points - before) @ rotation.T + after
+        return part + self.extension @ (points[self.ring] - ring)
 
-        def carried(positions: np.ndarray) -> np.ndarray:
-            result: np.ndarray = scale * (positions - before) @ rotation.T + after
-            return result
 
-        gaps = points[self._ring] - carried(self._ring_points)
-        return carried(self._part) + self._extension @ gaps
+def _make_filling(target: np.ndarray, faces: np.ndarray, part: FilledPart) -> _Filling:
+    """Return how a part of a target mesh follows its surroundings."""
+    ring, extension = _harmonic_extension(target, faces, part.vertices)
+    return _Filling(
+        vertices=part.vertices,
+        anchors=part.anchors,
+        ring=ring,
+        extension=extension,
+        part_points=target[part.vertices],
+        anchor_points=target[part.anchors],
+        ring_points=target[ring],
+    )
 
 
 def _harmonic_extension(

@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from limbs_right_and_wrong import limb_parts
 from people_who_touch import people_who_touch, scan_of_touching
 from performances import clocked
 from scanned_people import (
@@ -304,6 +305,40 @@ def test_trust_of_limbs(benchmark, registration, seed):
     )
     assert trusted[natural].mean() > LEAST_TRUSTED
     assert far.max() <= MOST_FAR
+
+
+EXCESS_SEEDS = {CALIBRATION_SEED: 81, CHECK_SEED: 83}
+QUANTILES = (0.0, 0.05, 0.5, 0.95, 0.99, 1.0)
+
+
+@pytest.mark.parametrize("seed", [CALIBRATION_SEED, CHECK_SEED], ids=["calibration", "check"])
+def test_trust_by_excess(benchmark, seed):
+    """How many times farther than the rest of the body scans are from right and wrong limbs.
+
+    Scans are noisy, sparse, clothed, cut and of people whose limbs touch. Limbs are wrong because
+    a registered body is turned in one joint, or has its arms or legs exchanged, and fitted again.
+    """
+    registration = ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
+    parts = benchmark.pedantic(lambda: list(limb_parts(registration, EXCESS_SEEDS[seed])), rounds=1)
+    settings = registration.settings.rivals
+    limits = {"limbs": settings.most_limb_excess, "hands": settings.most_finger_excess}
+    judged = [part for part in parts if part.accepted]  # of bodies that are refused, none is
+    for group, limit in limits.items():
+        chosen = [part for part in judged if part.part.endswith("wrist") == (group == "hands")]
+        right = [part for part in chosen if part.error < RIGHT_METRES]
+        wrong = [part for part in chosen if part.error > WRONG_METRES]
+        for name, some in ("right", right), ("wrong", wrong):
+            excess = np.quantile([part.excess for part in some], QUANTILES)
+            print(f"\n{len(some)} {name} {group}: {np.round(excess, 2)} at {QUANTILES}", end="")
+        above = [part for part in right if part.excess > limit]
+        below = [part for part in wrong if part.excess <= limit]
+        trusted = [part for part in below if part.trusted > 0.5]
+        print(f"\n{len(above)} of {len(right)} right {group} above {limit}", *above, sep="\n")
+        print(f"{len(below)} of {len(wrong)} wrong {group} below, {len(trusted)} of them trusted")
+        print(*below, sep="\n")
+        if group == "limbs":
+            assert len(above) <= 0.02 * len(right)
+            assert len(trusted) <= 0.05 * len(wrong)
 
 
 def test_transferred_models(benchmark, registration):

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._messages import OPEN_HANDS, join_reasons
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_overlaps, find_seen
-from riemhuman.registration._start_poses import BodyParts
 from riemhuman.registration._trust import (
     FitQuality,
     find_excess,
