@@ -25,15 +25,20 @@ def leave_out_lost_limbs(
 ) -> tuple[BodyFit, ShownParts]:
     """Return a body fitted without the limbs that a scan does not show, and what it shows.
 
-    A body that is refused anyway stays as it is, and so does one of which limbs are not lost.
+    A body that is refused anyway stays as it is, and so does one whose limb may be elsewhere in
+    the scan.
     """
-    shown = find_shown_parts(fitted, scan)
+    shown, settings = find_shown_parts(fitted, scan), fitted.task.body.settings
     if is_refused or not (shown.lost & fitted.task.visible).any():
         return fitted, shown
+    distances = _distances_from(fitted)
+    near = np.mean(distances < settings.trust.near_metres)
+    if near < settings.trust.least_near_of_limb:
+        return fitted, shown  # the limb may be where points are far from the body
     without = _fit_without(fitted, shown.lost)
     # If the limb is in the scan after all, its points are now far from the body.
-    farther = fitted.task.body.settings.retries.farther_without_limbs
-    if _mean_distance(without) > farther * _mean_distance(fitted):
+    farther = settings.retries.farther_without_limbs
+    if _distances_from(without).mean() > farther * distances.mean():
         return fitted, shown
     return without, find_shown_parts(without, scan)
 
@@ -49,9 +54,10 @@ def _fit_without(fitted: BodyFit, lost: np.ndarray) -> BodyFit:
     return replace(fitted, task=task, fit=leave_model(task, pose))
 
 
-def _mean_distance(fitted: BodyFit) -> float:
-    """Return the mean distance of some points of a scan from a body, limited, metres."""
+def _distances_from(fitted: BodyFit) -> np.ndarray:
+    """Return the distances of some points of a scan from a body, limited, metres."""
     settings, points = fitted.task.body.settings.trust, fitted.task.scan.points
     some = points[even_points(points, settings.n_samples)]
     _, distances = nearest_points(some, fitted.fit.points, fitted.task.body.model.faces)
-    return float(np.minimum(distances, settings.near_metres).mean())
+    limited: np.ndarray = np.minimum(distances, settings.near_metres)
+    return limited

@@ -1,19 +1,23 @@
 """Registered limbs that are right, and such as are deliberately wrong, with how far scans are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from people_who_touch import people_who_touch, scan_of_touching
-from scanned_people import bodies_to_scan, foreign_bodies, points_at, task_of, wrong_starts
+from scanned_people import bodies_to_scan, foreign_bodies, points_at, task_of
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.bodies.skinning import usual_joint_names
 from riemhuman.registration import simulated_scan
-from riemhuman.registration._pipeline import register_scan, register_whole
-from riemhuman.registration._start_search import KnownBody
-from riemhuman.registration.scan_registration import known_body, result_of
+from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._crossed_limbs import crossing_joints, exchanged_limbs
+from riemhuman.registration._dense_fit import fit_closest
+from riemhuman.registration._elastic_step import leave_model
+from riemhuman.registration._lost_limbs import leave_out_lost_limbs
+from riemhuman.registration._pipeline import register_scan
+from riemhuman.registration._verdict import judge
 
 # What scanners and people do to scans, and what may be missing from them.
 SCANS = {
@@ -43,6 +47,7 @@ _POSTURES = ("arms folded", "hands on belly", "hands on hips", "wrists crossed",
 _N_POINTS = 8000
 _LEAST_DEGREES, _MOST_DEGREES = 20.0, 90.0
 _TURNED = ("shoulder", "elbow", "hip", "knee")
+_HELD = 1e6  # inverse variance of a joint that is held
 _SHOWN_METRES = 0.05
 # Mean errors of right and wrong parts of limbs; few are between.
 RIGHT_METRES, WRONG_METRES = 0.03, 0.05
@@ -98,26 +103,42 @@ def limb_parts(registration, seed):
         yield from _parts_of(kind, first, truth, places)
         if not first.verdict.trusted:
             continue
-        for change, start in wrong_limbs(registration, first, rng):
-            yield from _parts_of(f"{kind}, {change}", register_whole(task, start), truth, places)
+        for change, trace in wrong_limbs(first, rng):
+            yield from _parts_of(f"{kind}, {change}", trace, truth, places)
 
 
-def wrong_limbs(registration, trace, rng, n_turned=2):
-    """Yield names and starts of a registered body whose limbs are turned or exchanged."""
-    names = list(usual_joint_names(registration.model))
-    pose = trace.elastic.pose
-    for _ in range(n_turned):
-        joint = f"{('left', 'right')[rng.integers(2)]}_{_TURNED[rng.integers(len(_TURNED))]}"
-        degrees = rng.uniform(_LEAST_DEGREES, _MOST_DEGREES)
-        axis = rng.standard_normal(3)
+def wrong_limbs(trace, rng):
+    """Yield names and stages of a registered body with limbs turned away or exchanged.
+
+    Closest points would often turn a limb back, so the prior holds its first joint where it is.
+    """
+    body, (task, pose) = trace.search.body, (trace.arms.task, trace.elastic.pose)
+    for joint in _TURNED:
+        name = f"{('left', 'right')[rng.integers(2)]}_{joint}"
+        degrees, axis = rng.uniform(_LEAST_DEGREES, _MOST_DEGREES), rng.standard_normal(3)
         turn = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis))
-        local = pose.local.copy()
-        local[names.index(joint)] = local[names.index(joint)] @ turn.as_matrix()
-        known = KnownBody(pose._replace(local=local), trace.up, -np.inf)
-        yield f"{joint} turned by {degrees:.0f} degrees", known
-    for name, start in wrong_starts(registration, result_of(trace, trace=False)):
-        if name.endswith("exchanged"):
-            yield name, known_body(start)
+        (number,) = body.parts.numbers(name)
+        local, expected = pose.local.copy(), task.prior.local.copy()
+        local[number] = expected[number] = local[number] @ turn.as_matrix()
+        precisions = task.prior.precisions.copy()
+        precisions[number] = _HELD
+        prior = task.prior._replace(local=expected, precisions=precisions)
+        start = pose._replace(local=local)
+        yield f"{name} by {degrees:.0f} degrees", _fitted_again(trace, start, prior)
+    for joint in crossing_joints(body, pose):
+        for start, prior in exchanged_limbs(task, pose, joint):
+            yield f"limbs below the {joint}s exchanged", _fitted_again(trace, start, prior)
+
+
+def _fitted_again(trace, start, prior):
+    """Return the stages of a registration whose pose is fitted again, with another prior."""
+    task, scan = replace(trace.arms.task, prior=prior), trace.search.scan
+    scales = task.body.settings.dense.scales
+    pose = fit_closest(task.samples, start, prior, task.scan, scales)
+    fitted = BodyFit(task, leave_model(task, pose), {}, {})
+    fitted, shown = leave_out_lost_limbs(fitted, scan, is_refused=False)
+    verdict = judge(trace.search, fitted, shown, unit_is_known=True)
+    return replace(trace, elastic=fitted.fit, verdict=verdict)
 
 
 def _parts_of(kind, trace, truth, places):
