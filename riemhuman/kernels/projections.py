@@ -48,8 +48,15 @@ def principal_components(sample: Array, n_components: int | None = None) -> tupl
     centered = sample - mean
     # By the Gram matrix: there are far fewer rows than columns.
     values, vectors = np.linalg.eigh(centered @ centered.T)
-    kept = np.flatnonzero(values > _ROUNDING * max(values[-1], 0.0))[::-1][:n_components]
-    return mean, (vectors[:, kept] / np.sqrt(values[kept])).T @ centered
+    ascending = np.flatnonzero(values > _ROUNDING * max(values[-1], 0.0))
+    largest = ascending[::-1][:n_components]
+    return mean, (vectors[:, largest] / np.sqrt(values[largest])).T @ centered
+
+
+def with_positive_peaks(rows: Array) -> Array:
+    """Return rows with signs that make the largest entry of each positive."""
+    peaks = np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], axis=1)
+    return rows * np.sign(peaks)
 
 
 def field_coordinates(values: Array, areas: Array) -> Array:

@@ -34,6 +34,7 @@ from riemhuman.kernels.threads import slices, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval._cluster import Worker, compute_parts
 from riemhuman.solvers.path_comparison import (
+    N_COLUMNS,
     PairsOfPoints,
     PathDistances,
     distances_of_rows,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 _RESULT, _UNFINISHED_RESULT = "D.npy", "D.unfinished.npy"
 _ROWS, _DONE, _DIGESTS, _POINTS = "rows.npy", "done.npy", "digests.npy", "points.npy"
 _FORMAT = "riemhuman job 7"
+_DIGEST_BYTES = 32
 
 # Tiles are small enough for an interrupted job to have made progress, and large enough for their
 # overhead not to matter.
@@ -58,12 +60,12 @@ _BLOCK, _COPIES = 64, 32
 # Numbers of eight bytes in memory for each pair of a tile while it is computed and mirrored.
 _COPIES_OF_PAIRS = 6
 
-# Pairs whose paths are solved and then written at a time, and numbers of each path.
-_PAIRS, _N_NUMBERS = 16, 6
+# Pairs whose paths are solved and then written at a time.
+_PAIRS = 16
 
 # Points or tiles, and paths, that are computed again when a job is resumed, and how much rounding
 # changes them, relative to the largest number.
-_TRIED, _TRIED_PATHS = 8, 2
+_N_RECOMPUTED, _N_RECOMPUTED_PATHS = 8, 2
 _ROUNDING = {"single": 1e-5, "double": 1e-9}
 _ROUNDING_OF_PATHS = 1e-4
 
@@ -142,7 +144,7 @@ def pairwise_job(
         blocks = list(slices(n_points, layout["block"]))
         arrays = _by_file(features, first)
         tables: dict[str, tuple[tuple[int, ...], DTypeLike]]
-        tables = {_DIGESTS: ((len(blocks), 32), np.uint8)}
+        tables = {_DIGESTS: ((len(blocks), _DIGEST_BYTES), np.uint8)}
         complete = job.exists(_RESULT)
         if complete:
             tables[_RESULT] = ((n_points, n_points), np.float64)
@@ -156,17 +158,18 @@ def pairwise_job(
         known: ndarray = np.asarray(np.any(job.read(_DIGESTS), axis=1))
         if complete and not known.all():
             raise FileFormatError(f"{job.path / _DIGESTS} is damaged: it lacks digests of points")
-        kept = _PointsOfJob(job, metric, points, precision, n_jobs)
+        points_of_job = _PointsOfJob(job, metric, points, precision, n_jobs)
+        known_blocks = [blocks[number] for number in np.flatnonzero(known)]
         for number in np.flatnonzero(known).tolist():
-            kept.read(number, blocks[number])
-        finished = [] if complete else [tiles[k] for k in np.flatnonzero(job.read(_DONE))]
-        kept.try_again([blocks[k] for k in np.flatnonzero(known)], finished)
+            points_of_job.read(number, blocks[number])
+        finished_tiles = [] if complete else [tiles[k] for k in np.flatnonzero(job.read(_DONE))]
+        points_of_job.recompute(known_blocks, finished_tiles)
         for number in ProgressBar(
             np.flatnonzero(~known), desc="Points", disable=not progress, unit=" blocks"
         ):
-            kept.keep(number, blocks[number])
+            points_of_job.write(number, blocks[number])
         if not complete:
-            reader = TileReader(job.path, list(arrays)[:-1], n_jobs)
+            reader = TileReader(job.path, _feature_files(len(features)), n_jobs)
             _compute(job, metric, reader, tiles, client, progress)
             job.rename(_UNFINISHED_RESULT, _RESULT)
         job.remove(_DONE, *arrays)
@@ -221,7 +224,7 @@ def path_job(
     with job.locked():
         blocks = list(slices(n_pairs, job.claim(described, {"block": _PAIRS})["block"]))
         job.make_tables(
-            {_ROWS: ((n_pairs, _N_NUMBERS), np.float64), _DONE: ((len(blocks),), np.bool_)}
+            {_ROWS: ((n_pairs, N_COLUMNS), np.float64), _DONE: ((len(blocks),), np.bool_)}
         )
         finder = PathFinder(solver, points, n_jobs)
         _try_paths(job, metric, finder, [blocks[k] for k in np.flatnonzero(job.read(_DONE))])
@@ -244,17 +247,17 @@ def _layout(
 ) -> dict[str, int]:
     """Return the number of points in a block of features and on a side of a tile."""
     n_bytes = first.nbytes + sum(feature.nbytes for feature in features)
-    # A tile of side t takes 2 t n_bytes for features and 8 copies t² for distances.
-    square = 8 * _COPIES_OF_PAIRS
-    tile = int((math.sqrt(n_bytes**2 + square * memory) - n_bytes) / square)
+    # A tile of side t takes 2 t n_bytes for features and t² pair_bytes for distances.
+    pair_bytes = 8 * _COPIES_OF_PAIRS
+    tile = int((math.sqrt(n_bytes**2 + pair_bytes * memory) - n_bytes) / pair_bytes)
     if tile < 1:
         raise ArgumentError(
-            f"memory must be at least {2 * n_bytes + square} bytes for a tile of two points; "
+            f"memory must be at least {2 * n_bytes + pair_bytes} bytes for a tile of two points; "
             f"found {memory}"
         )
-    wanted = max(_SMALLEST_TILE, -(-n_points // _TILES_A_ROW))
+    large_enough = max(_SMALLEST_TILE, math.ceil(n_points / _TILES_A_ROW))
     block = max(1, min(_BLOCK, memory // (_COPIES * n_bytes)))
-    return {"block": block, "tile": min(n_points, tile, wanted)}
+    return {"block": block, "tile": min(n_points, tile, large_enough)}
 
 
 def tiles_of(n_points: int, size: int) -> list[Tile]:
@@ -266,7 +269,12 @@ def tiles_of(n_points: int, size: int) -> list[Tile]:
 def _by_file(features: tuple[ndarray, ...], points: ndarray) -> dict[str, ndarray]:
     """Return what a job keeps of points, by the name of the file."""
     # Distances too small for the precision of features are computed again from the points.
-    return {f"features_{k}.npy": array for k, array in enumerate(features)} | {_POINTS: points}
+    names = _feature_files(len(features))
+    return dict(zip(names, features, strict=True)) | {_POINTS: points}
+
+
+def _feature_files(n_features: int) -> list[str]:
+    return [f"features_{number}.npy" for number in range(n_features)]
 
 
 def checked_part(metric: RiemannianMetric, points: PointsLike, part: slice, name: str) -> ndarray:
@@ -299,7 +307,7 @@ class _PointsOfJob:
             )
         return some
 
-    def keep(self, number: int, block: slice) -> None:
+    def write(self, number: int, block: slice) -> None:
         """Write a block of points and their features."""
         some = self.read(number, block)
         try:
@@ -311,28 +319,32 @@ class _PointsOfJob:
         # The record follows the entries: a kill in between costs only this block.
         self.job.write(_DIGESTS, (number, np.frombuffer(digest(some), np.uint8)))
 
-    def try_again(self, blocks: list[slice], tiles: list[Tile]) -> None:
+    def recompute(self, blocks: list[slice], tiles: list[Tile]) -> None:
         """Compute some features and distances again, and raise an error if they differ."""
         if not blocks:
             return
         job, metric, rounding = self.job, self.metric, _ROUNDING[self.precision]
         complete = job.exists(_RESULT)
-        numbers = {block.start for block in _spread(blocks, _TRIED)} | {blocks[-1].stop - 1}
-        pairs = list(product(numbers, repeat=2))
-        if not complete:
+        numbers = {block.start for block in _spread(blocks, _N_RECOMPUTED)}
+        numbers.add(blocks[-1].stop - 1)
+        if complete:
+            pairs = list(product(numbers, repeat=2))
+        else:
             # A corner of each of some tiles; features of their blocks were written first.
-            pairs = [(rows.start, columns.stop - 1) for rows, columns in _spread(tiles, _TRIED)]
+            some_tiles = _spread(tiles, _N_RECOMPUTED)
+            pairs = [(rows.start, columns.stop - 1) for rows, columns in some_tiles]
         order = sorted(numbers.union(*pairs))
         parts = [checked_part(metric, self.points, slice(n, n + 1), "points") for n in order]
-        some = np.concatenate(parts)
+        points = np.concatenate(parts)
         if not complete:
-            for name, rows in _by_file(metric.features(some, self.precision), some).items():
+            features = metric.features(points, self.precision)
+            for name, rows in _by_file(features, points).items():
                 _compare(job, "a feature", job.read(name)[order], rows, rounding)
         i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
-        known = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
-        again = metric.dist_pairwise(some, self.n_jobs, precision=self.precision)
-        tried = again[np.searchsorted(order, i), np.searchsorted(order, j)]
-        _compare(job, "a distance", known, tried, rounding, again.max())
+        stored = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
+        distances = metric.dist_pairwise(points, self.n_jobs, precision=self.precision)
+        recomputed = distances[np.searchsorted(order, i), np.searchsorted(order, j)]
+        _compare(job, "a distance", stored, recomputed, rounding, distances.max())
 
 
 def _try_paths(
@@ -340,7 +352,7 @@ def _try_paths(
 ) -> None:
     """Solve some paths of finished blocks again, and raise an error if their lengths differ."""
     rows = job.read(_ROWS)
-    for block in _spread(blocks, _TRIED_PATHS):
+    for block in _spread(blocks, _N_RECOMPUTED_PATHS):
         pair = block.start
         again = finder.compute(metric, slice(pair, pair + 1))
         if isinstance(again, RiemhumanError):
@@ -366,10 +378,15 @@ def _spread(items: Sequence[T], most: int) -> list[T]:
 
 
 def _compare(
-    job: JobFolder, what: str, known: ndarray, again: ndarray, rounding: float, largest: float = 0.0
+    job: JobFolder,
+    what: str,
+    stored: ndarray,
+    recomputed: ndarray,
+    rounding: float,
+    largest: float = 0.0,
 ) -> None:
-    size = max(largest, np.abs([known, again]).max(initial=0.0))
-    gap = np.abs(known - again).max(initial=0.0)
+    size = max(largest, np.abs([stored, recomputed]).max(initial=0.0))
+    gap = np.abs(stored - recomputed).max(initial=0.0)
     if not gap <= rounding * size:
         raise ArgumentError(
             f"folder must be that of the same job; that in {job.path} was computed by other "
@@ -413,23 +430,27 @@ class TileReader:
     folder: Path
     names: list[str]
     n_jobs: int | None
-    _rows: tuple[slice, tuple[ndarray, ...]] | None = field(default=None, init=False)
+    # The rows of the last tile, and their features.
+    _last_rows: tuple[slice, tuple[ndarray, ...]] | None = field(default=None, init=False)
 
     @staticmethod
     def write(job: JobFolder, tile: Tile, block: ndarray) -> None:
         """Write a tile in both triangles of the matrix."""
-        job.write(_UNFINISHED_RESULT, (tile, block), (tile[::-1], block.T))
+        rows, columns = tile
+        job.write(_UNFINISHED_RESULT, (tile, block), ((columns, rows), block.T))
 
     def compute(self, metric: RiemannianMetric, tile: Tile) -> ndarray:
         """Return the distances of a tile, shape (n_rows, n_columns)."""
+        rows, columns = tile
         # Tiles come row by row, so that many of them share the features of their rows.
-        if self._rows is None or self._rows[0] != tile[0]:
-            self._rows = (tile[0], self._features(tile[0]))
-        rows = self._rows[1]
-        columns = rows if tile[1] == tile[0] else self._features(tile[1])
+        if self._last_rows is None or self._last_rows[0] != rows:
+            self._last_rows = (rows, self._features(rows))
+        row_features = self._last_rows[1]
+        column_features = row_features if columns == rows else self._features(columns)
         points = self._open(_POINTS)
-        some, others = points[tile[0]], points[tile[1]]
-        squared = squared_dist_rectangle(metric, rows, columns, some, others, self.n_jobs)
+        squared = squared_dist_rectangle(
+            metric, row_features, column_features, points[rows], points[columns], self.n_jobs
+        )
         return np.sqrt(squared)
 
     def _features(self, part: slice) -> tuple[ndarray, ...]:
@@ -459,11 +480,15 @@ class PathFinder:
 
     def compute(self, metric: RiemannianMetric, block: slice) -> ndarray | RiemhumanError:
         """Return a row of numbers for each pair, or an error."""
-        pairs = PairsOfPoints(self.points)[block]
+        pairs = PairsOfPoints(self.points)
+
+        def name_of(number_in_block: int) -> str:
+            return pairs.name_of(block.start + number_in_block)
+
         try:
-            results = solve_pairs(self.solver, metric, pairs, n_jobs=self.n_jobs)
+            results = solve_pairs(
+                self.solver, metric, pairs[block], n_jobs=self.n_jobs, name_of=name_of
+            )
         except RiemhumanError as error:
-            number, _, said = str(error).removeprefix("pairs[").partition("]: ")
-            i, j = (some[block][int(number)] for some in np.triu_indices(len(self.points), 1))
-            return type(error)(f"points[{i}] and points[{j}]: {said}")
+            return error
         return np.array([row_of_path(metric, result) for result in results])

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from riemhuman.arrays import Array, Points, PointsOrBatches
+from riemhuman.arrays import Array, Integers, Points, PointsOrBatches
 from riemhuman.checks import values_of, weight_shares
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
@@ -21,7 +21,6 @@ _BLOCK = 64
 
 # Share of its median area over the points below which a triangle has collapsed.
 _SHRUNK = 1e-2
-
 
 Computed = TypeVar("Computed")
 
@@ -49,18 +48,15 @@ class Dispersion:
         if not n_points:
             raise ArgumentError("points must hold at least one point; found none")
         self._all_weights = weight_shares(weights, n_points)
-        if not self.in_batches:
-            [self.points], self.weights = self._batches, self._all_weights
-            return
-        used = np.flatnonzero(self._all_weights)
-        spaced = np.linspace(0, len(used) - 1, min(sample_size, len(used)))
-        chosen, first, sample = used[spaced.astype(int)], 0, []
-        for batch in self._batches:
-            numbers = chosen[(chosen >= first) & (chosen < first + len(batch))] - first
-            sample += [np.asarray(batch[k : k + 1]) for k in numbers]
-            first += len(batch)
-        self.points = self._checked(np.concatenate(sample))
-        self.weights = weight_shares(self._all_weights[chosen], len(chosen))
+        if self.in_batches:
+            used = np.flatnonzero(self._all_weights)
+            spaced = np.linspace(0, len(used) - 1, min(sample_size, len(used)))
+            numbers = used[spaced.astype(int)]
+            self.points = self._checked(_points_of_batches(self._batches, numbers))
+            self.weights = weight_shares(self._all_weights[numbers], len(numbers))
+        else:
+            self.points = next(iter(self._batches))
+            self.weights = self._all_weights
 
     def _checked(self, points: object) -> Array:
         points = self.metric.check_points(points)
@@ -122,8 +118,9 @@ class Dispersion:
             squared, gradient = self.metric.squared_dists_and_gradient(point, points, shares)
             return float(weights @ self._lengths(squared)), gradient
 
-        values, gradients = zip(*self.of_batches(of_batch), strict=True)
-        return sum(values), np.sum(gradients, axis=0)
+        parts = list(self.of_batches(of_batch))
+        gradient: Array = np.sum([part for _, part in parts], axis=0)
+        return sum(value for value, _ in parts), gradient
 
     def medoid(self) -> Array:
         """Return the point of least V among the points."""
@@ -156,6 +153,16 @@ class Dispersion:
             raise
         row: Array = np.concatenate(squared, axis=1)[0]
         return row
+
+
+def _points_of_batches(batches: Iterable[Points], numbers: Integers) -> Array:
+    """Return the points of these numbers, ascending, reading the batches once."""
+    points, first = [], 0
+    for batch in batches:
+        is_inside = (numbers >= first) & (numbers < first + len(batch))
+        points += [np.asarray(batch[k : k + 1]) for k in numbers[is_inside] - first]
+        first += len(batch)
+    return np.concatenate(points)
 
 
 def with_weight(points: Points, weights: Array) -> tuple[Array, Array]:

@@ -124,6 +124,9 @@ class GeodesicEquation:
         energy: float,
     ) -> Triple:
         """Solve for the shift; the derivative is about this factor times the metric's matrix."""
+        # The energy of two segments is 2 (d²(x, y) + d²(y, z)). With the metric's matrix G, its
+        # gradient by y is about 4 G (2y − x − z): it changes by −4 G with z alone, by −8 G with x
+        # and z, and by 8 G with y.
         metric, shape = self.metric, middle.shape
         # A step may be no longer than rounding errors.
         near = self._project(rounded(middle, _ROUNDING))
@@ -157,7 +160,8 @@ class GeodesicEquation:
                 return None
             pull_back, _ = make_vjp(metric.space.projection, points[1])
             slope = scale * np.ravel(pull_back(gradient[1]))
-            slope = slope if directions is None else directions @ slope
+            if directions is not None:
+                slope = directions @ slope
             return factor.inverse(slope[:, None])[:, 0], slope
 
         start = np.zeros(middle.size if directions is None else len(directions))
@@ -214,8 +218,9 @@ def vanishing_triangle(metric: RiemannianMetric, before: Array, after: Array) ->
     space = metric.space
     if not holds_surfaces(space):
         return ""
-    had, has = (np.linalg.det(space.metric_field(point)) for point in (before, after))
-    shares = np.sqrt(np.maximum(has, 0.0) / had)
+    squared_areas_before = np.linalg.det(space.metric_field(before))
+    squared_areas_after = np.linalg.det(space.metric_field(after))
+    shares = np.sqrt(np.maximum(squared_areas_after, 0.0) / squared_areas_before)
     least = int(np.argmin(shares))
     if shares[least] > _LEAST_AREA:
         return ""
@@ -229,6 +234,14 @@ class Root(NamedTuple):
     residual: float
     n_iterations: int
     n_evaluations: int
+
+
+class _Pair(NamedTuple):
+    """A step, and the changes of F(x) and A F(x) along it."""
+
+    step: Array
+    change: Array
+    dual_change: Array
 
 
 def find_root(
@@ -248,13 +261,15 @@ def find_root(
         return Root(start, np.inf, 0, n_evaluations)
     value, dual = values
     best = Root(x, _length(value, dual), 0, n_evaluations)
-    memory: deque[tuple[Array, Array, Array]] = deque(maxlen=_MEMORY)
+    memory: deque[_Pair] = deque(maxlen=_MEMORY)
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
         direction = -value
         if memory:
-            steps, changes, duals = map(np.array, zip(*memory, strict=True))
+            steps = np.array([pair.step for pair in memory])
+            changes = np.array([pair.change for pair in memory])
+            duals = np.array([pair.dual_change for pair in memory])
             weights = np.linalg.lstsq(changes @ duals.T, changes @ dual, rcond=None)[0]
             direction = weights @ (changes - steps) - value
         for _ in range(_MOST_HALVINGS):
@@ -267,8 +282,9 @@ def find_root(
             direction = 0.5 * direction
         if values is None:
             break
-        memory.append((direction, values[0] - value, values[1] - dual))
-        x, (value, dual) = x + direction, values
+        memory.append(_Pair(direction, values[0] - value, values[1] - dual))
+        x = x + direction
+        value, dual = values
         if residual < best.residual:
             best = Root(x, residual, iteration, n_evaluations)
     return best._replace(n_evaluations=n_evaluations)

@@ -78,7 +78,7 @@ class Minimum(Result):
         )
 
 
-@dataclass
+@dataclass(frozen=True)
 class Descent:
     """A preconditioned quasi-Newton method for functions that are smooth almost everywhere."""
 
@@ -89,7 +89,7 @@ class Descent:
     # of at most `floor` are rounding errors and count as zero; those of iterations before these,
     # `earlier`, count for `recent_decrease`.
     objective: Objective
-    x: Array
+    start: Array
     inverse_hessian_at: Callable[[Array], Operator]
     tolerance: float
     max_iter: int = 1000
@@ -103,114 +103,158 @@ class Descent:
 
     def minimize(self) -> Minimum:
         """Return the minimum; if interrupted from the keyboard, the best point so far."""
-        self._status: Status | None = None
-        self._message, self._newton, self._newton_was_small = "", np.inf, False
-        self._operator: Operator | None = None
-        self._values: list[float] = []
-        self._value, self._n_evaluations = np.inf, 0
+        run = _Run(self)
         bar = ProgressBar(
             total=None, desc=self.progress, disable=not self.progress, unit=" iterations"
         )
         try:
-            self._begin()
+            run.begin()
             with bar:
-                while self._status is None:
-                    if self._advance():
+                while run.status is None:
+                    if run.advance():
                         bar.update()
-                        bar.set_postfix_str(f"value {self._value:.6g}", refresh=False)
+                        bar.set_postfix_str(f"value {run.value:.6g}", refresh=False)
                         if self.callback is not None:
-                            self.callback(len(self._values) - 1, self._value, self.x)
+                            self.callback(run.n_iterations, run.value, run.x)
         except KeyboardInterrupt:
             if is_abandoned():
                 raise
-            if not self._values:  # of the start
-                self._value, _ = self.objective(self.x)
-                self._values = [self._value]
-            self._end(Status.INTERRUPTED, INTERRUPTED_MESSAGE)
-        gap = 0.0
-        if self._value > self.floor:
-            # A Newton step's gain is nan where slopes do not predict it, as at a kink.
-            gap = float(np.fmax(_CAUTION * self._newton, self._recent_gain))
-        return Minimum(
-            self.x,
-            self._value,
-            np.array(self._values),
-            gap,
-            n_iterations=len(self._values) - 1,
-            n_evaluations=self._n_evaluations,
-            status=self._status or Status.MAX_ITER,
-            message=self._message,
-        )
+            run.interrupt()
+        return run.minimum()
 
-    def _begin(self) -> None:
-        self._value, self._gradient = self.objective(self.x)
-        self._values, self._n_evaluations = [self._value], 1
-        if not np.isfinite(self._value):
+
+class _Run:
+    """A descent on its way: its last point, what is known there, and how it ended."""
+
+    def __init__(self, descent: Descent) -> None:
+        self._descent = descent
+        self.x = descent.start
+        self.value = np.inf
+        self.status: Status | None = None
+        self._message = ""
+        self._values: list[float] = []
+        self._n_evaluations = 0
+        self._gradient = np.zeros_like(descent.start)
+        # The operator P, the image P g of the gradient, and the steps since P was formed.
+        self._operator: Operator | None = None
+        self._formed_after = 0
+        self._image = self._gradient
+        self._memory = _Memory()
+        # What a Newton step would gain, and whether that was once below the tolerance.
+        self._newton = np.inf
+        self._newton_was_small = False
+
+    @property
+    def n_iterations(self) -> int:
+        return len(self._values) - 1
+
+    def begin(self) -> None:
+        """Evaluate the start; end there if it is outside the domain, or there is no variable."""
+        self.value, self._gradient = self._descent.objective(self.x)
+        self._values, self._n_evaluations = [self.value], 1
+        if not np.isfinite(self.value):
             self._newton = np.nan
             self._end(Status.OUTSIDE_MANIFOLD, "the value at the start is not finite")
         elif not self.x.size:
             self._newton = 0.0
             self._end(Status.CONVERGED, "there is no direction to search in")
 
-    def _advance(self) -> bool:
+    def advance(self) -> bool:
         """Stop if a test says so, otherwise make a step; return whether one was made."""
-        if self._value <= self.floor:
+        descent = self._descent
+        if self.value <= descent.floor:
             self._end(Status.CONVERGED, "the value is at the level of rounding errors")
             return False
-        if self._operator is None:
-            self._operator = self.inverse_hessian_at(self.x)
-            self._formed_after = len(self._values) - 1
-            self._image, self._memory = self._operator(self._gradient), _Memory()
+        operator = self._operator
+        if operator is None:
+            operator = self._form_operator()
         direction = self._memory.direction(self._gradient, self._image)
         slope = float(self._gradient @ direction)
         self._test(slope)
-        if self._status is not None:
+        if self.status is not None:
             return False
-        if self._n_since_formed == self.refresh:
+        if self._n_since_formed == descent.refresh:
             self._operator = None
             return False
-        trial = _search(self.objective, self.x, direction, self._value, slope)
+        trial = _search(descent.objective, self.x, direction, self.value, slope)
         self._n_evaluations += trial.n_evaluations
         if trial.step > 0:
-            step, image = trial.step * direction, self._operator(trial.gradient)
+            step, image = trial.step * direction, operator(trial.gradient)
             self._memory.add(step, trial.gradient - self._gradient, image - self._image)
-            self.x, self._value = self.x + step, trial.value
+            self.x, self.value = self.x + step, trial.value
             self._gradient, self._image = trial.gradient, image
-            self._values.append(self._value)
-        shortest = 0.0 if self._newton_was_small else self.shortest
-        if trial.step == 0 or trial.step < shortest:
+            self._values.append(self.value)
+        is_short = not self._newton_was_small and trial.step < descent.shortest
+        if trial.step == 0 or is_short:
             self._restart(trial.step)
         return trial.step > 0
 
+    def interrupt(self) -> None:
+        """End at the best point so far, at worst the start."""
+        if not self._values:
+            self.value, _ = self._descent.objective(self.x)
+            self._values = [self.value]
+        self._end(Status.INTERRUPTED, INTERRUPTED_MESSAGE)
+
+    def minimum(self) -> Minimum:
+        gap = 0.0
+        if self.value > self._descent.floor:
+            # A Newton step's gain is nan where slopes do not predict it, as at a kink.
+            gap = float(np.fmax(_CAUTION * self._newton, self._recent_gain))
+        return Minimum(
+            self.x,
+            self.value,
+            np.array(self._values),
+            gap,
+            n_iterations=self.n_iterations,
+            n_evaluations=self._n_evaluations,
+            status=self.status or Status.MAX_ITER,
+            message=self._message,
+        )
+
     def _end(self, status: Status, message: str) -> None:
-        self._status, self._message = status, message
+        self.status, self._message = status, message
+
+    def _form_operator(self) -> Operator:
+        """Form the operator at the last point, and forget the steps with another one."""
+        operator = self._descent.inverse_hessian_at(self.x)
+        self._operator, self._formed_after = operator, self.n_iterations
+        self._image, self._memory = operator(self._gradient), _Memory()
+        return operator
 
     @property
     def _n_since_formed(self) -> int:
-        return len(self._values) - 1 - self._formed_after
+        return self.n_iterations - self._formed_after
 
     @property
     def _recent_gain(self) -> float:
         """The gain of the second half of the iterations, nan if there are few."""
-        values = [*self.earlier, *self._values]
+        values = [*self._descent.earlier, *self._values]
         n_iterations = len(values) - 1
         return values[n_iterations // 2] - values[-1] if n_iterations >= _SLOW else np.nan
 
+    @property
+    def _has_settled(self) -> bool:
+        """Whether many iterations with one operator have together gained almost nothing."""
+        if self._n_since_formed < _PATIENCE:
+            return False
+        gain = self._values[-1 - _PATIENCE] - self.value
+        return gain <= _STILL * self._descent.tolerance * abs(self.value)
+
     def _test(self, slope: float) -> None:
         """Stop if a test is met, given the slope along the next step."""
-        value = self._value
+        descent, value = self._descent, self.value
         quadratic = self._memory.scales.max() * float(self._gradient @ self._image)
         self._newton = 0.5 * max(quadratic, -slope)
-        is_small = bool(self._newton <= self.tolerance * value)
-        self._newton_was_small |= is_small
-        since = self._values[self._formed_after :][-1 - _PATIENCE :]
-        still = _STILL * self.tolerance * abs(value)
-        if is_small and not self._recent_gain > self.recent_decrease * value:
+        newton_is_small = bool(self._newton <= descent.tolerance * value)
+        if newton_is_small:
+            self._newton_was_small = True
+        if newton_is_small and not self._recent_gain > descent.recent_decrease * value:
             self._end(Status.CONVERGED, "the expected decrease is below the tolerance")
-        elif len(since) > _PATIENCE and since[0] - value <= still:
+        elif self._has_settled:
             self._newton = np.nan
             self._end(Status.CONVERGED, "the value no longer changes")
-        elif len(self._values) > self.max_iter:
+        elif self.n_iterations >= descent.max_iter:
             self._end(Status.MAX_ITER, "the maximum number of iterations was reached")
 
     def _restart(self, step: float) -> None:
@@ -259,32 +303,45 @@ def _search(
     return best
 
 
+class _Pair(NamedTuple):
+    """A step s, the change y of the gradient along it, its image P y, and s·y and y·P y."""
+
+    step: Array
+    change: Array
+    image: Array
+    along: float
+    square: float
+
+
 class _Memory:
-    """The last steps s, changes y of the gradient with their images P y, s·y and y·P y."""
+    """The last steps with an operator P, and the changes of the gradient along them."""
 
     def __init__(self) -> None:
-        self._pairs: deque[tuple[Array, Array, Array, float, float]] = deque(maxlen=_MEMORY)
+        self._pairs: deque[_Pair] = deque(maxlen=_MEMORY)
 
     def add(self, step: Array, change: Array, image: Array) -> None:
         along, square = float(step @ change), float(change @ image)
         if along > 0.0 and square > 0.0:
-            self._pairs.append((step, change, image, along, square))
+            self._pairs.append(_Pair(step, change, image, along, square))
 
     @property
     def scales(self) -> Array:
         """The factors by which P is nearest to the inverse Hessian along each step."""
-        return np.array([along / square for *_, along, square in self._pairs] or [1.0])
+        if not self._pairs:
+            return np.ones(1)
+        return np.array([pair.along / pair.square for pair in self._pairs])
 
     def direction(self, gradient: Array, image: Array) -> Array:
         """Return −H g, given g and P g, by L-BFGS's two loops."""
         shares = []
-        for step, change, change_image, along, _ in reversed(self._pairs):
-            shares.append(float(step @ gradient) / along)
-            gradient = gradient - shares[-1] * change
-            image = image - shares[-1] * change_image
+        for pair in reversed(self._pairs):
+            share = float(pair.step @ gradient) / pair.along
+            gradient = gradient - share * pair.change
+            image = image - share * pair.image
+            shares.append(share)
         direction = self.scales[-1] * image
-        for (step, change, _, along, _), share in zip(self._pairs, reversed(shares), strict=True):
-            direction += (share - float(change @ direction) / along) * step
+        for pair, share in zip(self._pairs, reversed(shares), strict=True):
+            direction += (share - float(pair.change @ direction) / pair.along) * pair.step
         step_down: Array = -direction
         return step_down
 

@@ -46,20 +46,21 @@ def turned_share(template: Template, points: Points, base: Array) -> float:
     """Return the largest share of the area of a surface whose parts are turned.
 
     Rotations of triangles from any base are smoothed over the surface, so that neither noise nor
-    build counts, and compared with their average over the surfaces, whichever way these face.
+    body shape counts, and compared with their average over the surfaces, whichever way these face.
     """
     shares = template.face_areas / template.face_areas.sum()
     half_step = template.heat.step(0.5 * SMOOTHING * template.face_areas.sum())
     frames = triangle_frames(base, template.differential_operator)
     numbers = np.linspace(0, len(points) - 1, min(len(points), _MOST_SURFACES)).astype(int)
     fields = np.empty((len(numbers), len(shares), 3, 3), dtype=np.float32)
-    for field, number in zip(fields, numbers, strict=True):
+    for place, number in enumerate(numbers):
         surface = triangle_frames(points[number], template.differential_operator)
         rotations = nearest_rotations(deformation_gradients(frames, surface))
         rotations = heat_flow(half_step, rotations)
-        whole = nearest_rotations(np.tensordot(shares, rotations, axes=1)[None])[0]
-        field[:] = whole.T @ rotations
+        heading = nearest_rotations(np.tensordot(shares, rotations, axes=1)[None])[0]
+        fields[place] = heading.T @ rotations
     average = nearest_rotations(fields.mean(axis=0))
+    # A rotation by θ from another has tr(Rᵀ S) = 1 + 2 cos θ.
     traces = np.einsum("nfij,fij->nf", fields, average)
     turned = traces < 1.0 + 2.0 * np.cos(np.radians(_TURNED))
     return float((turned @ shares).max())

@@ -8,12 +8,13 @@ point, or its Gram matrix on a basis.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 import numpy as np
 from scipy import linalg, sparse
 
-from riemhuman.arrays import Array, Integers, Points, TangentVectors
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
@@ -25,6 +26,7 @@ from riemhuman.kernels.elimination import (
     solve_upper,
 )
 from riemhuman.kernels.surface import cotangent_laplacian
+from riemhuman.kernels.threads import slices
 
 _INDEFINITE = (
     "the matrix of the metric is not positive semidefinite, or not finite; "
@@ -46,6 +48,7 @@ _N_PROBES = 3
 
 # Entries that are eliminated together, the coordinates of a vertex.
 _BLOCK = 3
+# Places of the diagonal in a block of 3 x 3 entries.
 _ON_DIAGONAL = np.array([0, 4, 8])
 
 # Up to this many right-hand sides are not padded with zeros to `WIDTH`.
@@ -55,30 +58,16 @@ _FEW = 6
 _LARGEST_BLOCK = 16
 
 
-class CholeskyFactor:
-    """Cholesky factor L of a positive semidefinite matrix with a tiny ridge, A ≈ L Lᵀ."""
+class CholeskyFactor(ABC):
+    """Factor L of a positive semidefinite matrix with a tiny ridge, A ≈ L Lᵀ."""
 
-    def __init__(self, matrix: sparse.csr_array) -> None:
-        size = np.trace(matrix) / len(matrix)
-        ridge = _RIDGE_OF_GRAM * (np.diag(matrix) + (size if size > 0 else 1.0))
-        try:
-            self._lower = linalg.cholesky(matrix + np.diag(ridge), lower=True)
-        except (np.linalg.LinAlgError, ValueError) as error:
-            raise ArgumentError(_INDEFINITE) from error
-
+    @abstractmethod
     def solve(self, columns: Array) -> Array:
         """Return L⁻¹ X."""
-        solved: Array = linalg.solve_triangular(
-            self._lower, columns, lower=True, check_finite=False
-        )
-        return solved
 
+    @abstractmethod
     def solve_transposed(self, columns: Array) -> Array:
         """Return L⁻ᵀ X."""
-        solved: Array = linalg.solve_triangular(
-            self._lower, columns, lower=True, trans="T", check_finite=False
-        )
-        return solved
 
     def inverse(self, columns: Array) -> Array:
         """Return A⁻¹ X."""
@@ -89,12 +78,36 @@ class CholeskyFactor:
         return self.inverse(vector.reshape(-1, 1)).ravel()
 
 
+class DenseCholeskyFactor(CholeskyFactor):
+    """Cholesky factor of a matrix, such as a Gram matrix, with a ridge."""
+
+    def __init__(self, matrix: Array) -> None:
+        size = np.trace(matrix) / len(matrix)
+        ridge = _RIDGE_OF_GRAM * (np.diag(matrix) + (size if size > 0 else 1.0))
+        try:
+            self._lower = linalg.cholesky(matrix + np.diag(ridge), lower=True)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise ArgumentError(_INDEFINITE) from error
+
+    def solve(self, columns: Array) -> Array:
+        solved: Array = linalg.solve_triangular(
+            self._lower, columns, lower=True, check_finite=False
+        )
+        return solved
+
+    def solve_transposed(self, columns: Array) -> Array:
+        solved: Array = linalg.solve_triangular(
+            self._lower, columns, lower=True, trans="T", check_finite=False
+        )
+        return solved
+
+
 class PathPreconditioner:
     """The inverse of the Hessian 2n (D ⊗ G) of paths of n segments, given the factor of G."""
 
     def __init__(self, gram: CholeskyFactor, n_segments: int) -> None:
         steps = np.diff(np.eye(n_segments), axis=0)
-        self._inverse_time = CholeskyFactor(steps @ steps.T).inverse(np.eye(n_segments - 1))
+        self._inverse_time = DenseCholeskyFactor(steps @ steps.T).inverse(np.eye(n_segments - 1))
         self._gram = gram
         self._scale = 1.0 / (2.0 * n_segments)
 
@@ -129,7 +142,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         )
         if not np.all(pivots > 0.0):
             raise ArgumentError(_INDEFINITE)
-        self._lower: tuple[Integers, Integers, Array] = elimination.ends, elimination.rows, lower
+        self._ends, self._rows, self._lower = elimination.ends, elimination.rows, lower
         self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
 
@@ -150,18 +163,21 @@ class SparseCholeskyFactor(CholeskyFactor):
     def _solve_lower(self, columns: Array) -> Array:
         """Return the solution in the order of elimination, for a diagonal of 1."""
         x: Array = columns[self._order]
-        solve_lower(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
+        blocks = x.reshape(len(x) // _BLOCK, -1)
+        solve_lower(self._ends, self._rows, self._lower, blocks, _lanes(x))
         return x
 
     def _solve_upper(self, x: Array) -> Array:
         """Overwrite x; return the solution, back in the order of columns."""
-        solve_upper(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
+        blocks = x.reshape(len(x) // _BLOCK, -1)
+        solve_upper(self._ends, self._rows, self._lower, blocks, _lanes(x))
         columns = np.empty_like(x)
         columns[self._order] = x
         return columns
 
 
 def _lanes(x: Array) -> tuple[int, ...] | None:
+    """Return a tuple whose length tells compiled loops the number of columns, None for few."""
     return (0,) * WIDTH if x.shape[1] == WIDTH else None
 
 
@@ -170,13 +186,13 @@ def _many_together(solve: Callable[[Array], Array], columns: Array) -> Array:
     n = columns.shape[1]
     if n <= _FEW:
         return solve(np.ascontiguousarray(columns))
-    solutions = []
-    for first in range(0, n, WIDTH):
-        some = columns[:, first : first + WIDTH]
-        filled = np.zeros((len(columns), WIDTH))
-        filled[:, : some.shape[1]] = some
-        solutions.append(solve(filled)[:, : some.shape[1]])
-    return np.hstack(solutions)
+    solutions = np.empty(columns.shape)
+    for part in slices(n, WIDTH):
+        width = part.stop - part.start
+        padded = np.zeros((len(columns), WIDTH))
+        padded[:, :width] = columns[:, part]
+        solutions[:, part] = solve(padded)[:, :width]
+    return solutions
 
 
 class BlockCholeskyFactor(CholeskyFactor):
@@ -215,7 +231,7 @@ def metric_factor(
     """Return a factor of M / scale, M the mean of the metric's matrix or Gram matrix at points."""
     if directions is not None:
         vectors = directions.reshape(-1, *metric.space.shape)
-        return CholeskyFactor(metric.gram_matrix(vectors, points) / scale)
+        return DenseCholeskyFactor(metric.gram_matrix(vectors, points) / scale)
     # What costs nothing to first order, as bending if c = 0, still affects distances between
     # surfaces further apart: `stiffness` weighs the Dirichlet energy, relative to the diagonals.
     if metric.has_metric_matrix:
@@ -238,7 +254,8 @@ def _block_norms(metric: RiemannianMetric, points: Points) -> Array:
     size = math.prod(shape) // length
     rng = np.random.default_rng(0)
     squares = np.zeros((length, size, size))
-    for _ in range(1 if one_block else _N_PROBES):
+    n_probes = 1 if one_block else _N_PROBES
+    for _ in range(n_probes):
         signs = rng.choice([-1.0, 1.0], length)
         # Entry i of probe k is ± the k-th unit vector.
         probes = signs[:, None] * np.eye(size)[:, None, :]
@@ -246,8 +263,9 @@ def _block_norms(metric: RiemannianMetric, points: Points) -> Array:
         at = points + np.zeros_like(probes)
         images = metric.covector(metric.space.to_tangent(probes, at), at)
         rows = np.mean(images, axis=1).reshape(size, length, size)
+        # Of entry i: the products of its numbers a and b, summed over the probes k.
         squares += np.einsum("kia,kib->iab", rows, rows)
     values, vectors = np.linalg.eigh(squares)
-    roots = np.sqrt(np.maximum(values, 0.0) / (1 if one_block else _N_PROBES))
+    roots = np.sqrt(np.maximum(values, 0.0) / n_probes)
     norms: Array = (vectors * roots[:, None, :]) @ np.swapaxes(vectors, -1, -2)
     return norms

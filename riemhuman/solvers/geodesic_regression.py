@@ -13,6 +13,7 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry import Manifold, ProductMetric, RiemannianMetric
 from riemhuman.geometry.strategies import MeanSolver
+from riemhuman.kernels.threads import slices
 from riemhuman.solvers._lbfgs import Descent, Minimum
 from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
@@ -125,16 +126,19 @@ class GeodesicRegression(ImageEstimator):
         known = [self.mean_]
         with interruptible(lambda inner: known_mean(known[-1])):
             images, base = self._embed(points), self._embed(self.mean_[None])[0]
-            line = _tangent_regression(metric, base, times, images)
-            known.append(line[0])
+            point, velocity = _tangent_regression(metric, base, times, images)
+            known.append(point)
             spread = float(np.mean(metric.squared_dist(base, images))) if self.max_iter else 0.0
             minimum = None
             if spread > 0:
-                line, minimum = self._refine(metric, times, images, spread, *line)
-        self.intercept_, self.velocity_ = line[0], line[1] / unit
-        self.n_iter_ = minimum.n_iterations if minimum else 0
-        if minimum:
-            finish(self, MeanResult(line[0], minimum.value, minimum.values, **minimum.outcome))
+                point, velocity, minimum = self._refine(
+                    metric, times, images, spread, point, velocity
+                )
+        self.intercept_, self.velocity_ = point, velocity / unit
+        self.n_iter_ = 0
+        if minimum is not None:
+            self.n_iter_ = minimum.n_iterations
+            finish(self, MeanResult(point, minimum.value, minimum.values, **minimum.outcome))
         return self
 
     def predict(self, X: Array) -> Array:
@@ -161,11 +165,12 @@ class GeodesicRegression(ImageEstimator):
         points, predictions = metric.check_points(y, "y"), self.predict(X)
         if len(points) != len(predictions):
             raise ArgumentError(f"X holds {len(predictions)} numbers and y {len(points)} points")
-        left = sum(
-            float(metric.squared_dist(*pair)) for pair in zip(predictions, points, strict=True)
+        residual = sum(
+            float(metric.squared_dist(prediction, point))
+            for prediction, point in zip(predictions, points, strict=True)
         )
-        whole = sum(float(metric.squared_dist(self.mean_, point)) for point in points)
-        return 1.0 - left / whole
+        total = sum(float(metric.squared_dist(self.mean_, point)) for point in points)
+        return 1.0 - residual / total
 
     def gram_matrix(self, y: Array) -> Array:
         r"""Return the inner products of the logarithms of points at the mean, shape (n, n).
@@ -187,11 +192,12 @@ class GeodesicRegression(ImageEstimator):
         spread: float,
         point: Points,
         velocity: TangentVectors,
-    ) -> tuple[tuple[Array, Array], Minimum]:
+    ) -> tuple[Array, Array, Minimum]:
         """Minimise the sum in both, in variables in which it is nearly a sum of squares."""
         space, shape = metric.space, point.shape
         inverse = _inverse_matrix(metric, point, 0.5 * spread)
-        slowness = 1.0 / np.sqrt(np.mean(times**2))
+        # A velocity larger by this moves the points as far as a unit of the intercept does.
+        unit_velocity = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
 
         def line(changes: Array) -> Array:
@@ -200,33 +206,36 @@ class GeodesicRegression(ImageEstimator):
             moved = space.projection(metric.exp(changes[0], point))
             return np.stack([moved, space.to_tangent(velocity + changes[1], moved)])
 
-        def misfit(changes: Array, some: slice[int, int, None]) -> Array:
+        def misfit(changes: Array, block: slice[int, int, None]) -> Array:
             start = line(changes)
-            predictions = metric.exp(columns[some] * start[1], start[0])
-            return np.sum(metric.squared_dist(predictions, images[some])) / (len(times) * spread)
+            predictions = metric.exp(columns[block] * start[1], start[0])
+            return np.sum(metric.squared_dist(predictions, images[block])) / (len(times) * spread)
 
         slope = value_and_grad(misfit)
-        blocks = [slice(k, k + _BLOCK) for k in range(0, len(times), _BLOCK)]
+        blocks = list(slices(len(times), _BLOCK))
 
         def objective(x: Array) -> tuple[float, Array]:
             try:
-                parts = [slope(x.reshape(2, *shape), some) for some in blocks]
+                parts = [slope(x.reshape(2, *shape), block) for block in blocks]
             except (DegenerateSurfaceError, OutsideManifoldError):
                 return np.inf, np.zeros_like(x)
             # Plus one, so that the stopping test is a share of the variance, not of the misfit.
-            value, gradient = (sum(part) for part in zip(*parts, strict=True))
+            value = sum(part for part, _ in parts)
+            gradient = sum(part for _, part in parts)
             return 1.0 + float(value), np.ravel(gradient)
 
         def inverse_hessian(gradient: Array) -> Array:
             by_point, by_velocity = gradient.reshape(2, -1, 1)
-            return np.concatenate([inverse(by_point), slowness**2 * inverse(by_velocity)])[:, 0]
+            return np.concatenate([inverse(by_point), unit_velocity**2 * inverse(by_velocity)])[
+                :, 0
+            ]
 
         start = np.zeros(2 * point.size)
         minimum = Descent(
             objective, start, lambda x: inverse_hessian, self.tolerance, self.max_iter
         ).minimize()
-        intercept, speed = line(minimum.x.reshape(2, *shape))
-        return (intercept, speed), minimum
+        intercept, refined_velocity = line(minimum.x.reshape(2, *shape))
+        return intercept, refined_velocity, minimum
 
 
 def _tangent_regression(
@@ -260,6 +269,11 @@ def _inverse_matrix(
         for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True)
     ]
     ends = np.cumsum([part.size for part in parts])[:-1]
-    return lambda columns: np.concatenate(
-        [inverse(part) for inverse, part in zip(inverses, np.split(columns, ends), strict=True)]
-    )
+
+    def inverse_matrix(columns: Array) -> Array:
+        blocks = np.split(columns, ends)
+        return np.concatenate(
+            [inverse(block) for inverse, block in zip(inverses, blocks, strict=True)]
+        )
+
+    return inverse_matrix

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import Array, Points
+from riemhuman.arrays import Array, Integers, Points
 from riemhuman.checks import check_function, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
@@ -66,9 +65,17 @@ class PoissonPath(PathSolver):
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
         ends = align_ends(metric, start, end)
-        path, _ = rotating_paths(metric, SegmentEnergy(), start, ends.end, self.n_nodes)[0]
-        path = ends.turned_back(path)
+        best = rotating_paths(metric, SegmentEnergy(), start, ends.end, self.n_nodes)[0]
+        path = ends.turned_back(best.path)
         return known_path(metric, path, "interpolated deformation gradients")
+
+
+class RotatingPath(NamedTuple):
+    """A path whose triangles rotate, and which of its parts rotate like their neighbours."""
+
+    path: Array
+    energy: float
+    follows: tuple[bool, ...]
 
 
 def rotating_paths(
@@ -77,50 +84,62 @@ def rotating_paths(
     start: Points,
     end: Points,
     n_nodes: int,
-    tried: list[Array] | None = None,
-) -> list[tuple[Array, float]]:
-    """Return paths whose triangles rotate, with their energies: the best, then alternatives.
+    candidates: list[Array] | None = None,
+) -> list[RotatingPath]:
+    """Return the best path whose triangles rotate, then others that may become better.
 
-    All paths that are tried are added to `tried`.
+    All paths that are computed on the way are added to `candidates`.
     """
-    # In these a whole limb rotates the other way, and their energy is only a little higher.
     space = surface_space(metric.space)
     space.check_immersed(start, "start")
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator
-
-    shorter, areas = interpolator.rotations(start, end), space.template.face_areas
+    shorter = interpolator.rotations(start, end)
     alike = interpolator.unwrap(shorter)
+    # Where neighbours would rotate by whole turns more than by the smaller angle.
     parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
-    n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
-    if parts[n_limbs:]:
-        parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
+    parts, n_limbs = _limbs_first(parts, space.template.face_areas)
+    times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
+    known: dict[tuple[bool, ...], RotatingPath] = {}
 
-    @cache
-    def candidate(ways: tuple[bool, ...]) -> tuple[float, Array]:
-        """Return energy and path if some parts rotate like their neighbours."""
+    def rotating_path(follows: tuple[bool, ...]) -> RotatingPath:
+        if follows in known:
+            return known[follows]
         rotations = shorter.copy()
-        for part, is_alike in zip(parts, ways, strict=True):
-            rotations[part] = (alike if is_alike else shorter)[part]
+        for part, is_alike in zip(parts, follows, strict=True):
+            if is_alike:
+                rotations[part] = alike[part]
         path = linear_path(start, end, n_nodes)
-        times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
         path[1:-1] = interpolator.interpolate(start, end, times, rotations)
-        if tried is not None:
-            tried.append(path)
+        if candidates is not None:
+            candidates.append(path)
         check_interrupt()
-        return energy.value(metric, path), path
+        known[follows] = RotatingPath(path, energy.value(metric, path), follows)
+        return known[follows]
 
-    def cost(ways: tuple[bool, ...]) -> float:
-        return candidate(ways)[0]
+    best = rotating_path((False,) * len(parts))
+    all_alike = rotating_path((True,) * len(parts))
+    if all_alike.energy < best.energy:
+        best = all_alike
+    rivals: list[RotatingPath] = []
+    for number in range(len(parts)):
+        follows = list(best.follows)
+        follows[number] = not follows[number]
+        other = rotating_path(tuple(follows))
+        if other.energy < best.energy:
+            best, other = other, best
+        # The energy is only a little higher where a whole limb rotates the other way.
+        if number < n_limbs:
+            rivals.append(other)
+    return [best, *(rival for rival in rivals if rival.energy <= _CLOSE * best.energy)]
 
-    best = min((False,) * len(parts), (True,) * len(parts), key=cost)
-    alternatives = []
-    for k in range(len(parts)):
-        best, worse = sorted([best, (*best[:k], not best[k], *best[k + 1 :])], key=cost)
-        if k < n_limbs:
-            alternatives.append(worse)
-    alternatives = [ways for ways in alternatives if cost(ways) <= _CLOSE * cost(best)]
-    return [candidate(ways)[::-1] for ways in (best, *alternatives)]
+
+def _limbs_first(parts: list[Integers], areas: Array) -> tuple[list[Integers], int]:
+    """Return the limbs, then all smaller parts as one, and the number of limbs."""
+    is_limb = [areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS]]
+    n_limbs = is_limb.count(True)  # the first parts, as they are the largest
+    limbs, others = parts[:n_limbs], parts[n_limbs:]
+    return ([*limbs, np.concatenate(others)] if others else limbs), n_limbs
 
 
 class ModelParameters(NamedTuple):
@@ -189,16 +208,13 @@ class ModelPath(PathSolver):
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        first, last = (self._parameters(f, name) for f, name in ((start, "start"), (end, "end")))
-        for name, a, b in zip(ModelParameters._fields, first, last, strict=True):
-            if a.shape != b.shape:
-                raise ArgumentError(
-                    f"parameters must return {name} of the same shape; found {a.shape} and "
-                    f"{b.shape}"
-                )
-        betas, pose, trans = (
-            linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)
-        )
+        of_start = self._parameters(start, "start")
+        of_end = self._parameters(end, "end")
+        _check_same_shape("betas", of_start.betas, of_end.betas)
+        _check_same_shape("pose", of_start.pose, of_end.pose)
+        betas = linear_path(of_start.betas, of_end.betas, self.n_nodes)
+        pose = linear_path(of_start.pose, of_end.pose, self.n_nodes)
+        trans = linear_path(of_start.trans, of_end.trans, self.n_nodes)
         path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = np.linalg.norm(path[[0, -1]] - [start, end], axis=-1).max()
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
@@ -216,4 +232,12 @@ class ModelPath(PathSolver):
             real_array(betas, f"betas of {name}", ("n_betas",), batched=False),
             pose.reshape(-1, 3),
             real_array(trans, f"trans of {name}", (3,), batched=False),
+        )
+
+
+def _check_same_shape(name: str, of_start: Array, of_end: Array) -> None:
+    if of_start.shape != of_end.shape:
+        raise ArgumentError(
+            f"parameters must return {name} of the same shape; found {of_start.shape} and "
+            f"{of_end.shape}"
         )

@@ -15,11 +15,13 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric, metric_of
 from riemhuman.geometry.strategies import MeanSolver, check_strategy
+from riemhuman.kernels.threads import is_abandoned
 from riemhuman.solvers._alignment import AlignedMembers, align_members
 from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search, with_weight
 from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import (
+    INTERRUPTED_MESSAGE,
     MeanResult,
     Result,
     Status,
@@ -52,7 +54,11 @@ _SMOOTHING = 1e-6
 # Share of the standard deviation below which a distance does not enlarge a weight further.
 _LEAST_DISTANCE = 1e-9
 
+# Steps of gradient descent are halved until they are shorter than this share of a full one.
 _SMALLEST_STEP = 1e-6
+
+# Squared lengths, and variances near the mean, are rounding errors below this share.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -152,9 +158,10 @@ class BasisMean(MeanSolver):
         check_metric(metric)
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
-        model = with_weight(dispersion.points, dispersion.weights)[0][0]
         is_given = initial_point is not None
-        if is_given:
+        if initial_point is None:
+            model = dispersion.points[np.argmax(dispersion.weights > 0)]
+        else:
             model = metric.check_points(values_of(initial_point, "initial_point")[None])[0]
         known = [model]
 
@@ -246,7 +253,7 @@ class BasisMean(MeanSolver):
         outside = differences - (differences @ flat.T) @ flat
         # The few right singular vectors, computed from the matrix of inner products.
         squares, axes = np.linalg.eigh(outside @ outside.T)
-        is_known = squares > 1e-12 * max(squares.max(), np.abs(origin).max() ** 2)
+        is_known = squares > _ROUNDING * max(squares.max(), np.abs(origin).max() ** 2)
         rows = axes[:, is_known].T @ outside / np.sqrt(squares[is_known, None])
         return np.concatenate([flat, rows])
 
@@ -339,12 +346,13 @@ class GradientDescentMean(MeanSolver):
         check_metric(metric)
         if metric.log_solver is None and not metric.has_closed_form_geodesic:
             raise NotDefinedError(
-                f"GradientDescentMean needs a closed form of log, or a log_solver; "
+                "GradientDescentMean needs a closed form of log, or a log_solver; "
                 f"{type(metric).__name__} has neither: use BasisMean"
             )
         dispersion = Dispersion(metric, points, weights)
         if initial_point is None:
-            point = next(dispersion.of_batches(with_weight))[0][0]
+            first_points, _ = next(dispersion.of_batches(with_weight))
+            point = first_points[0]
         else:
             point = metric.space.check_point(initial_point)
         known = [point]
@@ -377,7 +385,7 @@ class GradientDescentMean(MeanSolver):
                 value = dispersion.value(candidate)
                 n_evaluations += 1
                 # Near the mean the variance falls by less than its rounding error.
-                if value <= values[-1] * (1 + 1e-12):
+                if value <= values[-1] * (1 + _ROUNDING):
                     point = candidate
                     values.append(value)
                     continue
@@ -387,7 +395,9 @@ class GradientDescentMean(MeanSolver):
                     message = "no step along the mean of the logarithms lowers the variance"
                     break
         except KeyboardInterrupt:
-            status, message = Status.INTERRUPTED, "interrupted from the keyboard"
+            if is_abandoned():
+                raise
+            status, message = Status.INTERRUPTED, INTERRUPTED_MESSAGE
         variance = values[-1]
         if dispersion.smoothing is not None:
             variance = dispersion.changed().value(point)
@@ -404,9 +414,9 @@ class GradientDescentMean(MeanSolver):
 
 def _best_known(dispersion: Dispersion, known: list[Array]) -> MeanResult:
     """Return the best of some points for a search that is interrupted."""
-    variances = [dispersion.value(point) for point in known]
-    best = min(variances)
-    return MeanResult(known[variances.index(best)], best, np.array([best]))
+    variances = np.array([dispersion.value(point) for point in known])
+    best = int(np.argmin(variances))
+    return MeanResult(known[best], float(variances[best]), variances[best : best + 1])
 
 
 def _mean_of_logarithms(dispersion: Dispersion, point: Points) -> Array:

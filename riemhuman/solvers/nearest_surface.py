@@ -34,7 +34,7 @@ _NEARBY = 0.25
 
 # How often triangles are turned within their planes as on the last surface, at least and at most.
 # In between, rounds continue while each removes a fifth of the value: search steps cost more.
-_ROUNDS, _MOST_ROUNDS = 5, 12
+_LEAST_ROUNDS, _MOST_ROUNDS = 5, 12
 _WORTH_A_ROUND = 0.8
 
 # Share of the mean of their squares below which sizes of triangles count as this.
@@ -200,21 +200,23 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     flat = gradients.reshape(*gradients.shape[:-2], 9)
     means = apply_operator(corners, apply_operator(corners.T, flat)).reshape(gradients.shape)
     # det(A) A⁻ᵀ n as the cross product of images, which singular A have, too.
-    first, normals = unit[..., 0], unit[..., 2]
-    across = np.cross(normals, first)
-    images = [np.einsum("...ij,...j->...i", means, vector) for vector in (first, across)]
-    expected = np.cross(*images)
+    edges, normals = unit[..., 0], unit[..., 2]
+    across = np.cross(normals, edges)
+    images_of_edges = np.einsum("...ij,...j->...i", means, edges)
+    images_across = np.einsum("...ij,...j->...i", means, across)
+    expected = np.cross(images_of_edges, images_across)
     inverted: Booleans = np.sum(expected * frames[..., 2], axis=-1) <= 0
     return inverted
 
 
 def _frames(points: Points, faces: Triangles) -> Array:
     """Return two edges and the unit normal of every triangle as columns, shape (..., F, 3, 3)."""
-    one, two, three = (points[..., corner, :] for corner in faces.T)
-    normals = np.cross(two - one, three - one)
+    corner_1, corner_2, corner_3 = (points[..., corner, :] for corner in faces.T)
+    edge_2, edge_3 = corner_2 - corner_1, corner_3 - corner_1
+    normals = np.cross(edge_2, edge_3)
     lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
     normals = normals / np.where(lengths > 0, lengths, 1.0)
-    return np.stack([two - one, three - one, normals], axis=-1)
+    return np.stack([edge_2, edge_3, normals], axis=-1)
 
 
 class _ByDefinition:
@@ -274,33 +276,35 @@ class _OfElasticMetric:
         assemble = self._template.interpolator.with_weights(weights)
 
         def assembled(surface: Points) -> Array:
-            there = triangle_frames(surface, operator)[..., :2]
-            # Σ (there · here) and Σ (there · n × here) over both columns: cos and sin of the turn.
-            cosine = np.sum(there * tangents, axis=(1, 2))
-            sine = np.sum(there * across, axis=(1, 2))
+            goal = triangle_frames(surface, operator)[..., :2]
+            # Sums over both columns, proportional to the cosine and the sine of the turn.
+            cosine = np.sum(goal * tangents, axis=(1, 2))
+            sine = np.sum(goal * across, axis=(1, 2))
             size = np.hypot(cosine, sine)
             size = np.where(size > 0.0, size, 1.0)
-            cosine, sine = (part[:, None, None] / size[:, None, None] for part in (cosine, sine))
-            return assemble.surface_of(
-                stacked_derivatives(cosine * tangents + sine * across), surface
-            )
+            cosine, sine = cosine / size, sine / size
+            turned = cosine[:, None, None] * tangents + sine[:, None, None] * across
+            return assemble.surface_of(stacked_derivatives(turned), surface)
 
-        best, value = surface, np.inf
-        before = assembled(surface)
-        change, surface = before - surface, before
-        for k in range(1, _MOST_ROUNDS):
-            after = assembled(surface)
-            new_change = after - surface
-            bend = new_change - change
-            share = np.vdot(bend, new_change) / (np.vdot(bend, bend) or 1.0)
-            surface = after - share * (after - before)
-            before, change = after, new_change
-            if k + 1 < _ROUNDS:
+        best, best_value = surface, np.inf
+        # Of the last round: the surface that was assembled, and how far it was from its start.
+        assembled_before = assembled(surface)
+        change_before = assembled_before - surface
+        surface = assembled_before
+        for n_rounds in range(2, _MOST_ROUNDS + 1):
+            assembled_now = assembled(surface)
+            change = assembled_now - surface
+            difference = change - change_before
+            share = np.vdot(difference, change) / (np.vdot(difference, difference) or 1.0)
+            surface = assembled_now - share * (assembled_now - assembled_before)
+            assembled_before, change_before = assembled_now, change
+            if n_rounds < _LEAST_ROUNDS:
                 continue
-            last, (new_value, _) = value, self.value_and_gradient(surface)
-            if new_value < value:
-                best, value = surface, new_value
-            if not new_value < _WORTH_A_ROUND * last:
+            value, _ = self.value_and_gradient(surface)
+            is_worth_another = value < _WORTH_A_ROUND * best_value
+            if value < best_value:
+                best, best_value = surface, value
+            if not is_worth_another:
                 break
         return best
 
@@ -315,10 +319,13 @@ def image_distances(metric: RiemannianMetric, images: Array) -> _ByDefinition | 
 def _separate_triangles(metric: ElasticMetric, template: Template, image: Array) -> Array:
     """Return corners of triangles with given fields, shape (3F, 3)."""
     product = cast("ProductManifold", metric.target_metric.space)
-    parts = list(product.project_from_product(image))
-    n_faces = template.n_faces
-    g = parts.pop(0) if metric.a > 0 else np.tile(np.eye(2), (n_faces, 1, 1))
-    normals = parts.pop(0) if metric.c > 0 else np.tile([0.0, 0.0, 1.0], (n_faces, 1))
+    # The metric field comes first, then the normals, each only if the metric measures it.
+    parts = product.project_from_product(image)
+    g, normals = parts[0], parts[-1]
+    if not metric.a > 0:
+        g = np.tile(np.eye(2), (template.n_faces, 1, 1))
+    if not metric.c > 0:
+        normals = np.tile([0.0, 0.0, 1.0], (template.n_faces, 1))
     # Some direction across the normal: the axis that is farthest from it leads to one.
     axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, axes)

@@ -8,15 +8,15 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from riemhuman.arrays import Array, ArrayLike, Contents, Points, TangentVectors
-from riemhuman.checks import check_basis, path_array, real_array, real_number, whole_number
+from riemhuman.arrays import Array, Contents, Points, TangentVectors
+from riemhuman.checks import check_basis, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver, check_strategy
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
-from riemhuman.solvers.paths import check_end_points, rounding_energy
+from riemhuman.solvers.paths import check_end_points, check_path_from, rounding_energy
 from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -137,11 +137,12 @@ class PoleLadder(TransportSolver):
             Path from the base point, with one rung per segment; exactly one of the three is given.
         """
         check_metric(metric)
-        if sum(way is not None for way in (direction, end_point, path)) != 1:
+        n_given = [direction is None, end_point is None, path is None].count(False)
+        if n_given != 1:
             raise ArgumentError("solve needs exactly one of direction, end_point and path")
         vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
         if path is not None:
-            return self._climb(metric, vector, _check_path(metric, base_point, path))
+            return self._climb(metric, vector, check_path_from(metric, path, base_point))
         if direction is not None:
             direction = real_array(direction, "direction", metric.space.shape, batched=False)
             times = np.linspace(0.0, 1.0, self.n_rungs + 1)
@@ -150,10 +151,12 @@ class PoleLadder(TransportSolver):
         else:
             start, end = check_end_points(metric, base_point, np.asarray(end_point))
         if metric.has_closed_form_transport:
-            way = {"end_point": end} if direction is None else {"direction": direction}
-            vectors = np.stack([vector, metric.parallel_transport(vector, start, **way)])
-            ends = np.stack([start, end])
-            return TransportResult(vectors[-1], vectors, ends, message="closed form")
+            if direction is None:
+                transported = metric.parallel_transport(vector, start, end_point=end)
+            else:
+                transported = metric.parallel_transport(vector, start, direction=direction)
+            vectors, ends = np.stack([vector, transported]), np.stack([start, end])
+            return TransportResult(transported, vectors, ends, message="closed form")
         if path is not None:
             return self._climb(metric, vector, path)
         with interruptible(lambda inner: TransportResult(vector, vector[None], start[None])):
@@ -208,7 +211,7 @@ class PoleLadder(TransportSolver):
                 continue
             share = rung / length  # the sides exp_p(±w) are as long as the segment
             solved += self._rung(equation, start, end, share * vectors[-1])
-            before, after = (triple.points[2] for triple in solved[-2:])
+            before, after = solved[-2].points[2], solved[-1].points[2]
             vectors.append(equation.velocity(before, end, after) / share)
         error = max((triple.error for triple in solved), default=0.0)
         converged = error <= self.tolerance
@@ -233,8 +236,10 @@ class PoleLadder(TransportSolver):
         """Return the equations of a rung, the last two of which end at exp_q(∓w')."""
         halves = equation.middle_point(start, end)
         sides = equation.both_sides(start, vector)
-        ends = [equation.next_point(sides.points[k], halves.points[1]) for k in (2, 0)]
-        return [halves, sides, *ends]
+        behind, _, ahead = sides.points
+        before = equation.next_point(ahead, halves.points[1])
+        after = equation.next_point(behind, halves.points[1])
+        return [halves, sides, before, after]
 
 
 @dataclass(frozen=True)
@@ -243,7 +248,7 @@ class SchildLadder(PoleLadder):
 
     For each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
     are exp_q(±w'). The error is of first order in the length of the segments in general, and of
-    second order when the two signs are averaged, as here. See `PoleLadder` for the source.
+    second order when the two signs are averaged, as here. `PoleLadder` names the source.
 
     Parameters
     ----------
@@ -265,9 +270,12 @@ class SchildLadder(PoleLadder):
         vector: TangentVectors,
     ) -> list[Triple]:
         sides = equation.both_sides(start, vector)
-        halves = [equation.middle_point(side, end) for side in sides.points[::2]]
-        ends = [equation.next_point(start, half.points[1]) for half in halves]
-        return [sides, *halves, *ends]
+        behind, _, ahead = sides.points
+        half_behind = equation.middle_point(behind, end)
+        half_ahead = equation.middle_point(ahead, end)
+        before = equation.next_point(start, half_behind.points[1])
+        after = equation.next_point(start, half_ahead.points[1])
+        return [sides, half_behind, half_ahead, before, after]
 
 
 class _ClosedForms(NamedTuple):
@@ -280,7 +288,8 @@ class _ClosedForms(NamedTuple):
         return Triple(np.stack([before, middle, after]))
 
     def both_sides(self, middle: Array, displacement: Array) -> Triple:
-        before, after = (self.metric.exp(way, middle) for way in (-displacement, displacement))
+        before = self.metric.exp(-displacement, middle)
+        after = self.metric.exp(displacement, middle)
         return Triple(np.stack([before, middle, after]))
 
     def middle_point(self, start: Points, end: Points) -> Triple:
@@ -289,12 +298,3 @@ class _ClosedForms(NamedTuple):
 
     def velocity(self, before: Array, middle: Array, after: Array) -> Array:
         return 0.5 * (self.metric.log(after, middle) - self.metric.log(before, middle))
-
-
-def _check_path(metric: RiemannianMetric, base_point: Points, path: ArrayLike) -> Array:
-    path = path_array(path, metric.space, batched=False)
-    base_point, _ = check_end_points(metric, base_point, base_point)
-    gap = np.abs(path[0] - base_point).max()
-    if gap > 1e-9 * np.abs(base_point).max():
-        raise ArgumentError(f"path must start at base_point; it is off by {gap:.3g}")
-    return path

@@ -219,15 +219,14 @@ def compare_metrics(
     while not is_settled:
         is_settled = True
         for name in metrics:
-            best = _lowest([*paths, *compared.values()], name)
+            best = _of_least_energy([*paths, *compared.values()], name)
             if best.energies[name] < (1.0 - _LOWER) * compared[name].energies[name]:
                 compared[name] = _searched(name, search, best, metrics, reference, compared[name])
                 is_settled = False
     return list(compared.values())
 
 
-def _lowest(rows: Sequence[PathComparison], metric_name: str) -> PathComparison:
-    """Return the path of least energy under a metric."""
+def _of_least_energy(rows: Sequence[PathComparison], metric_name: str) -> PathComparison:
     return min(rows, key=lambda row: row.energies[metric_name])
 
 
@@ -281,16 +280,16 @@ def _measured(
         deviations = 1000.0 * np.linalg.norm(path - reference, axis=-1)
     lengths = edge_lengths(template.vertices, edges)
     return PathComparison(
-        name,
-        metric_name,
-        result,
-        seconds,
-        {measured_by: float(metric.energy(path)) for measured_by, metric in metrics.items()},
-        summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
-        summarize(change_along_path(edge_lengths(path, edges)), lengths),
-        float(change_along_path(signed_volume(path, faces))),
-        float(deviations.mean()),
-        float(deviations.max()),
+        name=name,
+        metric=metric_name,
+        result=result,
+        seconds=seconds,
+        energies={key: float(metric.energy(path)) for key, metric in metrics.items()},
+        area_change=summarize(change_along_path(triangle_areas(path, faces)), template.face_areas),
+        edge_change=summarize(change_along_path(edge_lengths(path, edges)), lengths),
+        volume_change=float(change_along_path(signed_volume(path, faces))),
+        mean_deviation=float(deviations.mean()),
+        max_deviation=float(deviations.max()),
     )
 
 
@@ -348,27 +347,47 @@ class PathDistances(Result):
             return 100.0 * (self.lengths[pairs] / self.bounds[pairs] - 1.0)
 
 
+N_COLUMNS = 6
+"""Numbers of `row_of_path`."""
+
+
 def row_of_path(metric: RiemannianMetric, result: PathResult) -> Array:
-    """Return the numbers of one path that `distances_of_rows` takes, shape (6,)."""
-    length, bound = float(metric.length(result.path)), float(np.sqrt(result.lower_bound))
-    counts = result.n_iterations, result.n_evaluations, result.converged
-    return np.array([length, bound, result.gap, *counts], dtype=float)
+    """Return the numbers of one path that `distances_of_rows` takes, shape (N_COLUMNS,)."""
+    return np.array(
+        [
+            float(metric.length(result.path)),
+            float(np.sqrt(result.lower_bound)),
+            result.gap,
+            result.n_iterations,
+            result.n_evaluations,
+            result.converged,
+        ],
+        dtype=float,
+    )
 
 
 def distances_of_rows(n_points: int, rows: Array) -> PathDistances:
     """Return the table of the paths between all points i < j, given the row of each pair."""
-    rows = rows.reshape(-1, 6)
-    tables = np.zeros((3, n_points, n_points))
-    i, j = np.triu_indices(n_points, 1)
-    tables[:, i, j] = tables[:, j, i] = rows[:, :3].T
-    n_converged = int(rows[:, 5].sum())
+    columns = rows.reshape(-1, N_COLUMNS).T
+    lengths, bounds, gaps, n_iterations, n_evaluations, converged = columns
+    n_pairs, n_converged = len(converged), int(converged.sum())
     return PathDistances(
-        *tables,
-        n_iterations=int(rows[:, 3].sum()),
-        n_evaluations=int(rows[:, 4].sum()),
-        status=Status.CONVERGED if n_converged == len(rows) else Status.STALLED,
-        message=f"{n_converged} of {len(rows)} paths converged",
+        lengths=_symmetric(n_points, lengths),
+        bounds=_symmetric(n_points, bounds),
+        gaps=_symmetric(n_points, gaps),
+        n_iterations=int(n_iterations.sum()),
+        n_evaluations=int(n_evaluations.sum()),
+        status=Status.CONVERGED if n_converged == n_pairs else Status.STALLED,
+        message=f"{n_converged} of {n_pairs} paths converged",
     )
+
+
+def _symmetric(n_points: int, values: Array) -> Array:
+    """Return the symmetric matrix with the values of the pairs i < j, and zero diagonal."""
+    matrix = np.zeros((n_points, n_points))
+    i, j = np.triu_indices(n_points, 1)
+    matrix[i, j] = matrix[j, i] = values
+    return matrix
 
 
 def path_distances(
@@ -397,7 +416,9 @@ def path_distances(
            [5., 0.]])
     """
     pairs = PairsOfPoints(points)
-    results = solve_pairs(solver, metric, pairs, n_jobs=n_jobs, progress=progress)
+    results = solve_pairs(
+        solver, metric, pairs, n_jobs=n_jobs, progress=progress, name_of=pairs.name_of
+    )
     rows = np.array([row_of_path(metric, result) for result in results])
     return distances_of_rows(len(points), rows)
 
@@ -411,6 +432,10 @@ class PairsOfPoints(Sequence[tuple[object, object]]):
 
     def __len__(self) -> int:
         return len(self._rows)
+
+    def name_of(self, number: int) -> str:
+        """Return the name of a pair in messages."""
+        return f"points[{self._rows[number]}] and points[{self._columns[number]}]"
 
     @overload
     def __getitem__(self, number: int) -> tuple[object, object]: ...

@@ -46,7 +46,7 @@ _SHORT = 1e-3
 
 # Least and largest ridge; the tolerance lies between. A ridge hides how softly whole limbs move,
 # increasingly so on finer meshes. What such motions still gain matters only to narrow tolerances.
-_RIDGES = 1e-6, 1e-4
+_LEAST_RIDGE, _LARGEST_RIDGE = 1e-6, 1e-4
 
 
 @dataclass(frozen=True)
@@ -110,24 +110,24 @@ class PathSearch(PathSolver):
         """Find a path between ends that are aligned, or that are used as given."""
         start, end = ends.start, ends.given_end
         self._check_search(metric, start, end)
-        tried: list[Array] = []
+        candidates: list[Array] = []
         results: list[PathResult] = []
 
         def best(inner: Result | None) -> PathResult:
             if isinstance(inner, PathResult) and len(inner.path) == self.n_nodes:
-                tried.append(inner.path)
-            return self._best_known(metric, ends, tried, results)
+                candidates.append(inner.path)
+            return self._best_known(metric, ends, candidates, results)
 
         with interruptible(best), single_threaded_libraries():
             if self.n_nodes == 2:
                 path = linear_path(start, end, 2)
                 return known_path(metric, path, "a single segment", 0.0, self.energy)
             if initial_path is None:
-                paths = self._starts(metric, start, ends.end, tried)
+                paths = self._starts(metric, start, ends.end, candidates)
             else:
                 path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
                 paths = [ends.aligned(path)]
-                tried += paths
+                candidates += paths
             result = self._reporting(ends)._best_of(metric, paths, results)
             path = ends.turned_back(result.path)
             result = replace(result, path=path, lower_bound=lower_bound(metric, path))
@@ -137,18 +137,17 @@ class PathSearch(PathSolver):
         self,
         metric: RiemannianMetric,
         ends: AlignedEnds,
-        tried: list[Array],
+        candidates: list[Array],
         results: Sequence[PathResult] = (),
     ) -> PathResult:
         """Return the best path of an interrupted search, at worst the straight path."""
         if results:
             best = min(results, key=lambda result: result.energy)
         else:
-            paths = [linear_path(ends.start, ends.end, self.n_nodes), *tried]
+            paths = [linear_path(ends.start, ends.end, self.n_nodes), *candidates]
             paths = [_on_manifold(metric, path) for path in paths]
             energies = [_energy(metric, self.energy, path) for path in paths]
-            energy = min(energies)
-            path = paths[energies.index(energy)]
+            path, energy = paths[int(np.argmin(energies))], min(energies)
             best = PathResult(path, energy, np.array([energy]), n_evaluations=len(paths))
         path = ends.turned_back(best.path)
         return replace(best, path=path, lower_bound=lower_bound(metric, path))
@@ -178,17 +177,18 @@ class PathSearch(PathSolver):
         """Return a factor of the metric's matrix in the coordinates of the interior points."""
 
     def _starts(
-        self, metric: RiemannianMetric, start: Points, end: Points, tried: list[Array]
+        self, metric: RiemannianMetric, start: Points, end: Points, candidates: list[Array]
     ) -> list[Array]:
         """Return the start of least energy, and starts in which a limb rotates the other way."""
-        starts, alternatives = [linear_path(start, end, self.n_nodes)], []
+        starts = [linear_path(start, end, self.n_nodes)]
+        alternatives: list[Array] = []
         if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
-            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes, tried)
-            starts.append(rotating[0][0])
-            alternatives = [path for path, _ in rotating[1:]]
+            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes, candidates)
+            starts.append(rotating[0].path)
+            alternatives = [rival.path for rival in rotating[1:]]
         if self.initial is not None:
             starts.append(self._initial_path(metric, start, end))
-            tried.append(starts[-1])
+            candidates.append(starts[-1])
             alternatives = []
         starts = [_on_manifold(metric, path) for path in starts]
         best = min(starts, key=lambda path: _energy(metric, self.energy, path))
@@ -213,9 +213,9 @@ class PathSearch(PathSolver):
             results.append(short._descend(metric, path))
             if results[-1].status is Status.INTERRUPTED:
                 break
-        best, last = min(results, key=lambda result: result.energy), results[-1]
-        if last.status is Status.INTERRUPTED:
-            return replace(best, status=last.status, message=last.message)
+        best = min(results, key=lambda result: result.energy)
+        if results[-1].status is Status.INTERRUPTED:
+            return replace(best, status=results[-1].status, message=results[-1].message)
         result = self._descend(metric, best.path, best.energies[:-1])
         n_evaluations = result.n_evaluations + sum(candidate.n_evaluations for candidate in results)
         return replace(result, n_evaluations=n_evaluations)
@@ -348,11 +348,11 @@ class BasisPath(PathSearch, _OverBasis):
         self.basis.check_fits(start.shape[0])
 
     def _starts(
-        self, metric: RiemannianMetric, start: Points, end: Points, tried: list[Array]
+        self, metric: RiemannianMetric, start: Points, end: Points, candidates: list[Array]
     ) -> list[Array]:
         if self.initial is not None:
             return [self._initial_path(metric, start, end)]
-        return super()._starts(metric, start, end, tried)
+        return super()._starts(metric, start, end, candidates)
 
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         nodes = path[[1, -2]]
@@ -414,7 +414,7 @@ class PathStraightening(PathSearch):
             )
 
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
-        ridge = float(np.clip(self.tolerance, *_RIDGES))
+        ridge = float(np.clip(self.tolerance, _LEAST_RIDGE, _LARGEST_RIDGE))
         return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
 
 

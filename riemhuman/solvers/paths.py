@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import autograd.numpy as anp
 import numpy as np
 from autograd import value_and_grad
 
-from riemhuman.arrays import Array, PairsLike, Points
-from riemhuman.checks import real_array, values_of, whole_number
+from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
+from riemhuman.checks import path_array, real_array, values_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
@@ -28,6 +29,9 @@ from riemhuman.solvers.results import PathResult, complete_path
 
 # Relative rounding errors of a point's entries.
 _ROUNDING = 1e-13
+
+# The ends of a path may differ from given points by this share of their largest entry.
+_SAME_POINT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -120,8 +124,12 @@ def solve_pairs(
     *,
     n_jobs: int | None = None,
     progress: bool = False,
+    name_of: Callable[[int], str] = "pairs[{}]".format,
 ) -> list[PathResult]:
-    """Return paths of any solver between many pairs of points, see `PathSolver.solve_many`."""
+    """Return paths of any solver between many pairs of points, see `PathSolver.solve_many`.
+
+    `name_of` names the pair of a number in messages.
+    """
     check_strategy(solver, "solver")
     check_metric(metric)
     bar = ProgressBar(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
@@ -129,7 +137,7 @@ def solve_pairs(
     with warnings.catch_warnings(), single_threaded_libraries(), bar:
         warnings.simplefilter("ignore", ConvergenceWarning)
         for result in mapped(
-            lambda number: _solve_pair(solver, metric, pairs, number),
+            lambda number: _solve_pair(solver, metric, pairs[number], name_of(number)),
             range(len(pairs)),
             thread_count(n_jobs),
         ):
@@ -146,19 +154,16 @@ def solve_pairs(
 
 
 def _solve_pair(
-    solver: GeodesicSolver, metric: RiemannianMetric, pairs: PairsLike, number: int
+    solver: GeodesicSolver, metric: RiemannianMetric, pair: object, name: str
 ) -> PathResult:
-    pair = pairs[number]
-    if not hasattr(pair, "__len__") or len(pair) != 2:
-        raise ArgumentError(f"pairs[{number}] must be two points; found {type(pair).__name__}")
-    start, end = (
-        values_of(point, f"{name} of pairs[{number}]")
-        for point, name in zip(pair, ("start", "end"), strict=True)
-    )
+    if not hasattr(pair, "__len__") or not hasattr(pair, "__getitem__") or len(pair) != 2:
+        raise ArgumentError(f"{name} must be two points; found {type(pair).__name__}")
+    start = values_of(pair[0], f"start of {name}")
+    end = values_of(pair[1], f"end of {name}")
     try:
         return complete_path(solver.solve(metric, start, end))
     except RiemhumanError as error:
-        raise type(error)(f"pairs[{number}]: {error}") from error
+        raise type(error)(f"{name}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -224,11 +229,13 @@ class ClosedFormGeodesic(PathSolver):
 def check_end_points(metric: RiemannianMetric, start: Points, end: Points) -> tuple[Array, Array]:
     """Return two single points as float64 arrays after checking them."""
     check_metric(metric)
-    checked = []
-    for point, name in ((start, "start"), (end, "end")):
-        checked.append(real_array(point, name, metric.space.shape, batched=False, rows=True))
-        metric.space.check_scale(checked[-1], name)
-    return checked[0], checked[1]
+    return _end_point(metric, start, "start"), _end_point(metric, end, "end")
+
+
+def _end_point(metric: RiemannianMetric, point: Points, name: str) -> Array:
+    checked = real_array(point, name, metric.space.shape, batched=False, rows=True)
+    metric.space.check_scale(checked, name)
+    return checked
 
 
 def check_initial_path(
@@ -239,10 +246,20 @@ def check_initial_path(
     if len(path) != n_nodes:
         raise ArgumentError(f"initial_path must have n_nodes = {n_nodes} times; found {len(path)}")
     gap = max(np.abs(path[0] - start).max(), np.abs(path[-1] - end).max())
-    if gap > 1e-9 * max(np.abs(start).max(), np.abs(end).max()):
+    if gap > _SAME_POINT * max(np.abs(start).max(), np.abs(end).max()):
         raise ArgumentError(
             f"initial_path must run from start to end; its ends are off by up to {gap:.3g}"
         )
+    return path
+
+
+def check_path_from(metric: RiemannianMetric, path: ArrayLike, base_point: Points) -> Array:
+    """Return a path whose start may be off a base point by rounding."""
+    path = path_array(path, metric.space, batched=False)
+    base_point = _end_point(metric, base_point, "base_point")
+    gap = np.abs(path[0] - base_point).max()
+    if gap > _SAME_POINT * np.abs(base_point).max():
+        raise ArgumentError(f"path must start at base_point; it is off by {gap:.3g}")
     return path
 
 

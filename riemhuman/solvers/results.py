@@ -24,9 +24,14 @@ from riemhuman.representation import Record, field_texts
 
 INTERRUPTED_MESSAGE = "interrupted from the keyboard"
 
+# Name of the field of a file that names the class of the result.
 _CLASS = "result_class"
-# Smaller arrays are points of other spaces.
+
+# Smaller arrays are points of other spaces, which are not drawn.
 _FEWEST_VERTICES = 100
+
+# Kinds of NumPy's data types that a field may have, see `numpy.dtype.kind`.
+_REAL, _WHOLE, _TRUTH, _TEXT = "fiu", "iu", "b", "U"
 
 
 class Status(StrEnum):
@@ -75,8 +80,10 @@ class SavedResult:
     """
 
     def __init__(self, path: str | os.PathLike[str], class_name: str) -> None:
-        self._path, self._arrays = path, load_arrays(path, [_CLASS])
-        if (stored_class := str(self._arrays[_CLASS])) != class_name:
+        self._path = path
+        self._arrays = load_arrays(path, [_CLASS])
+        stored_class = str(self._arrays[_CLASS])
+        if stored_class != class_name:
             raise FileFormatError(f"{path} must hold a {class_name}; found a {stored_class[:60]}")
 
     def array(self, name: str) -> Array:
@@ -86,7 +93,7 @@ class SavedResult:
         ----------
         name : str
         """
-        return self._value(name, "fiub", single=False)
+        return self._value(name, _REAL + _TRUTH, single=False)
 
     def number(self, name: str, default: float | None = None) -> float:
         """Return a real number.
@@ -99,7 +106,7 @@ class SavedResult:
         """
         if default is not None and name not in self._arrays:
             return default
-        return self._value(name, "fiu").item()
+        return self._value(name, _REAL).item()
 
     def whole_number(self, name: str) -> int:
         """Return a whole number.
@@ -108,7 +115,7 @@ class SavedResult:
         ----------
         name : str
         """
-        return int(self._value(name, "iu").item())
+        return int(self._value(name, _WHOLE).item())
 
     def flag(self, name: str) -> bool:
         """Return a truth value.
@@ -117,7 +124,7 @@ class SavedResult:
         ----------
         name : str
         """
-        return bool(self._value(name, "b").item())
+        return bool(self._value(name, _TRUTH).item())
 
     def text(self, name: str) -> str:
         """Return a text.
@@ -126,7 +133,7 @@ class SavedResult:
         ----------
         name : str
         """
-        return str(self._value(name, "U").item())
+        return str(self._value(name, _TEXT).item())
 
     def outcome(self) -> Outcome:
         """Return how the solver ended: the fields of `Result`, by name."""

@@ -15,6 +15,7 @@ from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples, surface_space
 from riemhuman.geometry.metric import metric_of
 from riemhuman.geometry.strategies import MeanSolver, check_strategy
+from riemhuman.kernels.projections import with_positive_peaks
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
@@ -231,10 +232,7 @@ class TangentPCA(ImageEstimator, Transformer):
             )
         self.n_components_ = wanted
         components = (vectors[:, :wanted] / np.sqrt(values[:wanted])).T @ rows
-        # Of the two signs of a direction, choose that with the largest entry positive.
-        largest = np.take_along_axis(components, np.abs(components).argmax(axis=1)[:, None], axis=1)
-        components *= np.sign(largest)
-        self.components_ = components.reshape(wanted, *logs.shape[1:])
+        self.components_ = with_positive_peaks(components).reshape(wanted, *logs.shape[1:])
         self.explained_variance_ = values[:wanted] / (len(logs) - 1)
         self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
         return self

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from typing import Self
 
 import numpy as np
@@ -129,28 +130,34 @@ class MotionTransfer:
                 'reference must be left out if transfer="pose": poses are transferred '
                 "unchanged, whatever the pose of the target"
             )
-        moved: list[Array] = []
-        for k, frame in enumerate(motion):
-            frame = _one_surface(space, frame, f"motion[{k}]")
-            if k == 0:
-                target = _one_surface(space, target, "target")
-                if self.transfer == "pose":
-                    poses, source = PoseTransfer(space), frame
-                    start = poses.solve(target, frame)
-                else:
-                    source = frame if reference is None else reference
-                    source, start = _one_surface(space, source, "reference"), target
-                    changes = _ChangeTransfer(space, source, target, self.axes)
-            if self.transfer == "pose":
-                surface = poses.solve(target, frame)
-            else:
-                surface = changes.solve(frame, target + (frame - source))
+        frames = (_one_surface(space, frame, f"motion[{k}]") for k, frame in enumerate(motion))
+        first_frame = next(frames, None)
+        if first_frame is None:
+            raise ArgumentError("motion must have at least one frame; found none")
+        target = _one_surface(space, target, "target")
+        source = first_frame
+        if reference is not None:
+            source = _one_surface(space, reference, "reference")
+        if self.transfer == "pose":
+            poses = PoseTransfer(space)
+            start = poses.solve(target, source)
+
+            def replay(frame: Array) -> Array:
+                return poses.solve(target, frame)
+
+        else:
+            changes = _ChangeTransfer(space, source, target, self.axes)
+            start = target
+
+            def replay(frame: Array) -> Array:
+                return changes.solve(frame, target + (frame - source))
+
+        moved = []
+        for frame in chain([first_frame], frames):
             # Mean displacements agree, above all those of vertices at rest.
-            change = frame - source
+            surface, change = replay(frame), frame - source
             weights = space.template.vertex_areas / (_AT_REST**2 + np.sum(change**2, axis=1))
             moved.append(surface + np.average(start + change - surface, axis=0, weights=weights))
-        if not moved:
-            raise ArgumentError("motion must have at least one frame; found none")
         return np.stack(moved)
 
 
@@ -184,10 +191,9 @@ class ShapeTransfer:
         target : array, shape (V, 3)
             The first body in another pose.
         """
-        before, after, target = (
-            _one_surface(space, body, name)
-            for body, name in ((before, "before"), (after, "after"), (target, "target"))
-        )
+        before = _one_surface(space, before, "before")
+        after = _one_surface(space, after, "after")
+        target = _one_surface(space, target, "target")
         return _ChangeTransfer(space, before, target, "body").solve(after, target)
 
 
@@ -356,7 +362,9 @@ class Disentangling:
         space = shape_metric.space
         terms = [(shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed)]
         faces = space.template.faces
-        least_areas = np.minimum(*(triangle_areas(body, faces) for body in (shape, posed)))
+        least_areas = _LEAST_AREA * np.minimum(
+            triangle_areas(shape, faces), triangle_areas(posed, faces)
+        )
 
         def weighted_sum(surface: Points) -> tuple[float, Array]:
             value, gradient = 0.0, np.zeros_like(surface)
@@ -367,13 +375,17 @@ class Disentangling:
             return value, gradient
 
         def objective(surface: Points) -> tuple[float, Array]:
-            if np.any(triangle_areas(surface, faces) < _LEAST_AREA * least_areas):
+            if np.any(triangle_areas(surface, faces) < least_areas):
                 return np.inf, np.zeros_like(surface)
             return weighted_sum(surface)
 
         def factor(surface: Points) -> CholeskyFactor:
-            matrix = sum(w * metric.metric_matrix(surface) for metric, w, _ in terms)
+            matrix = sum(weight * metric.metric_matrix(surface) for metric, weight, _ in terms)
             return SparseCholeskyFactor(2.0 * matrix)
+
+        rounding = sum(
+            weight * rounding_energy(metric, posed, size=_ROUNDING) for metric, weight, _ in terms
+        )
 
         minimum = minimize_from(
             posed,
@@ -383,7 +395,7 @@ class Disentangling:
             factor,
             tolerance=self.tolerance,
             max_iter=self.max_iter,
-            floor=sum(w * rounding_energy(m, posed, size=_ROUNDING) for m, w, _ in terms),
+            floor=rounding,
             progress="disentangling" if self.progress else "",
         )
         surface, value = minimum.x, minimum.value
@@ -413,10 +425,12 @@ def _disentangled(
     surface: Points,
 ) -> DisentanglingResult:
     """Return the start of a search that was interrupted before it began."""
-    distances = float(shape_metric.dist(shape, surface)), float(pose_metric.dist(pose, surface))
-    value = distances[0] ** 2  # the other distance is from the surface itself
+    shape_dist = float(shape_metric.dist(shape, surface))
+    pose_dist = float(pose_metric.dist(pose, surface))
+    # The other part of the value is the distance of the surface from itself.
+    value = shape_dist**2
     placed = surface + np.mean(pose - surface, axis=0)
-    return DisentanglingResult(placed, surface, value, np.array([value]), *distances)
+    return DisentanglingResult(placed, surface, value, np.array([value]), shape_dist, pose_dist)
 
 
 class _ChangeTransfer:
@@ -472,6 +486,7 @@ class PoseTransfer:
         assemble = self._template.interpolator.with_weights(trust)
         field = heat_flow(along_bones, rotations)
         posed = assemble.surface_of(stacked_derivatives(field @ frames), pose)
+        # The bends of joints, which the flow has smoothed.
         missing = self._rotations(self._frames(posed), pose)
         field = heat_flow(along_bones, missing) @ field
         return assemble.surface_of(stacked_derivatives(field @ frames), pose)
@@ -496,10 +511,10 @@ class PoseTransfer:
         return weights
 
 
-def heat_flow(half: LinearOperator, rotations: Array) -> Array:
+def heat_flow(half_step: LinearOperator, rotations: Array) -> Array:
     """Return rotations after heat has flowed between them, as between matrices."""
     for _ in range(2):
-        heat = half @ rotations.reshape(-1, 9)
+        heat = half_step @ rotations.reshape(-1, 9)
         rotations = nearest_rotations(heat.reshape(-1, 3, 3))
     return rotations
 

@@ -16,9 +16,9 @@ from copy import copy
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
-from riemhuman.arrays import Array, Points, TangentVectors, Triangles
+from riemhuman.arrays import Array, Booleans, Integers, Points, TangentVectors, Triangles
 from riemhuman.kernels.rotations import log, nearest_rotations
 from riemhuman.kernels.surface import deformation_gradients, dot, triangle_frames, unit_vectors
 from riemhuman.kernels.threads import single_threaded_libraries
@@ -36,49 +36,77 @@ class PoissonInterpolator:
         first_copies: Array | None = None,
     ) -> None:
         n_vertices = differential_operator.shape[1]
+        numbers = np.arange(n_vertices)
         # Of vertices that a seam doubles, the first copy alone is sought, and the others follow.
         self._copies = first_copies
         if first_copies is not None:
-            copying = (np.ones(n_vertices), (np.arange(n_vertices), first_copies))
-            differential_operator = (
-                differential_operator @ sparse.csr_array(copying, shape=(n_vertices,) * 2)
-            ).tocsr()
+            copying = sparse.csr_array(
+                (np.ones(n_vertices), (numbers, first_copies)), shape=(n_vertices, n_vertices)
+            )
+            differential_operator = (differential_operator @ copying).tocsr()
         self._areas, self._operator = face_areas, differential_operator
         # Derivatives do not determine translations: one vertex of each component is fixed.
         component = vertex_components(faces, n_vertices)
         _, anchors, sizes = np.unique(component, return_index=True, return_counts=True)
-        self._neighbours = adjacent_triangles(faces)[0]
-        self._free = np.setdiff1d(np.arange(n_vertices), anchors)
-        self._weigh(face_areas)
+        self._free = np.setdiff1d(numbers, anchors)
         self._component = component
-        self._average = sparse.csr_array(
-            (1.0 / sizes[component], (component, np.arange(n_vertices)))
-        )
+        self._average = sparse.csr_array((1.0 / sizes[component], (component, numbers)))
+        self._neighbours, _ = adjacent_triangles(faces)
+        self._divergence, self._factor = self._equation(face_areas)
 
-    def _weigh(self, weights: Array) -> None:
-        self._divergence = self._operator.T @ sparse.diags_array(np.tile(weights, 2))
-        laplacian = (self._divergence @ self._operator).tocsc()
-        self._factor = splu(laplacian[self._free][:, self._free])
+    def _equation(self, weights: Array) -> tuple[sparse.csr_array, SuperLU]:
+        """Return the divergence and the factorised Laplacian, with these weights of triangles."""
+        divergence = self._operator.T @ sparse.diags_array(np.tile(weights, 2))
+        laplacian = (divergence @ self._operator).tocsc()
+        return divergence, splu(laplacian[self._free][:, self._free])
 
     def with_weights(self, weights: Array) -> PoissonInterpolator:
-        """Return an interpolator with other weights of the triangles."""
+        """Return an interpolator in which the areas of triangles are multiplied by weights."""
         interpolator = copy(self)
-        interpolator._weigh(self._areas * weights)
+        interpolator._divergence, interpolator._factor = self._equation(self._areas * weights)
         return interpolator
 
     def rotations(self, start: Points, end: Points) -> Array:
         """Return the shortest rotations of the triangles between two surfaces, shape (F, 3)."""
-        frames = (triangle_frames(f, self._operator) for f in (start, end))
-        return log(np.eye(3), nearest_rotations(deformation_gradients(*frames)))
+        before = triangle_frames(start, self._operator)
+        after = triangle_frames(end, self._operator)
+        return log(np.eye(3), nearest_rotations(deformation_gradients(before, after)))
 
     def unwrap(self, rotations: Array) -> Array:
         """Return the same rotations plus multiples of 2π, so that neighbours rotate alike."""
-        first, second = self._neighbours.T
-        gaps = rotations[first] - rotations[second]
+        triangle_a, triangle_b = self._neighbours.T
+        gaps = rotations[triangle_a] - rotations[triangle_b]
         if not np.any(np.sum(gaps * gaps, axis=1) > np.pi**2):
             return rotations
         # From the triangle that rotates least across the edges where rotations differ least.
-        n_faces, angles = len(rotations), np.linalg.norm(rotations, axis=1)
+        tree = self._tree_of_least_gaps(rotations)
+        angles = np.linalg.norm(rotations, axis=1)
+        component = connected_components(tree, directed=False)[1]
+        order = np.argsort(angles, kind="stable")
+        _, places = np.unique(component[order], return_index=True)
+        # Plain numbers: the loop goes from triangle to triangle.
+        factors = [1.0] * len(rotations)
+        for root in order[places]:
+            triangles, predecessors = breadth_first_order(tree, root, directed=False)
+            triangles = triangles[1:]
+            triangles = triangles[angles[triangles] > 0.0]
+            parents = predecessors[triangles]
+            # Parts of the parents' rotation vectors along the axes of their children.
+            along = dot(rotations[triangles], rotations[parents]) / angles[triangles]
+            for triangle, parent, share, angle in zip(
+                triangles.tolist(),
+                parents.tolist(),
+                along.tolist(),
+                angles[triangles].tolist(),
+                strict=True,
+            ):
+                turns = round((factors[parent] * share - angle) / (2.0 * np.pi))
+                factors[triangle] = 1.0 + 2.0 * np.pi * turns / angle
+        return np.array(factors)[:, None] * rotations
+
+    def _tree_of_least_gaps(self, rotations: Array) -> sparse.csr_array:
+        """Return the spanning tree of neighbours whose rotations differ least."""
+        angles = np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
         shares = 0.5 * np.sinc(angles / (2.0 * np.pi))
         quaternions = np.column_stack([np.cos(0.5 * angles), shares[:, None] * rotations])
@@ -90,32 +118,20 @@ class PoissonInterpolator:
         links = sparse.csr_array(
             # An entry of zero would be no link; SciPy's trees want 32-bit indices.
             (gaps + np.finfo(float).tiny, self._neighbours.T.astype(np.int32)),
-            shape=(n_faces, n_faces),
+            shape=(len(rotations), len(rotations)),
         )
-        tree = minimum_spanning_tree(links)
-        labels = connected_components(tree, directed=False)[1]
-        order = np.argsort(angles, kind="stable")
-        factors = [1.0] * n_faces
-        for root in order[np.unique(labels[order], return_index=True)[1]]:
-            reached, parents = breadth_first_order(tree, root, directed=False)
-            reached = reached[1:][angles[reached[1:]] > 0.0]
-            parents, sizes = parents[reached], angles[reached]
-            along = dot(rotations[reached], rotations[parents]) / sizes
-            columns = (column.tolist() for column in (reached, parents, along, sizes))
-            for t, parent, share, angle in zip(*columns, strict=True):
-                turns = round((factors[parent] * share - angle) / (2.0 * np.pi))
-                factors[t] = 1.0 + 2.0 * np.pi * turns / angle
-        return np.array(factors)[:, None] * rotations
+        return minimum_spanning_tree(links)
 
-    def parts(self, chosen: Array) -> list[Array]:
+    def parts(self, chosen: Booleans) -> list[Integers]:
         """Return the connected parts of a set of triangles, the largest first."""
-        first, second = self._neighbours[chosen[self._neighbours].all(axis=1)].T
+        both_chosen = chosen[self._neighbours].all(axis=1)
+        triangle_a, triangle_b = self._neighbours[both_chosen].T
         shape = (len(chosen), len(chosen))
-        links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=shape)
+        links = sparse.coo_array((np.ones(len(triangle_a)), (triangle_a, triangle_b)), shape=shape)
         _, labels = connected_components(links, directed=False)
         triangles = np.flatnonzero(chosen)
-        _, part, sizes = np.unique(labels[triangles], return_inverse=True, return_counts=True)
-        areas = np.bincount(part, self._areas[triangles], minlength=len(sizes))
+        numbers, part = np.unique(labels[triangles], return_inverse=True)
+        areas = np.bincount(part, self._areas[triangles], minlength=len(numbers))
         return [triangles[part == k] for k in np.argsort(-areas, kind="stable")]
 
     def interpolate(
@@ -127,20 +143,31 @@ class PoissonInterpolator:
         if rotations is None:
             rotations = self.rotations(start, end)
         source = self.rotated_sources(start, end, times, rotations)
-        first, last = (self._average @ f for f in (start, end))
+        centroids_before = (self._average @ start)[:, None]
+        centroids_after = (self._average @ end)[:, None]
         weights = times[:, None]
-        return self._solve(source, (1.0 - weights) * first[:, None] + weights * last[:, None])
+        return self._solve(source, (1.0 - weights) * centroids_before + weights * centroids_after)
 
     def rotated_sources(self, start: Points, end: Points, times: Array, rotations: Array) -> Array:
         """Return the divergences of J(t), shape (V, n, 3)."""
-        before, after = ((self._operator @ f).reshape(2, -1, 3) for f in (start, end))
+        derivatives_before = (self._operator @ start).reshape(2, -1, 3)
+        derivatives_after = (self._operator @ end).reshape(2, -1, 3)
         angles, axes = np.linalg.norm(rotations, axis=1), unit_vectors(rotations)
-        back = np.matmul(_shares(-angles)[:, None], _parts(after, axes))[..., 0, :]
+        # Rᵀ J₁, the derivatives at the end turned back by the whole angle.
+        turned_back = np.matmul(_shares(-angles)[:, None], _parts(derivatives_after, axes))[
+            ..., 0, :
+        ]
+        # The sum of both ends, rotated, is one product with six parts a triangle.
         shares = _shares(angles[:, None] * times)
-        both = [(1.0 - times)[:, None] * shares, times[:, None] * shares]
-        parts = [_parts(before, axes), _parts(back, axes)]
-        wanted = np.matmul(np.concatenate(both, axis=-1), np.concatenate(parts, axis=-2))
-        source: Array = self._divergence @ wanted.reshape(before[..., 0].size, -1)
+        shares_of_both = np.concatenate(
+            [(1.0 - times)[:, None] * shares, times[:, None] * shares], axis=-1
+        )
+        parts_of_both = np.concatenate(
+            [_parts(derivatives_before, axes), _parts(turned_back, axes)], axis=-2
+        )
+        derivatives = np.matmul(shares_of_both, parts_of_both)
+        n_rows = derivatives.shape[0] * derivatives.shape[1]
+        source: Array = self._divergence @ derivatives.reshape(n_rows, -1)
         return source.reshape(-1, len(times), 3)
 
     def surface_of(self, derivatives: Array, placed_as: Array) -> Array:

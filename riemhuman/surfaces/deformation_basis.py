@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Iterator, Sized
 from itertools import chain
@@ -16,6 +17,7 @@ from riemhuman.checks import check_same_scale, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
+from riemhuman.kernels.projections import with_positive_peaks
 from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import harmonics
@@ -120,21 +122,16 @@ class DeformationBasis:
         n_components = whole_number(n_components, "n_components", minimum=1)
         memory = whole_number(memory, "memory", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
-        first = next(pairs)
-        largest = 0.0
-
-        def deformations() -> Iterator[Array]:
-            nonlocal largest
-            for start, end in chain([first], pairs):
-                largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
-                yield (end - start).ravel()
-
-        n_features = first[0].size
+        first_start, first_end = next(pairs)
+        deformations = _Deformations(chain([(first_start, first_end)], pairs))
+        n_features = first_start.size
         values, rows, n_samples, total = singular_rows(
-            deformations(), n_components, n_features, memory
+            deformations, n_components, n_features, memory
         )
-        noise = np.finfo(np.float64).eps * largest * (np.sqrt(n_samples) + np.sqrt(n_features))
-        resolution = max(n_samples, n_features) * np.finfo(np.float64).eps
+        # Frames are rounded, each entry by up to ε times the largest; so are the values.
+        epsilon = np.finfo(np.float64).eps
+        noise = epsilon * deformations.largest * (np.sqrt(n_samples) + np.sqrt(n_features))
+        resolution = max(n_samples, n_features) * epsilon
         rank = int(np.sum(values > resolution * values.max() + noise))
         if rank < n_components:
             raise ArgumentError(
@@ -142,10 +139,8 @@ class DeformationBasis:
                 "deformations; ask for at most that many"
             )
         values = values[:n_components]
-        vectors = rows[:n_components] / values[:, np.newaxis]
-        peaks = np.abs(vectors).argmax(axis=1)
-        vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
-        basis = cls(vectors.reshape(-1, *first[0].shape), orthonormalize=True)
+        vectors = with_positive_peaks(rows[:n_components] / values[:, np.newaxis])
+        basis = cls(vectors.reshape(-1, *first_start.shape), orthonormalize=True)
         basis._set_statistics(values**2 / n_samples, values**2 / total)
         return basis
 
@@ -167,7 +162,7 @@ class DeformationBasis:
             along x, or along x and y.
         """
         n_components = whole_number(n_components, "n_components", minimum=1)
-        _, functions = harmonics(template, -(-n_components // 3))
+        _, functions = harmonics(template, math.ceil(n_components / 3))
         functions = orthonormal_rows(functions, "harmonics")
         vectors = np.zeros((len(functions), 3, template.n_vertices, 3))
         for axis in range(3):
@@ -292,14 +287,16 @@ class DeformationBasis:
         ----------
         n_components : int
         """
-        kept = whole_number(n_components, "n_components", minimum=1)
-        if kept > len(self):
-            raise ArgumentError(f"n_components={kept} exceeds the {len(self)} vectors of the basis")
-        basis = type(self)(self.vectors[:kept])
+        n_components = whole_number(n_components, "n_components", minimum=1)
+        if n_components > len(self):
+            raise ArgumentError(
+                f"n_components={n_components} exceeds the {len(self)} vectors of the basis"
+            )
+        basis = type(self)(self.vectors[:n_components])
         if self.explained_variance is not None:
-            basis.explained_variance = self.explained_variance[:kept]
+            basis.explained_variance = self.explained_variance[:n_components]
         if self.explained_variance_ratio is not None:
-            basis.explained_variance_ratio = self.explained_variance_ratio[:kept]
+            basis.explained_variance_ratio = self.explained_variance_ratio[:n_components]
         return basis
 
     def extend(self, deformations: Array) -> DeformationBasis:
@@ -332,6 +329,20 @@ class DeformationBasis:
             self.explained_variance_ratio = read_only(ratio)
 
 
+class _Deformations:
+    """The deformations between two frames each, as rows, and the largest entry of the frames."""
+
+    def __init__(self, pairs: Iterable[tuple[Array, Array]]) -> None:
+        self._pairs = pairs
+        self.largest = 0.0
+
+    def __iter__(self) -> Iterator[Array]:
+        for start, end in self._pairs:
+            sizes = float(np.abs(start).max()), float(np.abs(end).max())
+            self.largest = max(self.largest, *sizes)
+            yield (end - start).ravel()
+
+
 _REMEDY = "a basis needs lengths to weight deformations"
 
 
@@ -345,47 +356,61 @@ def frames_apart(
             f"motions must hold several motions; found one, of shape {motions.shape}: pass it in "
             "a list, [motion]"
         )
-    first: Array | None = None
+    reference: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
     listed = _iterate(motions, "motions")
     bar = ProgressBar(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
     for index, motion in enumerate(bar):
         name, start = f"motions[{index}]", None
-        for frame in _every(motion, step, name):
-            first = frame if first is None else first
-            if len(frame) != len(first):
+        for frame in _every_step(motion, step, name):
+            if reference is None:
+                reference = frame
+            if len(frame) != len(reference):
                 raise ArgumentError(
-                    f"{name} has {len(frame)} vertices; the motions before it have {len(first)}"
+                    f"{name} has {len(frame)} vertices; the motions before it have {len(reference)}"
                 )
             if start is None:
-                check_same_scale(frame, first, name, "the first motion", remedy=_REMEDY)
+                check_same_scale(frame, reference, name, "the first motion", remedy=_REMEDY)
             else:
                 yield start, frame
             start = frame
-    if first is None:
+    if reference is None:
         raise ArgumentError("motions must hold at least one motion; found none")
 
 
-def _every(motion: object, step: int, name: str) -> Iterator[Array]:
+def _every_step(motion: object, step: int, name: str) -> Iterator[Array]:
     """Yield every step-th frame of a motion; of one on disk, or on demand, no others are read."""
-    numbered: Iterable[tuple[int, object]]
     if _is_on_demand(motion):
         n_frames = len(motion)
-        numbered = ((k, motion[k]) for k in range(0, n_frames if n_frames > step else 0, step))
-    else:
-        n_frames, numbered = 0, enumerate(_iterate(motion, name))
-    n_vertices = None
-    for number, vertices in numbered:
-        label, n_frames = f"frame {number} of {name}", max(n_frames, number + 1)
-        frame = real_array(vertices, label, ("n_vertices", 3), batched=False)
-        if n_vertices not in (None, len(frame)):
-            raise ArgumentError(
-                f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
-            )
-        n_vertices = len(frame)
-        if number % step == 0:
-            # A generator may reuse one array for all frames.
+        _check_length(n_frames, step, name)
+        n_vertices = None
+        for number in range(0, n_frames, step):
+            frame = _checked_frame(motion[number], number, name, n_vertices)
+            n_vertices = len(frame)
+            # What makes frames on demand may reuse one array for all of them.
             yield frame.copy()
+        return
+    n_frames, n_vertices = 0, None
+    for number, vertices in enumerate(_iterate(motion, name)):
+        frame = _checked_frame(vertices, number, name, n_vertices)
+        n_frames, n_vertices = number + 1, len(frame)
+        if number % step == 0:
+            yield frame.copy()
+    _check_length(n_frames, step, name)
+
+
+def _checked_frame(vertices: object, number: int, name: str, n_vertices: int | None) -> Array:
+    """Return a frame of a motion that has so many vertices, if they are known."""
+    label = f"frame {number} of {name}"
+    frame = real_array(vertices, label, ("n_vertices", 3), batched=False)
+    if n_vertices is not None and len(frame) != n_vertices:
+        raise ArgumentError(
+            f"{label} has {len(frame)} vertices; the frames before it have {n_vertices}"
+        )
+    return frame
+
+
+def _check_length(n_frames: int, step: int, name: str) -> None:
     if n_frames <= step:
         raise ArgumentError(
             f"{name} has {n_frames} frames; with step={step} a motion needs at least {step + 1}"
@@ -428,16 +453,18 @@ def singular_rows(
     sum_of_squares = 0.0
     for row in rows:
         if n_filled == len(buffer):
-            n_filled = len(_merge(buffer, max(len(buffer) // 2, n_components)))
+            values = _merge(buffer, max(len(buffer) // 2, n_components))
+            n_filled = len(values)
         buffer[n_filled] = row
-        n_filled, n_rows = n_filled + 1, n_rows + 1
+        n_filled += 1
+        n_rows += 1
         sum_of_squares += float(row @ row)
     values = _merge(buffer[:n_filled], n_filled)
     return values, buffer[: len(values)], n_rows, sum_of_squares
 
 
 def _merge(rows: Array, most: int) -> Array:
-    """Replace the first rows by the strongest rows of S Vᵀ; return their singular values."""
+    """Overwrite the first rows by the strongest rows of S Vᵀ; return their singular values."""
     # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
     # singular values to full precision.
     triangle: Array = np.linalg.qr(rows.T, mode="r")  # type: ignore[assignment]  # not a pair

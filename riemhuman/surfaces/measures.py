@@ -143,13 +143,15 @@ def adjacent_triangles(faces: Triangles) -> tuple[Integers, Integers]:
     order = np.argsort(keys, kind="stable")
     same = np.flatnonzero(np.diff(keys[order]) == 0)
     higher, lower = np.divmod(keys[order[same]], n_vertices)
+    # Side k n_faces + t is the k-th of triangle t.
     pairs = np.stack([order[same], order[same + 1]], axis=1) % len(faces)
     return pairs, np.stack([lower, higher], axis=1)
 
 
 def vertex_components(faces: Triangles, n_vertices: int) -> Integers:
     """Return the connected component of every vertex; one of no triangle is one by itself."""
-    first, second = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
-    links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n_vertices,) * 2)
+    starts, ends = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
+    shape = (n_vertices, n_vertices)
+    links = sparse.coo_array((np.ones(len(starts)), (starts, ends)), shape=shape)
     components: Integers = connected_components(links, directed=False)[1]
     return components

@@ -22,8 +22,9 @@ from riemhuman.memory import enough_memory
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
 # the size of the surface, and to the coordinates from which the spread was computed.
 _FLAT = 1e-12
-_REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 _ROUNDING = 100 * np.finfo(np.float64).eps
+
+_REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 
 
 @enough_memory("the alignment of these surfaces")
@@ -128,22 +129,24 @@ def generalized_procrustes(
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
-    leading = tuple(range(surfaces.ndim - 2))
     if surfaces.size == 0:
         raise ArgumentError(f"points must hold at least one surface; found shape {surfaces.shape}")
     shares = _shares(weights, surfaces.shape[-2])
+    first = surfaces.reshape(-1, *surfaces.shape[-2:])[0]
     if scale is False:
-        first = surfaces[(0,) * len(leading)]
         check_same_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
     size = np.sqrt(_squared_size(_center(surfaces, shares), shares).mean())
+    leading_axes = tuple(range(surfaces.ndim - 2))
 
-    first = mean = surfaces[(0,) * len(leading)]
+    mean = first
     for _ in range(max_iter):
-        previous, mean = mean, _align(surfaces, mean, shares, bool(scale)).mean(axis=leading)
+        previous = mean
+        mean = _align(surfaces, previous, shares, bool(scale)).mean(axis=leading_axes)
         if scale:
             centred = _center(mean, shares)
             mean = mean + (size / np.sqrt(_squared_size(centred, shares)) - 1.0) * centred
-        if _squared_size(_center(mean - previous, shares), shares) <= (tolerance * size) ** 2:
+        movement = _center(mean - previous, shares)
+        if _squared_size(movement, shares) <= (tolerance * size) ** 2:
             break
     else:
         warn(
@@ -180,8 +183,9 @@ def _align(surfaces: Points, to: Array, shares: Array, scale: bool) -> Array:
     )
     if ambiguous.any():
         index = ", ".join(str(i) for i in np.argwhere(ambiguous)[0])
+        name = f"points[{index}]" if index else "points"
         raise ArgumentError(
-            f"points{f'[{index}]' if index else ''} has no single best alignment: it or its "
+            f"{name} has no single best alignment: it or its "
             "reference lies on a line or in a point, or the two are mirror images"
         )
     rotation: Array = left @ right

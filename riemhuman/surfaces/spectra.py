@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,15 +12,16 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.checks import one_of, whole_number
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.mesh_seams import find_seams
 from riemhuman.kernels.elimination import symmetric_factor
+from riemhuman.kernels.projections import with_positive_peaks
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.optional import import_optional
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import vertex_components
-from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.template import Template, refuse_flat
 
 LAPLACIANS = ("cotangent", "robust")
 
@@ -106,14 +107,15 @@ def spectrum(
         )
     if laplacian == "robust":
         return _robust_spectrum(vertices, faces, n_eigenvalues)
-    try:
-        mesh = Template(vertices, faces)
-    except DegenerateSurfaceError as error:
-        raise DegenerateSurfaceError(
-            f"{str(error).replace('the template', 'the mesh').split(';')[0]}; the cotangent "
-            'Laplacian needs triangles with area; spectrum(..., laplacian="robust") does not, and '
-            "descriptors take its result by of_spectrum"
-        ) from error
+    refuse_flat(
+        vertices,
+        faces,
+        "the mesh",
+        "the cotangent Laplacian needs triangles with area; "
+        'spectrum(..., laplacian="robust") does not, and descriptors take its result by '
+        "of_spectrum",
+    )
+    mesh = Template(vertices, faces)
     values, functions = harmonics(mesh, n_eigenvalues, "n_eigenvalues")
     constants = _constants(mesh.faces, mesh.vertex_areas)
     return Spectrum(values, functions, constants, mesh.vertex_areas)
@@ -128,8 +130,8 @@ def _robust_spectrum(vertices: Array, faces: Triangles, n_eigenvalues: int) -> S
     areas = np.zeros(len(vertices))
     areas[used] = mass.diagonal()
     laplacian = sparse.csr_array(stiffness)
-    eigenfunctions = _eigenfunctions(laplacian, areas, faces, n_eigenvalues, "n_eigenvalues")
-    return Spectrum(*eigenfunctions, _constants(faces, areas), areas)
+    values, functions = _eigenfunctions(laplacian, areas, faces, n_eigenvalues, "n_eigenvalues")
+    return Spectrum(values, functions, _constants(faces, areas), areas)
 
 
 def _constants(faces: Triangles, areas: Array) -> Array:
@@ -141,6 +143,9 @@ def _constants(faces: Triangles, areas: Array) -> Array:
 # Shift of the spectrum, in units of the mean spacing 4π / area of Weyl's law, that makes the
 # singular operator positive definite.
 _SHIFT = 0.01
+
+# Eigenvalues that differ by less than this share are copies of one.
+_ROUNDING = 1e-8
 
 # Connected parts with up to this many vertices are solved densely, all of one size at once.
 _SMALL_PART = 64
@@ -185,9 +190,7 @@ def _eigenfunctions(
     values, vectors = _eigenpairs_of_parts(laplacian, areas[used], components[used], count)
     functions = np.zeros((count, len(areas)))
     functions[:, used] = vectors
-    peaks = np.abs(functions).argmax(axis=1)
-    functions *= np.sign(functions[np.arange(count), peaks])[:, np.newaxis]
-    return values, functions
+    return values, with_positive_peaks(functions)
 
 
 def _eigenpairs_of_parts(
@@ -202,27 +205,38 @@ def _eigenpairs_of_parts(
     starts = np.concatenate([[0], np.cumsum(sizes)])
     blocks = laplacian[order][:, order].tocsr()
     areas = areas[order]
-    pairs: list[tuple[float, Array, Integers]] = []
+    modes: list[_Mode] = []
     for size in np.unique(sizes[sizes > 1]):
-        first = starts[:-1][sizes == size]
-        members = first[:, np.newaxis] + np.arange(size)
-        n_pairs = min(count, int(size) - 1)
-        eigenpairs: Iterator[tuple[Array, Array]]
+        members = starts[:-1][sizes == size][:, np.newaxis] + np.arange(size)
+        n_modes = min(count, int(size) - 1)
         if size > _SMALL_PART:
-            slices = [slice(start, start + size) for start in first]
-            eigenpairs = (
-                lowest_eigenpairs(blocks[part, part], areas[part], n_pairs + 1) for part in slices
-            )
+            for rows in members:
+                part = slice(rows[0], rows[0] + size)
+                values, vectors = lowest_eigenpairs(blocks[part, part], areas[part], n_modes + 1)
+                modes += _modes_above_zero(values, vectors, rows, n_modes)
         else:
-            eigenpairs = zip(*_dense_eigenpairs(blocks, areas, members), strict=True)
-        for rows, (values, vectors) in zip(members, eigenpairs, strict=True):
-            pairs += zip(values[1:], vectors.T[1:], [rows] * n_pairs, strict=False)
+            of_values, of_vectors = _dense_eigenpairs(blocks, areas, members)
+            for rows, values, vectors in zip(members, of_values, of_vectors, strict=True):
+                modes += _modes_above_zero(values, vectors, rows, n_modes)
         # Of the parts so far, no more are needed.
-        pairs = sorted(pairs, key=lambda pair: pair[0])[:count]
+        modes = sorted(modes, key=lambda mode: mode.value)[:count]
     functions = np.zeros((count, len(areas)))
-    for function, (_, vector, rows) in zip(functions, pairs, strict=True):
-        function[order[rows]] = vector
-    return np.array([value for value, *_ in pairs]), functions
+    for function, mode in zip(functions, modes, strict=True):
+        function[order[mode.rows]] = mode.vector
+    return np.array([mode.value for mode in modes]), functions
+
+
+class _Mode(NamedTuple):
+    """An eigenvalue of a part, its eigenvector, and the rows of the part in the matrix."""
+
+    value: float
+    vector: Array
+    rows: Integers
+
+
+def _modes_above_zero(values: Array, vectors: Array, rows: Integers, n_modes: int) -> list[_Mode]:
+    """Return the lowest modes of a connected part but the first, which is constant."""
+    return [_Mode(values[k], vectors[:, k], rows) for k in range(1, n_modes + 1)]
 
 
 def _dense_eigenpairs(
@@ -269,14 +283,16 @@ def lowest_eigenpairs(laplacian: sparse.csr_array, areas: Array, count: int) -> 
 
     values, vectors = more(count, np.zeros((n_vertices, 0)))
     # Lanczos iterations may miss copies of an eigenvalue that symmetry makes multiple.
-    limit = values.max() * (1 - 1e-8)
+    limit = values.max() * (1 - _ROUNDING)
     # By Sylvester's law of inertia, as many are below the limit as pivots are negative.
     n_below = int(np.sum(symmetric_factor(laplacian - limit * masses).U.diagonal() < 0))
-    while (n_missing := n_below - int(np.sum(values < limit))) > 0:
+    n_missing = n_below - int(np.sum(values < limit))
+    while n_missing > 0:
         new_values, new_vectors = more(n_missing, vectors)
         if new_values.min() >= limit:
             break
         values = np.concatenate([values, new_values])
         vectors = np.concatenate([vectors, new_vectors], axis=1)
+        n_missing = n_below - int(np.sum(values < limit))
     order = np.argsort(values)[:count]
     return values[order], vectors[:, order] / roots[:, np.newaxis]

@@ -200,11 +200,7 @@ class Template:
     @cached_property
     def vertex_areas(self) -> Array:
         """A third of the area of the triangles around each vertex, shape (V,), read-only."""
-        return read_only(
-            np.bincount(
-                self.faces.ravel(), np.repeat(self.face_areas / 3, 3), minlength=self.n_vertices
-            )
-        )
+        return read_only(self._areas_around_vertices(self.faces))
 
     @cached_property
     def edges(self) -> Integers:
@@ -274,27 +270,42 @@ class Template:
     def vertex_heat(self) -> HeatFlow:
         """The flow of heat between the vertices, with only the first copies along seams."""
         faces = self.joined_faces
-        masses = np.bincount(faces.ravel(), np.repeat(self.face_areas / 3, 3), self.n_vertices)
-        return HeatFlow(
-            masses.astype(np.float64, copy=False), cotangent_laplacian(self.vertices, faces)
-        )
+        masses = self._areas_around_vertices(faces)
+        return HeatFlow(masses, cotangent_laplacian(self.vertices, faces))
 
     @cached_property
     def averaging_operator(self) -> sparse.csr_array:
         """Sparse matrix of shape (V, F): averages of triangles around vertices, by area."""
         corners, masses = self.joined_faces.ravel(), self.vertex_heat.masses
-        shares = np.repeat(self.face_areas / 3, 3) / masses[corners]
+        shares = self._areas_at_corners / masses[corners]
         triangles = np.repeat(np.arange(self.n_faces), 3)
         shape = (self.n_vertices, self.n_faces)
         return sparse.csr_array((shares, (corners, triangles)), shape=shape)
 
-    def __getstate__(self) -> dict[str, object]:
+    @property
+    def _areas_at_corners(self) -> Array:
+        """A third of its area for each corner of each triangle, shape (3F,)."""
+        return np.repeat(self.face_areas / 3, 3)
+
+    def _areas_around_vertices(self, faces: Triangles) -> Array:
+        areas = np.bincount(faces.ravel(), self._areas_at_corners, minlength=self.n_vertices)
+        return areas.astype(np.float64, copy=False)
+
+    def __getstate__(self) -> dict[str, Array | Triangles]:
         # Cached properties are left out, since some cannot be pickled.
-        return {name: value for name, value in vars(self).items() if name.startswith("_")}
+        return {
+            "_vertices": self._vertices,
+            "_faces": self._faces,
+            "_face_areas": self._face_areas,
+            "_frame_coefficients": self._frame_coefficients,
+        }
 
     def __setstate__(self, state: dict[str, Array | Triangles]) -> None:
         # Unpickled arrays are writable.
-        vars(self).update((name, read_only(array)) for name, array in state.items())
+        self._vertices = read_only(state["_vertices"])
+        self._faces = read_only(state["_faces"])
+        self._face_areas = read_only(state["_face_areas"])
+        self._frame_coefficients = read_only(state["_frame_coefficients"])
 
     def check_points(self, points: ArrayLike, name: str = "points") -> Array:
         """Return surfaces as a float64 array after checking that they fit this template.
@@ -335,24 +346,11 @@ class Template:
 
 def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
     """Return triangle areas and frame coefficients; raise if a triangle has no area."""
+    refuse_flat(vertices, faces, "the template", "every triangle of a template must have area")
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]
     second_edge = corners[:, 2] - corners[:, 0]
     double_areas = np.linalg.norm(np.cross(first_edge, second_edge), axis=1)
-
-    sides = corners - np.roll(corners, 1, axis=1)
-    longest = np.linalg.norm(sides, axis=2).max(axis=1)
-    flat = double_areas <= longest * (
-        _FLAT_HEIGHT * longest + _ROUNDING * np.abs(corners).max(axis=(1, 2))
-    )
-    if flat.any():
-        first = int(flat.argmax())
-        raise DegenerateSurfaceError(
-            f"the template has {int(flat.sum())} of {len(faces)} triangles without area, the "
-            f"first at index {first} with vertices {tuple(faces[first].tolist())}; every triangle "
-            "of a template must have area"
-        )
-
     u2 = np.linalg.norm(first_edge, axis=1)
     u3 = np.sum(first_edge * second_edge, axis=1) / u2
     v3 = double_areas / u2
@@ -360,25 +358,49 @@ def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
     return read_only(double_areas / 2), read_only(frames)
 
 
+def refuse_flat(vertices: Array, faces: Triangles, name: str, remedy: str) -> None:
+    """Raise an error if a triangle of a mesh has no area; its message ends with the remedy."""
+    corners = vertices[faces]
+    double_areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    sides = corners - np.roll(corners, 1, axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    rounding = _ROUNDING * np.abs(corners).max(axis=(1, 2))
+    is_flat = double_areas <= longest * (_FLAT_HEIGHT * longest + rounding)
+    if is_flat.any():
+        first = int(is_flat.argmax())
+        raise DegenerateSurfaceError(
+            f"{name} has {int(is_flat.sum())} of {len(faces)} triangles without area, the first "
+            f"at index {first} with vertices {tuple(faces[first].tolist())}; {remedy}"
+        )
+
+
 class TriangleAssembler:
     """Sums 9 x 9 matrices of triangles into sparse (3V, 3V) matrices of one pattern."""
 
     def __init__(self, faces: Triangles, n_vertices: int) -> None:
         self._size = 3 * n_vertices
-        # Each pair of vertices that share a triangle has a block of 3 x 3 entries.
+        # Each pair (v, w) of vertices that share a triangle has a block of 3 x 3 entries. Pairs
+        # are sorted, so the blocks of v lie side by side in the rows 3v, 3v + 1 and 3v + 2.
         faces = faces.astype(np.int64)
         pairs = faces[:, :, None] * n_vertices + faces[:, None, :]
-        keys, blocks = np.unique(pairs, return_inverse=True)
-        above, beside = np.divmod(keys, n_vertices)
-        counts = np.bincount(above, minlength=n_vertices)
-        starts = np.concatenate([[0], np.cumsum(counts)])[above]
-        first = 9 * starts + 3 * (np.arange(len(keys)) - starts)
-        i, j = np.arange(3)[:, None], np.arange(3)
-        entries = first[:, None, None] + 3 * i * counts[above, None, None] + j
+        keys, block_of_pair = np.unique(pairs, return_inverse=True)
+        row_vertex, column_vertex = np.divmod(keys, n_vertices)
+        n_blocks = np.bincount(row_vertex, minlength=n_vertices)
+        # The number of blocks before those of v: 9 entries each.
+        n_before = np.concatenate([[0], np.cumsum(n_blocks)])[row_vertex]
+        place_in_row = np.arange(len(keys)) - n_before
+        first_entry = 9 * n_before + 3 * place_in_row
+        row, column = np.arange(3)[:, None], np.arange(3)
+        row_length = 3 * n_blocks[row_vertex, None, None]
+        entries = first_entry[:, None, None] + row * row_length + column
         self._columns = np.empty(entries.size, dtype=np.int32)
-        self._columns[entries] = 3 * beside[:, None, None] + j
-        self._row_ends = np.concatenate([[0], np.cumsum(np.repeat(3 * counts, 3))]).astype(np.int32)
-        self._positions = entries[blocks.reshape(pairs.shape)].swapaxes(2, 3).ravel()
+        self._columns[entries] = 3 * column_vertex[:, None, None] + column
+        row_ends = np.cumsum(np.repeat(3 * n_blocks, 3))
+        self._row_ends = np.concatenate([[0], row_ends]).astype(np.int32)
+        # From (triangle, corner, corner, x, x) to the order (corner, x, corner, x) of matrices.
+        self._positions = entries[block_of_pair.reshape(pairs.shape)].swapaxes(2, 3).ravel()
 
     def assemble(self, blocks: Array) -> sparse.csr_array:
         """Return the sum of the matrices of all triangles."""

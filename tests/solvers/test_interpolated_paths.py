@@ -57,14 +57,14 @@ def test_the_best_turned_path_and_its_rivals(seed):
     metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
     start, end = bodies_in_motion.swung_arms(seed)
     found = rotating_paths(metric, SegmentEnergy(), start, end, 11)
-    energies = [energy for _, energy in found]
+    energies = [rival.energy for rival in found]
     interpolator = metric.space.template.interpolator
     shorter = interpolator.rotations(start, end)
     alike = interpolator.unwrap(shorter)
     for turns in (shorter, alike):
         between = interpolator.interpolate(start, end, np.linspace(0, 1, 11)[1:-1], turns)
         assert energies[0] <= metric.energy(np.stack([start, *between, end]))
-    for path, energy in found:
+    for path, energy, _ in found:
         np.testing.assert_array_equal(path[[0, -1]], [start, end])
         assert energies[0] <= energy <= 1.1 * energies[0]
         assert energy == pytest.approx(metric.energy(path), rel=1e-12)

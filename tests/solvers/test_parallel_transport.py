@@ -206,6 +206,8 @@ def test_bad_input():
         ladder.solve(case.metric, vector[None], start, path=case.points)
     with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
         ladder.solve(case.metric, vector, start, path=case.points[:1])
+    with pytest.raises(ArgumentError, match="base_point must have shape"):
+        ladder.solve(case.metric, vector, start[:2], path=case.points)
     with pytest.raises(ArgumentError, match="path must start at base_point; it is off by"):
         ladder.solve(case.metric, vector, end, path=case.points)
     ebin = CASES["ebin 1 sphere"]

@@ -152,6 +152,13 @@ def test_wrong_pairs_are_named(metric, points):
         PoissonPath(3).solve_many(metric, [points[:2], flat], n_jobs=2)
 
 
+def test_points_of_a_table_are_named(metric, points):
+    flat = points[:3].copy()
+    flat[2] *= [1.0, 0.0, 0.0]
+    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[2\]: .*area"):
+        path_distances(PoissonPath(3), metric, flat)
+
+
 def test_what_has_not_converged_is_said_once(metric, points):
     solver = BasisPath(bodies_in_motion.basis().truncate(20), n_nodes=4, max_iter=1, tolerance=1e-9)
     pairs = [points[[0, 1]], points[[0, 0]], points[[0, 2]]]

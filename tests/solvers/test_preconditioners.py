@@ -10,7 +10,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers import _preconditioners
 from riemhuman.solvers._preconditioners import (
     BlockCholeskyFactor,
-    CholeskyFactor,
+    DenseCholeskyFactor,
     PathPreconditioner,
     SparseCholeskyFactor,
     metric_factor,
@@ -27,7 +27,7 @@ def positive_matrix(size, rng=0, rank=None):
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e9])
 def test_factor_solves(scale):
     matrix = scale * positive_matrix(6)
-    factor = CholeskyFactor(matrix)
+    factor = DenseCholeskyFactor(matrix)
     columns = np.random.default_rng(1).standard_normal((6, 4))
     solution = factor.solve_transposed(factor.solve(columns))
     np.testing.assert_allclose(matrix @ solution, columns, atol=1e-4)
@@ -38,20 +38,20 @@ def test_factor_solves(scale):
 
 def test_singular_gram_matrices_get_a_ridge():
     for matrix in (positive_matrix(5, rank=3), np.zeros((5, 5))):
-        assert np.all(np.isfinite(CholeskyFactor(matrix).solve(np.eye(5))))
+        assert np.all(np.isfinite(DenseCholeskyFactor(matrix).solve(np.eye(5))))
 
 
 @pytest.mark.parametrize("entry", [-1.0, np.nan])
 def test_indefinite_gram_matrices_raise(entry):
     with pytest.raises(ArgumentError, match="not positive semidefinite, or not finite.*check_metr"):
-        CholeskyFactor(np.diag([1.0, entry, 1.0]))
+        DenseCholeskyFactor(np.diag([1.0, entry, 1.0]))
 
 
 @pytest.mark.parametrize("n_segments", [2, 3, 10])
 def test_inverse_of_the_hessian_of_paths(n_segments):
     """Of n Σ (x_{i+1} − x_i)ᵀ G (x_{i+1} − x_i), ends fixed."""
     gram = positive_matrix(4)
-    preconditioner = PathPreconditioner(CholeskyFactor(gram), n_segments)
+    preconditioner = PathPreconditioner(DenseCholeskyFactor(gram), n_segments)
     coefficients = np.random.default_rng(2).standard_normal((n_segments - 1, 4))
     steps = np.diff(np.pad(coefficients, ((1, 1), (0, 0))), axis=0) @ gram
     gradient = -2.0 * n_segments * np.diff(steps, axis=0)
