@@ -17,7 +17,9 @@ from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
 
+# Metres: 0.03, 0.05, …, 0.15, from wrists to chests.
 _RADII = tuple((0.03 + 0.02 * np.arange(7)).round(2).tolist())
+# A grid of more takes gigabytes; surfaces in millimetres would need it.
 _MAX_VOXELS = 50_000_000
 # Offset of the rays from the voxels' centres, in voxels, so that no ray meets an edge exactly.
 _BESIDE = np.array([7.5487767e-7, 5.6984029e-7])
@@ -168,22 +170,24 @@ def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     apex = lengths.argmax(axis=1)
     faces = np.take_along_axis(faces, (apex[:, np.newaxis] + np.arange(3)) % 3, axis=1)
     longest = lengths.max(axis=1)
-    kept = areas > 0
-    faces, areas, longest = faces[kept], areas[kept], longest[kept]
+    has_area = areas > 0
+    faces, areas, longest = faces[has_area], areas[has_area], longest[has_area]
+    # Numbers of cells along the longest side and across it, by the height of the triangle.
     cuts = np.ceil(np.stack([longest, 2 * areas / longest], axis=1)).astype(np.int64)
-    samples = []
+    sampled_points, sampled_normals, sampled_areas = [], [], []
     for n_along, n_across in np.unique(cuts, axis=0).tolist():
-        chosen = (cuts == (n_along, n_across)).all(axis=1)
+        is_cut_so = (cuts == (n_along, n_across)).all(axis=1)
+        corners = faces[is_cut_so]
         weights, shares = _centers_of_cells(n_along, n_across)
-        samples.append(
-            (
-                np.einsum("sc,fcx->fsx", weights, points[faces[chosen]]).reshape(-1, 3),
-                np.einsum("sc,fcx->fsx", weights, normals[faces[chosen]]).reshape(-1, 3),
-                np.outer(areas[chosen], shares).ravel(),
-            )
-        )
-    places, directions, parts = (np.concatenate(column) for column in zip(*samples, strict=True))
-    return places, unit_vectors(directions), parts
+        # Sums over the corners c, for each triangle f and each sample s.
+        sampled_points.append(np.einsum("sc,fcx->fsx", weights, points[corners]).reshape(-1, 3))
+        sampled_normals.append(np.einsum("sc,fcx->fsx", weights, normals[corners]).reshape(-1, 3))
+        sampled_areas.append(np.outer(areas[is_cut_so], shares).ravel())
+    return (
+        np.concatenate(sampled_points),
+        unit_vectors(np.concatenate(sampled_normals)),
+        np.concatenate(sampled_areas),
+    )
 
 
 def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarray]:
@@ -196,10 +200,10 @@ def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarr
 
 def _deposit(places: np.ndarray, areas: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Sum areas over the voxels where they arrive; areas outside the grid are dropped."""
-    index = np.rint(places).astype(np.int64)
-    kept = ((index >= 0) & (index < shape)).all(axis=1)
-    cell = np.ravel_multi_index(tuple(index[kept].T), shape)
-    return np.bincount(cell, areas[kept], minlength=math.prod(shape)).reshape(shape)
+    voxels = np.rint(places).astype(np.int64)
+    is_inside = ((voxels >= 0) & (voxels < shape)).all(axis=1)
+    numbers = np.ravel_multi_index(tuple(voxels[is_inside].T), shape)
+    return np.bincount(numbers, areas[is_inside], minlength=math.prod(shape)).reshape(shape)
 
 
 def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
@@ -217,7 +221,9 @@ def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
-    return max(float(np.sum(rel_entr(p, (p + q) / 2) + rel_entr(q, (p + q) / 2))), 0.0)
+    mean = (p + q) / 2
+    divergence = float(np.sum(rel_entr(p, mean) + rel_entr(q, mean)))
+    return max(divergence, 0.0)  # rounding errors of equal histograms may be negative
 
 
 def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -234,14 +240,16 @@ def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 def _enclosed_along_last_axis(corners: np.ndarray, shape: list[int]) -> np.ndarray:
     """Return the voxels inside by the signed crossings of rays; corners are in voxels."""
     plane = corners[:, :, :2] - _BESIDE
+    # Every triangle with every ray (row, column) that passes through the box around it.
     first = np.maximum(np.ceil(plane.min(axis=1)), 0).astype(np.int64)
     last = np.minimum(np.floor(plane.max(axis=1)), np.array(shape[:2]) - 1).astype(np.int64)
     widths = np.maximum(last - first + 1, 0)
     counts = widths.prod(axis=1)
     triangle = np.repeat(np.arange(len(corners)), counts)
-    number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
-    rows = first[triangle, 0] + number // np.maximum(widths[triangle, 1], 1)
-    columns = first[triangle, 1] + number % np.maximum(widths[triangle, 1], 1)
+    number_in_box = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+    box_width = np.maximum(widths[triangle, 1], 1)
+    rows = first[triangle, 0] + number_in_box // box_width
+    columns = first[triangle, 1] + number_in_box % box_width
 
     # Signed areas of a ray's triangles with each side: all have one sign if the ray crosses.
     to_corners = plane[triangle] - np.stack([rows, columns], axis=1)[:, np.newaxis]
@@ -253,10 +261,12 @@ def _enclosed_along_last_axis(corners: np.ndarray, shape: list[int]) -> np.ndarr
     weights = np.roll(opposite[crosses], -1, axis=1) / total[crosses, np.newaxis]
     heights = np.sum(weights * corners[triangle[crosses], :, 2], axis=1)
 
-    below = np.clip(np.ceil(heights).astype(np.int64), 0, shape[2])
-    cell = (rows[crosses] * shape[1] + columns[crosses]) * (shape[2] + 1) + below
-    crossings = np.bincount(
-        cell, np.sign(total[crosses]), minlength=shape[0] * shape[1] * (shape[2] + 1)
-    ).reshape(shape[0], shape[1], shape[2] + 1)
+    # Signed crossings between a voxel of a ray and the one below it; the last are above all voxels.
+    n_rows, n_columns, n_levels = shape
+    level = np.clip(np.ceil(heights).astype(np.int64), 0, n_levels)
+    cell = (rows[crosses] * n_columns + columns[crosses]) * (n_levels + 1) + level
+    n_cells = n_rows * n_columns * (n_levels + 1)
+    crossings = np.bincount(cell, np.sign(total[crosses]), minlength=n_cells)
+    crossings = crossings.reshape(n_rows, n_columns, n_levels + 1)
     above = np.cumsum(crossings[:, :, ::-1], axis=2)[:, :, ::-1]
     return above[:, :, 1:] > 0.5

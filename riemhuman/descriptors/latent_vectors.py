@@ -6,7 +6,6 @@ import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +17,6 @@ from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.representation import Record, join_names
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,9 +47,9 @@ class LatentVectors(Record, Descriptor):
         vectors = real_array(self.vectors, "vectors", (len(ids), "n_numbers"), batched=False)
         if vectors.size == 0:
             raise ArgumentError(f"vectors holds no numbers; found shape {vectors.shape}")
-        twice = [name for name, count in Counter(ids).items() if count > 1]
-        if twice:
-            raise ArgumentError(f"ids must differ; repeated ids: {join_names(twice)}")
+        repeated = [name for name, count in Counter(ids).items() if count > 1]
+        if repeated:
+            raise ArgumentError(f"ids must differ; repeated ids: {join_names(repeated)}")
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "vectors", vectors)
 
@@ -119,8 +115,9 @@ class LatentVectors(Record, Descriptor):
         If the ids of the vectors are the numbers from 0 on, they are the positions of the bodies.
         """
         numbers = [str(number) for number in range(length_of(bodies, "bodies"))]
-        by_number = set(self.ids) == set(numbers)
-        return self.select(numbers if by_number else getattr(bodies, "ids", numbers)).vectors
+        if set(self.ids) == set(numbers):
+            return self.select(numbers).vectors
+        return self.select(getattr(bodies, "ids", numbers)).vectors
 
 
 def _as_ids(ids: Iterable[object]) -> tuple[str, ...]:

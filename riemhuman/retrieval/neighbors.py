@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy import ndarray
@@ -117,20 +117,13 @@ class NearestNeighbors(Estimator):
         whole_number(self.n_components, "n_components", minimum=0)
         self.n_samples_fit_ = len(X)
         self._projection = self._fit_projection(X)
-        tables: list[ndarray] = []
-        for part in slices(len(X), _BLOCK):
-            rows = self._rows_of(X, part)
-            if not tables:
-                bytes_each = sum(row.nbytes for row in rows) / (part.stop - part.start)
-                check_memory(bytes_each * len(X), f"an index of {len(X):,} bodies")
-                tables = [np.empty((len(X), *row.shape[1:]), row.dtype) for row in rows]
-            for table, row in zip(tables, rows, strict=True):
-                table[part] = row
-        self._tables = tables
+        self._rows = self._all_rows(X)
         if self._projection is not None and self.algorithm == "auto":
-            trials = np.linspace(0, len(X) - 1, _TRIALS).astype(int)
-            compared = [next(self._search(slice(i, i + 1), None, 2, None))[2] for i in trials]
-            if np.mean(compared) > (1.0 - _LEAST_EXCLUDED) * len(X):
+            n_compared = []
+            for number in np.linspace(0, len(X) - 1, _TRIALS).astype(int):
+                trial = slice(number, number + 1)
+                n_compared += [found.n_compared for found in self._search(trial, None, 2, None)]
+            if np.mean(n_compared) > (1.0 - _LEAST_EXCLUDED) * len(X):
                 self._projection = None
         return self
 
@@ -163,7 +156,7 @@ class NearestNeighbors(Estimator):
         indices : array of int, shape (n_queries, n_neighbors)
             Indices of the points; at equal distances, the lower index comes first.
         """
-        if not hasattr(self, "_tables"):
+        if not hasattr(self, "_rows"):
             raise ArgumentError("kneighbors needs points: call fit first")
         n_points = self.n_samples_fit_
         n_others = n_points - (X is None)
@@ -186,9 +179,9 @@ class NearestNeighbors(Estimator):
         n_exact = 0
         size = max(1, min(_BLOCK, _BOUNDS // n_points))
         for part in slices(n_queries, size):
-            for row, answer in enumerate(self._search(part, X, k, candidates), part.start):
-                distances[row], indices[row], n_compared = answer
-                n_exact += n_compared
+            for row, found in enumerate(self._search(part, X, k, candidates), part.start):
+                distances[row], indices[row] = found.distances, found.numbers
+                n_exact += found.n_compared
         self.exact_share_ = n_exact / max(1, n_queries * n_points)
         return (distances, indices) if return_distance else indices
 
@@ -204,62 +197,124 @@ class NearestNeighbors(Estimator):
         points = np.concatenate([checked_part(self.metric, X, part, "X") for part in parts])
         return Projection.fit(in_blocks(coordinates, points), self.n_components)
 
-    def _rows_of(self, X: PointsLike, part: slice) -> list[ndarray]:
-        """Return coordinates that bound distances, none without a projection, and features."""
+    def _rows_of(self, X: PointsLike, part: slice) -> _Rows:
+        """Return what the search needs of some points."""
         points = checked_part(self.metric, X, part, "X")
         coordinates = np.empty((len(points), 0))
         if self._projection is not None:
             coordinates = self._projection(self.metric.lower_bound_coordinates(points))
-        return [coordinates, *self.metric.features(points, n_jobs=self.n_jobs)]
+        return _Rows(coordinates, tuple(self.metric.features(points, n_jobs=self.n_jobs)))
+
+    def _all_rows(self, X: PointsLike) -> _Rows:
+        """Return what the search needs of all points, read a block at a time."""
+        parts = slices(len(X), _BLOCK)
+        block = next(parts)
+        rows = self._rows_of(X, block)
+        table = rows.empty_table(len(X))
+        table.fill(block, rows)
+        for block in parts:
+            table.fill(block, self._rows_of(X, block))
+        return table
 
     def _search(
         self, part: slice, X: PointsLike | None, k: int, candidates: ndarray | None
-    ) -> Iterator[tuple[ndarray, ndarray, int]]:
-        """Yield k distances, the numbers of the points, and that of comparisons, of some queries.
-
-        The queries are a part of X, or of the points themselves.
-        """
-        n_threads = thread_count(self.n_jobs)
-        rows = [table[part] for table in self._tables] if X is None else self._rows_of(X, part)
-        (coordinates, *features), (own_coordinates, *tables) = rows, self._tables
-        squared_distances = self.metric.bulk.squared_distances
+    ) -> Iterator[_Nearest]:
+        """Yield the k nearest points of each query: a part of X, or of the points themselves."""
+        queries = self._rows.part(part) if X is None else self._rows_of(X, part)
+        # Points are not neighbours of themselves.
+        themselves = np.arange(part.start, part.stop) if X is None else None
         if self._projection is None:
-            table = np.sqrt(squared_distances(tuple(features), tuple(tables), n_threads))
-        else:
-            table, slack = _squared_distances(coordinates, own_coordinates)
-            if candidates is not None:
-                np.put_along_axis(table, candidates[part], -np.inf, axis=1)
-        if X is None:
-            table[np.arange(len(table)), np.arange(part.start, part.stop)] = np.inf
-        if self._projection is None:
-            everyone = np.arange(self.n_samples_fit_)
-            for distances in table:
-                yield *_nearest(distances, everyone, k), len(everyone) - (X is None)
+            yield from self._compare_all(queries, k, themselves)
             return
+        bounds, slack = _squared_distances(queries.coordinates, self._rows.coordinates)
+        if candidates is not None:
+            np.put_along_axis(bounds, candidates[part], -np.inf, axis=1)
+        if themselves is not None:
+            bounds[np.arange(len(bounds)), themselves] = np.inf
 
-        def search(row: int) -> tuple[ndarray, ndarray, int]:
-            query = tuple(feature[row : row + 1] for feature in features)
-            bounds, largest = table[row], float(np.finfo(float).max)
-            distances, numbers = np.empty(0), np.empty(0, dtype=np.int64)
-            size = np.count_nonzero(np.isneginf(bounds)) or _FIRST  # candidates, if any
-            while len(left := np.flatnonzero(bounds <= largest)):
-                nearest = np.argpartition(bounds[left], min(size, len(left)) - 1)[:size]
-                batch, size = left[nearest], _BATCH
-                bounds[batch] = np.inf
-                squared = squared_distances(query, tuple(rows[batch] for rows in tables))
-                distances = np.concatenate([distances, np.sqrt(squared[0])])
-                numbers = np.concatenate([numbers, batch])
-                if len(distances) >= k:
-                    largest = float(np.partition(distances, k - 1)[k - 1]) ** 2 + slack
-            return *_nearest(distances, numbers, k), len(distances)
+        def search(row: int) -> _Nearest:
+            return self._compare_by_bounds(queries.part(slice(row, row + 1)), k, bounds[row], slack)
 
-        yield from mapped(search, range(len(table)), n_threads=n_threads)
+        yield from mapped(search, range(len(bounds)), n_threads=thread_count(self.n_jobs))
+
+    def _compare_all(
+        self, queries: _Rows, k: int, themselves: ndarray | None
+    ) -> Iterator[_Nearest]:
+        """Yield the k nearest points of each query, compared with all of them."""
+        squared = self.metric.bulk.squared_distances(
+            queries.features, self._rows.features, thread_count(self.n_jobs)
+        )
+        distances, n_compared = np.sqrt(squared), self.n_samples_fit_
+        if themselves is not None:
+            distances[np.arange(len(distances)), themselves] = np.inf
+            n_compared -= 1
+        numbers = np.arange(self.n_samples_fit_)
+        for row in distances:
+            yield _nearest(row, numbers, k, n_compared)
+
+    def _compare_by_bounds(self, query: _Rows, k: int, bounds: ndarray, slack: float) -> _Nearest:
+        """Return the k nearest points of a query, compared in the order of squared bounds.
+
+        The bounds of points that have been compared are set to infinity.
+        """
+        distances, numbers = np.empty(0), np.empty(0, dtype=np.int64)
+        n_candidates = np.count_nonzero(np.isneginf(bounds))
+        size = n_candidates if n_candidates else _FIRST
+        largest = float(np.finfo(float).max)
+        remaining = np.flatnonzero(bounds <= largest)
+        while len(remaining):
+            order = np.argpartition(bounds[remaining], min(size, len(remaining)) - 1)
+            batch = remaining[order[:size]]
+            size = _BATCH
+            bounds[batch] = np.inf
+            features = tuple(feature[batch] for feature in self._rows.features)
+            squared = self.metric.bulk.squared_distances(query.features, features)
+            distances = np.concatenate([distances, np.sqrt(squared[0])])
+            numbers = np.concatenate([numbers, batch])
+            if len(distances) >= k:
+                largest = float(np.partition(distances, k - 1)[k - 1]) ** 2 + slack
+            remaining = np.flatnonzero(bounds <= largest)
+        return _nearest(distances, numbers, k, len(distances))
 
 
-def _nearest(distances: ndarray, numbers: ndarray, k: int) -> tuple[ndarray, ndarray]:
+class _Rows(NamedTuple):
+    """Coordinates that bound distances, of width 0 without a projection, and features of points."""
+
+    coordinates: ndarray
+    features: tuple[ndarray, ...]
+
+    def part(self, part: slice) -> _Rows:
+        return _Rows(self.coordinates[part], tuple(feature[part] for feature in self.features))
+
+    def empty_table(self, n_points: int) -> _Rows:
+        """Return room for the rows of so many points like these."""
+        arrays = (self.coordinates, *self.features)
+        n_bytes = sum(array.nbytes for array in arrays) / len(self.coordinates)
+        check_memory(n_bytes * n_points, f"an index of {n_points:,} bodies")
+        coordinates, *features = (
+            np.empty((n_points, *array.shape[1:]), array.dtype) for array in arrays
+        )
+        return _Rows(coordinates, tuple(features))
+
+    def fill(self, part: slice, rows: _Rows) -> None:
+        """Write the rows of some points."""
+        self.coordinates[part] = rows.coordinates
+        for table, feature in zip(self.features, rows.features, strict=True):
+            table[part] = feature
+
+
+class _Nearest(NamedTuple):
+    """The nearest points of a query, and the number of points that it was compared with."""
+
+    distances: ndarray
+    numbers: ndarray
+    n_compared: int
+
+
+def _nearest(distances: ndarray, numbers: ndarray, k: int, n_compared: int) -> _Nearest:
     """Return the k smallest distances and their numbers; at equal ones the lower comes first."""
     order = np.lexsort((numbers, distances))[:k]
-    return distances[order], numbers[order]
+    return _Nearest(distances[order], numbers[order], n_compared)
 
 
 def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:

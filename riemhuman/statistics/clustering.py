@@ -17,6 +17,9 @@ from riemhuman.estimator import Estimator
 
 LINKAGES = ("ward", "average", "complete", "single", "weighted")
 
+# An exchange must lower the sum of distances by more than this share of all distances.
+_ROUNDING = 1e-12
+
 
 class _Clustering(Estimator):
     labels_: Integers
@@ -161,9 +164,10 @@ class HierarchicalClustering(_Clustering):
         if len(distances) < needed:
             raise ArgumentError(f"X holds {len(distances)} points; at least {needed} are needed")
         tree = hierarchy.linkage(squareform(distances, checks=False), self.linkage)
-        flat = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
-        _, first, labels = np.unique(flat, return_index=True, return_inverse=True)
-        self.labels_ = np.argsort(np.argsort(first))[labels]
+        clusters = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
+        _, first_points, labels = np.unique(clusters, return_index=True, return_inverse=True)
+        ranks = np.argsort(np.argsort(first_points))
+        self.labels_ = ranks[labels]
         self.linkage_matrix_ = tree
         return self
 
@@ -183,18 +187,19 @@ def _greedy_medoids(distances: Array, k: int) -> Integers:
 def _exchange(distances: Array, medoids: Integers) -> tuple[Integers, float, int]:
     """Exchange medoids for other points while the sum of distances falls."""
     medoids, n_exchanges = medoids.copy(), 0
-    rounding = 1e-12 * distances.sum()
+    rounding = _ROUNDING * distances.sum()
     while True:
         # The column of infinities is a second nearest medoid where there is but one.
         to_medoids = np.column_stack([distances[:, medoids], np.full(len(distances), np.inf)])
-        nearest = np.argmin(to_medoids, axis=1)
-        first, second = np.partition(to_medoids, 1, axis=1)[:, :2].T
-        # Without a medoid, its points go to their second nearest, or to the new one.
-        stay, leave = np.minimum(distances, first), np.minimum(distances, second)
-        belongs = nearest[:, None] == np.arange(len(medoids))
-        sums = stay.sum(axis=1)[:, None] + (leave - stay) @ belongs
-        point, place = np.unravel_index(np.argmin(sums), sums.shape)
-        if sums[point, place] >= first.sum() - rounding:
-            return medoids, float(first.sum()), n_exchanges
-        medoids[place] = point
+        medoid_of = np.argmin(to_medoids, axis=1)
+        nearest, second_nearest = np.partition(to_medoids, 1, axis=1)[:, :2].T
+        # With the candidate of a row as one more medoid, the distance of each point is `kept`; if
+        # the point loses its medoid, it goes to the second nearest or to the candidate, `lost`.
+        kept, lost = np.minimum(distances, nearest), np.minimum(distances, second_nearest)
+        belongs = medoid_of[:, None] == np.arange(len(medoids))
+        sums = kept.sum(axis=1)[:, None] + (lost - kept) @ belongs
+        candidate, place = np.unravel_index(np.argmin(sums), sums.shape)
+        if sums[candidate, place] >= nearest.sum() - rounding:
+            return medoids, float(nearest.sum()), n_exchanges
+        medoids[place] = candidate
         n_exchanges += 1

@@ -22,6 +22,9 @@ from riemhuman.optional import import_optional
 
 LEDOIT_WOLF = "ledoit-wolf"
 
+# Differences within classes below this share of the coordinates are rounding errors.
+_ROUNDING = 1e-9
+
 
 class LearnedMetric(Transformer):
     r"""A metric fitted to labels, in which classes are compact.
@@ -69,9 +72,10 @@ class LearnedMetric(Transformer):
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse", "natural")
     >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), a=0.0, lam=0.0, c=1.0)
-    >>> seen, new = bodies.points[:80], bodies.points[80:]  # eight people, and two others
-    >>> learned = rh.LearnedMetric(pose).fit(seen, bodies.pose[:80])
-    >>> rh.retrieval.scores(learned.metric_.dist_pairwise(new), bodies.pose[80:]).nn
+    >>> training, held_out = bodies[:80], bodies[80:]  # eight people, and two others
+    >>> learned = rh.LearnedMetric(pose).fit(training.points, training.pose)
+    >>> distances = learned.metric_.dist_pairwise(held_out.points)
+    >>> rh.retrieval.scores(distances, held_out.pose).nn
     100.0
     """
 
@@ -107,6 +111,7 @@ class LearnedMetric(Transformer):
         self.metric_ = PullbackMetric(
             self.metric.space,
             VectorSpace((len(self.components_),)).metric,
+            # Unlike a function defined here, this can be pickled and sent to workers.
             partial(_whitened, self.metric, self.mean_, self.components_),
         )
         return self
@@ -155,7 +160,8 @@ class LearnedMetric(Transformer):
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
         members = class_numbers(groups, "groups", len(coordinates))[0]
-        n_folds, n_groups = whole_number(self.n_folds, "n_folds", minimum=3), members.max() + 1
+        n_folds = whole_number(self.n_folds, "n_folds", minimum=3)
+        n_groups = members.max() + 1
         if n_groups < n_folds:
             raise ArgumentError(
                 f"groups must hold at least n_folds={n_folds} groups; found {n_groups}"
@@ -163,16 +169,19 @@ class LearnedMetric(Transformer):
         _, _, reduced = _principal(coordinates)
         folds = members % n_folds
         distances = np.zeros((len(reduced), len(reduced)))
-        for pair in combinations(range(n_folds), 2):
-            fitted = ~np.isin(folds, pair)
-            whitening, _ = self._whitening(reduced[fitted], classes[fitted])
-            first, second = (np.flatnonzero(folds == fold) for fold in pair)
-            whitened_first, whitened_second = (reduced[k] @ whitening.T for k in (first, second))
-            across = cdist(whitened_first, whitened_second)
-            distances[np.ix_(first, second)] = across
-            distances[np.ix_(second, first)] = across.T
-            for within, whitened in ((first, whitened_first), (second, whitened_second)):
-                distances[np.ix_(within, within)] += cdist(whitened, whitened) / (n_folds - 1)
+        for fold_a, fold_b in combinations(range(n_folds), 2):
+            is_fitted = (folds != fold_a) & (folds != fold_b)
+            whitening, _ = self._whitening(reduced[is_fitted], classes[is_fitted])
+            points_a, points_b = np.flatnonzero(folds == fold_a), np.flatnonzero(folds == fold_b)
+            whitened_a = reduced[points_a] @ whitening.T
+            whitened_b = reduced[points_b] @ whitening.T
+            across = cdist(whitened_a, whitened_b)
+            distances[np.ix_(points_a, points_b)] = across
+            distances[np.ix_(points_b, points_a)] = across.T
+            within_a = cdist(whitened_a, whitened_a) / (n_folds - 1)
+            within_b = cdist(whitened_b, whitened_b) / (n_folds - 1)
+            distances[np.ix_(points_a, points_a)] += within_a
+            distances[np.ix_(points_b, points_b)] += within_b
         return distances
 
     def _n_outputs(self) -> int:
@@ -197,8 +206,9 @@ class LearnedMetric(Transformer):
             )
         sums = np.zeros((len(numbers), reduced.shape[1]))
         np.add.at(sums, classes, reduced)
-        within = reduced - (sums / np.bincount(classes)[:, None])[classes]
-        if np.abs(within).max(initial=0.0) <= 1e-9 * np.abs(reduced).max(initial=0.0):
+        means = sums / np.bincount(classes)[:, None]
+        within = reduced - means[classes]
+        if np.abs(within).max(initial=0.0) <= _ROUNDING * np.abs(reduced).max(initial=0.0):
             raise ArgumentError("y must give the same class to two different points to learn from")
         scatter = within.T @ within / len(within)
         if isinstance(self.shrinkage, str):
@@ -206,9 +216,10 @@ class LearnedMetric(Transformer):
             shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
         else:
             shrinkage = float(self.shrinkage)
-        scatter = (1.0 - shrinkage) * scatter
-        scatter += shrinkage * np.sum(within**2) / within.size * np.eye(len(scatter))
-        return np.linalg.inv(np.linalg.cholesky(scatter)) @ directions, shrinkage
+        # The mean of the eigenvalues is that of the squares within classes.
+        ridge = shrinkage * np.sum(within**2) / within.size
+        shrunk = (1.0 - shrinkage) * scatter + ridge * np.eye(len(scatter))
+        return np.linalg.inv(np.linalg.cholesky(shrunk)) @ directions, shrinkage
 
 
 def _whitened(metric: RiemannianMetric, mean: Array, components: Array, points: Array) -> Array:

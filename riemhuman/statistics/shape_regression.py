@@ -14,6 +14,9 @@ from riemhuman.geometry import Manifold
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.solvers import GeodesicRegression, NearestSurface
 
+# Relative rounding errors within which two explained shares are the same.
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, eq=False)
 class ShapeRegression:
@@ -92,27 +95,27 @@ def regress_shape(
     >>> waists = rh.measurements.Measurements(bodies.model).measure(bodies.points)["waist girth"]
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
-    >>> found = rh.statistics.regress_shape(space, waists, bodies.points, rng=0, max_iter=0)
-    >>> found.p_value <= 0.05
+    >>> result = rh.statistics.regress_shape(space, waists, bodies.points, rng=0, max_iter=0)
+    >>> result.p_value <= 0.05
     True
     """
     points = space.metric.check_points(points, "points")
     numbers = real_array(values, "values", (len(points),), batched=False)
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     labels = range(len(points)) if people is None else people
-    of_person, _ = class_numbers(labels, "people", len(points))
-    _, first = np.unique(of_person, return_index=True)
-    if (numbers != numbers[first][of_person]).any():
+    person_of, _ = class_numbers(labels, "people", len(points))
+    _, first_bodies = np.unique(person_of, return_index=True)
+    numbers_of_people = numbers[first_bodies]
+    if (numbers != numbers_of_people[person_of]).any():
         raise ArgumentError("values must be the same for all bodies of a person")
     regression = GeodesicRegression(space, **options).fit(numbers, points)
     gram = regression.gram_matrix(points)
     rng = generator(rng)
-    responses = numbers[first]
-    explained = _explained(gram, responses[of_person])
-    permuted = [
-        _explained(gram, rng.permutation(responses)[of_person]) for _ in range(n_permutations)
-    ]
-    n_at_least = 1 + int(np.sum(np.array(permuted) >= explained * (1.0 - 1e-12)))
+    explained = _explained(gram, numbers)
+    permuted = np.empty(n_permutations)
+    for number in range(n_permutations):
+        permuted[number] = _explained(gram, rng.permutation(numbers_of_people)[person_of])
+    n_at_least = 1 + int(np.sum(permuted >= explained * (1.0 - _ROUNDING)))
     p_value = n_at_least / (1 + n_permutations)
     return ShapeRegression(regression, explained, p_value, n_permutations)
 

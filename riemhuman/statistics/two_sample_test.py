@@ -111,33 +111,32 @@ def two_sample_test(
     matrix = distance_matrix(distances, "distances")
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     groups = label_list(in_first, "in_first", len(matrix))
-    others = [
-        label for label in groups if not isinstance(label, (int, float)) or label not in (0, 1)
-    ]
-    if others:
-        raise ArgumentError(
-            f"in_first must hold booleans, or 0 and 1, one for each row of distances; found "
-            f"{others[0]!r}"
-        )
+    for label in groups:
+        if not isinstance(label, (int, float)) or label not in (0, 1):
+            raise ArgumentError(
+                "in_first must hold booleans, or 0 and 1, one for each row of distances; found "
+                f"{label!r}"
+            )
     first = np.array(groups, dtype=bool)
     if first.all() or not first.any():
         raise ArgumentError("in_first must put at least one point into each group")
-    members, chosen = _units(units, first)
+    unit_of, unit_in_first = _units(units, first)
 
     observed = _statistics(matrix, first[None])[0]
-    n_splits = math.comb(len(chosen), int(chosen.sum()))
+    n_units, n_in_first = len(unit_in_first), int(unit_in_first.sum())
+    n_splits = math.comb(n_units, n_in_first)
     exact = n_splits <= n_permutations + 1
     if exact:
-        choices = list(combinations(range(len(chosen)), int(chosen.sum())))
-        splits = np.zeros((n_splits, len(chosen)), dtype=bool)
+        choices = list(combinations(range(n_units), n_in_first))
+        splits = np.zeros((n_splits, n_units), dtype=bool)
         np.put_along_axis(splits, np.array(choices), True, axis=1)
     else:
-        splits = generator(rng).permuted(np.tile(chosen, (n_permutations, 1)), axis=1)
+        splits = generator(rng).permuted(np.tile(unit_in_first, (n_permutations, 1)), axis=1)
     blocks = [splits[block] for block in slices(len(splits), _BLOCK)]
-    statistics = np.concatenate([_statistics(matrix, block[:, members]) for block in blocks])
-    as_large = int(np.sum(statistics >= observed - _ROUNDING * matrix.max() * len(matrix)))
+    statistics = np.concatenate([_statistics(matrix, block[:, unit_of]) for block in blocks])
+    n_as_large = int(np.sum(statistics >= observed - _ROUNDING * matrix.max() * len(matrix)))
     count = len(statistics)
-    p_value = as_large / count if exact else (as_large + 1) / (count + 1)
+    p_value = n_as_large / count if exact else (n_as_large + 1) / (count + 1)
     return TwoSampleResult(float(observed), p_value, count, exact, statistics)
 
 
@@ -162,7 +161,7 @@ def _statistics(matrix: Array, splits: Booleans) -> Array:
     n, m = first.sum(axis=1), second.sum(axis=1)
     to_first = first @ matrix
     across = np.sum(to_first * second, axis=1) / (n * m)
-    within = np.sum(to_first * first, axis=1) / n**2
+    within_first = np.sum(to_first * first, axis=1) / n**2
     within_second = np.sum(second @ matrix * second, axis=1) / m**2
-    statistics: Array = n * m / (n + m) * (2.0 * across - within - within_second)
+    statistics: Array = n * m / (n + m) * (2.0 * across - within_first - within_second)
     return statistics
