@@ -44,7 +44,9 @@ class PairedCodes(ABC):
             weights = Weights(path, type(self).__name__, (*self._SETTINGS, "n_hidden"))
             self._fields = weights.fields
             self.n_hidden = weights.settings["n_hidden"]
-            self._home = self._template = weights.template
+            # The template that the network was trained on, and that of the bodies it is given.
+            self._home = weights.template
+            self._template = weights.template
             self._read(weights)
 
     @classmethod

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
 
 from riemhuman.arrays import Array
 
-_KEYS = ("A", "b1", "B", "b2", "C", "L", "b3")
+# Layers of the network of a point cloud.
+_N_CLOUD_LAYERS = 3
 
 
 def network(
@@ -17,7 +19,9 @@ def network(
 ) -> Array:
     """Return the outputs (..., n_out) of a network with a residual block and a linear part."""
     # y = L x + C h + b₃, h = g + σ(B g + b₂), g = σ(A x + b₁), with names such as "shape.A".
-    A, b1, B, b2, C, L, b3 = (parameters[f"{name}.{key}"] for key in _KEYS)
+    A, b1 = parameters[f"{name}.A"], parameters[f"{name}.b1"]
+    B, b2 = parameters[f"{name}.B"], parameters[f"{name}.b2"]
+    C, L, b3 = parameters[f"{name}.C"], parameters[f"{name}.L"], parameters[f"{name}.b3"]
     hidden = activate(x @ A + b1, backend)
     hidden = hidden + activate(hidden @ B + b2, backend)
     return x @ L + hidden @ C + b3
@@ -25,23 +29,22 @@ def network(
 
 def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str, tuple[int, ...]]:
     """Return the shapes of a network's parameters."""
-    shapes = {
-        "A": (n_in, n_hidden),
-        "b1": (n_hidden,),
-        "B": (n_hidden, n_hidden),
-        "b2": (n_hidden,),
-        "C": (n_hidden, n_out),
-        "L": (n_in, n_out),
-        "b3": (n_out,),
+    return {
+        f"{name}.A": (n_in, n_hidden),
+        f"{name}.b1": (n_hidden,),
+        f"{name}.B": (n_hidden, n_hidden),
+        f"{name}.b2": (n_hidden,),
+        f"{name}.C": (n_hidden, n_out),
+        f"{name}.L": (n_in, n_out),
+        f"{name}.b3": (n_out,),
     }
-    return {f"{name}.{key}": shape for key, shape in shapes.items()}
 
 
 def cloud_features(parameters: Mapping[str, Array], x: Array, backend: ModuleType = np) -> Array:
     """Return the largest value of each feature over the points of clouds (n, n_points, 3)."""
-    for layer in range(3):
+    for layer in range(_N_CLOUD_LAYERS):
         x = x @ parameters[f"cloud.W{layer}"] + parameters[f"cloud.b{layer}"]
-        if layer < 2:
+        if layer < _N_CLOUD_LAYERS - 1:
             x = activate(x, backend)
     return backend.amax(x, 1)
 
@@ -49,9 +52,11 @@ def cloud_features(parameters: Mapping[str, Array], x: Array, backend: ModuleTyp
 def cloud_shapes(n_hidden: int, n_features: int) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the parameters of `cloud_features`."""
     sizes = (3, n_hidden, 2 * n_hidden, n_features)
-    return {f"cloud.W{layer}": (sizes[layer], sizes[layer + 1]) for layer in range(3)} | {
-        f"cloud.b{layer}": (sizes[layer + 1],) for layer in range(3)
-    }
+    shapes: dict[str, tuple[int, ...]] = {}
+    for layer, (n_in, n_out) in enumerate(pairwise(sizes)):
+        shapes[f"cloud.W{layer}"] = (n_in, n_out)
+        shapes[f"cloud.b{layer}"] = (n_out,)
+    return shapes
 
 
 def activate(x: Array, backend: ModuleType = np) -> Array:

@@ -25,13 +25,14 @@ from riemhuman.errors import FileFormatError
 from riemhuman.kernels.rotations import log, nearest_rotations, rotation_matrix
 from riemhuman.kernels.surface import (
     deformation_gradients,
+    is_degenerate,
     partial_derivatives,
     refuse_degenerate,
     stacked_derivatives,
     triangle_frames,
     unit_normals,
 )
-from riemhuman.kernels.surface import is_degenerate as is_degenerate_triangle
+from riemhuman.kernels.threads import slices
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
 
@@ -76,7 +77,7 @@ class Parts:
     def order(self) -> list[int]:
         """The parts that the root reaches, parents before their children."""
         order = np.flatnonzero(self.parents < 0).tolist()
-        for part in order:
+        for part in order:  # the list grows while it is read
             order += np.flatnonzero(self.parents == part).tolist()
         return order
 
@@ -98,22 +99,23 @@ class Parts:
         """Return features (n, 9 K) and rotations (n, 3, 3) of bodies (n, V, 3)."""
         if not len(points):
             return np.empty((0, 9 * self.n_parts)), np.empty((0, 3, 3))
-        blocks = range(_BLOCK, len(points), _BLOCK)
-        pieces = [self._split(some) for some in np.split(points, blocks)]
-        features, frames = (np.concatenate(part) for part in zip(*pieces, strict=True))
+        features = np.empty((len(points), 9 * self.n_parts))
+        frames = np.empty((len(points), 3, 3))
+        for block in slices(len(points), _BLOCK):
+            features[block], frames[block] = self._split_block(points[block])
         return features, frames
 
-    def _split(self, points: ndarray) -> tuple[ndarray, ndarray]:
+    def _split_block(self, points: ndarray) -> tuple[ndarray, ndarray]:
         means = self._mean_gradients(points)
         rotations = nearest_rotations(means)
         frames = nearest_rotations(np.tensordot(means, self._shares, axes=(1, 0)))
         is_root = (self.parents < 0)[:, None, None]
         parents = np.where(is_root, frames[:, None], rotations[:, self.parents])
-        vectors = log(parents, rotations)
+        vectors = log(parents, rotations).reshape(len(points), -1)
         stretches = rotations.swapaxes(-1, -2) @ means
         stretches = 0.5 * (stretches + stretches.swapaxes(-1, -2)) - np.eye(3)
-        parts = (vectors, stretches[..., _ROWS, _COLUMNS])
-        return np.concatenate([part.reshape(len(points), -1) for part in parts], axis=1), frames
+        entries = stretches[..., _ROWS, _COLUMNS].reshape(len(points), -1)
+        return np.concatenate([vectors, entries], axis=1), frames
 
     def _mean_gradients(self, points: ndarray) -> ndarray:
         """Return the mean gradients of all parts, shape (n, K, 3, 3)."""
@@ -121,6 +123,7 @@ class Parts:
         moved = gradients(self.template, points, used)
         rows = np.swapaxes(moved, 0, 1).reshape(moved.shape[1], -1)
         means = (self._means[:, used] @ rows).reshape(self.n_parts, len(points), 3, 3)
+        # A part without usable triangles moves with its parent, the root with the whole body.
         for part in self.order:
             if self._shares[part] == 0:
                 is_root = self.parents[part] < 0
@@ -175,7 +178,8 @@ class Parts:
 def gradients(template: Template, points: ndarray, used: ndarray | slice = slice(None)) -> ndarray:
     """Return the deformation gradients of triangles, shape (n, F, 3, 3)."""
     operator = template.differential_operator
-    f_u, f_v = (part[..., used, :] for part in partial_derivatives(points, operator))
-    refuse_degenerate(is_degenerate_triangle(f_u, f_v), "X")
+    f_u, f_v = partial_derivatives(points, operator)
+    f_u, f_v = f_u[..., used, :], f_v[..., used, :]
+    refuse_degenerate(is_degenerate(f_u, f_v), "X")
     after = np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
     return deformation_gradients(triangle_frames(template.vertices, operator)[used], after)

@@ -18,7 +18,7 @@ from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces.measures import triangle_areas
 
 # Number of clouds of a body whose codes are averaged, and the seed of their points.
-_CLOUDS, _SEED_OF_POINTS = 4, 0
+_N_CLOUDS, _SEED_OF_POINTS = 4, 0
 
 
 class IntrinsicExtrinsicCodes(PairedCodes):
@@ -89,11 +89,12 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         faces : array_like, shape (F, 3)
             Vertex indices of each triangle, counted from 0.
         """
-        mesh = check_mesh(vertices, faces)
-        self._check_scale(mesh[0], "vertices")
+        points, triangles = check_mesh(vertices, faces)
+        self._check_scale(points, "vertices")
         rng = np.random.default_rng(_SEED_OF_POINTS)
-        clouds = np.stack([surface_points(*mesh, self.n_points, rng) for _ in range(_CLOUDS)])
-        return np.asarray(self._encode(self.parameters_, clouds).mean(axis=0))
+        clouds = [surface_points(points, triangles, self.n_points, rng) for _ in range(_N_CLOUDS)]
+        codes = self._encode(self.parameters_, np.stack(clouds))
+        return np.asarray(codes.mean(axis=0))
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
         codes = self._check_codes(Z)
@@ -147,9 +148,10 @@ def surface_points(
     ends = np.cumsum(triangle_areas(vertices, faces))
     if not len(ends) or not ends[-1] > 0:
         raise DegenerateSurfaceError("the surface has no area; points cannot be spread over it")
-    wanted = (np.arange(n_points) + rng.random(n_points)) * (ends[-1] / n_points)
-    triangles = np.minimum(np.searchsorted(ends, wanted), len(ends) - 1)
+    places = (np.arange(n_points) + rng.random(n_points)) * (ends[-1] / n_points)
+    triangles = np.minimum(np.searchsorted(ends, places), len(ends) - 1)
+    # By the square root, distances from the first corner are as frequent as the area grows.
     root, share = np.sqrt(rng.random(n_points)), rng.random(n_points)
-    shares = np.stack([1.0 - root, root * (1.0 - share), root * share], axis=1)
-    points = np.einsum("ij,ijk->ik", shares, vertices[faces[triangles]])
+    barycentric = np.stack([1.0 - root, root * (1.0 - share), root * share], axis=1)
+    points = np.einsum("pc,pcx->px", barycentric, vertices[faces[triangles]])
     return points - points.mean(axis=0)

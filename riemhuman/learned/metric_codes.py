@@ -18,6 +18,9 @@ from riemhuman.kernels.projections import in_blocks, principal_components
 # Squared differences of bodies below this share of their squares are rounding errors.
 _ROUNDING = 1e-12
 
+# Largest number of bodies whose distances give the factor of all codes.
+_N_SCALED = 64
+
 
 class MetricCodes(Transformer):
     r"""Codes of bodies whose Euclidean distances approximate those of a metric.
@@ -96,17 +99,18 @@ class MetricCodes(Transformer):
             raise ArgumentError(f"X must hold at least three bodies; found {len(coordinates)}")
         if np.sum(np.ptp(coordinates, axis=0) ** 2) <= _ROUNDING * np.sum(coordinates**2):
             raise ArgumentError("X must hold different bodies; all are the same to rounding")
-        components = principal_components(coordinates, min(n_components, n_codes - 1))
-        self.mean_, self.components_ = components
+        self.mean_, self.components_ = principal_components(
+            coordinates, min(n_components, n_codes - 1)
+        )
         n_random = n_codes - len(self.components_)
         self._projection = _random_signs(coordinates.shape[1], n_random, seed)
         self.scale_ = 1.0
-        codes = self._encode(coordinates)
-        some = np.linspace(0, len(codes) - 1, min(len(codes), 64)).astype(int)
-        wanted = self.metric.dist_pairwise(self.metric.check_points(X, "X")[some])
-        pairs = np.triu_indices(len(some), 1)
-        distances = np.linalg.norm(codes[some][pairs[0]] - codes[some][pairs[1]], axis=1)
-        self.scale_ = float(wanted[pairs].sum() / distances.sum())
+        numbers = np.linspace(0, len(coordinates) - 1, min(len(coordinates), _N_SCALED)).astype(int)
+        codes = self._encode(coordinates)[numbers]
+        distances = self.metric.dist_pairwise(self.metric.check_points(X, "X")[numbers])
+        i, j = np.triu_indices(len(numbers), 1)
+        of_codes = np.linalg.norm(codes[i] - codes[j], axis=1)
+        self.scale_ = float(distances[i, j].sum() / of_codes.sum())
         return self
 
     def transform(self, X: ndarray) -> ndarray:

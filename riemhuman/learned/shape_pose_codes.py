@@ -56,9 +56,9 @@ class ShapePoseCodes(PairedCodes):
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> codes = rh.learned.ShapePoseCodes.load_pretrained(bodies.template)
-    >>> found = codes.transform(bodies.points[:2])
-    >>> shape, pose = codes.split(found)
-    >>> shape.shape, pose.shape, codes.inverse_transform(found).shape
+    >>> both = codes.transform(bodies.points[:2])
+    >>> shape, pose = codes.split(both)
+    >>> shape.shape, pose.shape, codes.inverse_transform(both).shape
     ((2, 16), (2, 64), (2, 1202, 3))
     """
 

@@ -179,7 +179,7 @@ class Report:
                 described().get(name) if hasattr(representation, "describe_together") else None
             )
             try:
-                matrix, (per_body, per_pair) = timed_distances(representation, self.bodies, vectors)
+                matrix, per_body, per_pair = timed_distances(representation, self.bodies, vectors)
             except RiemhumanError as error:
                 return {}, {"problem": f"{type(error).__name__}: {error}"}
             record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}

@@ -63,7 +63,7 @@ Described = tuple[np.ndarray, float]
 AMONG_OTHERS = "pose among other people"  # other bodies of the same person are left out
 TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
 TITLES[AMONG_OTHERS] = "How, among other people?"
-_COLUMNS = {"nn": "NN", "first_tier": "FT", "second_tier": "ST", "mean_average_precision": "mAP"}
+_COLUMNS = ("NN", "FT", "ST", "mAP")
 _LABELS = {"shape": "subject", "pose": "pose"}
 
 
@@ -137,19 +137,64 @@ def benchmark(
     ['shape', 'pose']
     """
     if representations is None:
-        added = of_extensions(bodies).items()
-        representations = table_metrics(bodies)
-        representations |= {
-            name: representation
-            for name, representation in added
-            if hasattr(representation, "dist_pairwise")
-        }
+        representations = _default_metrics(bodies)
+    _check_representations(representations)
+    labels = _labels_by_task(bodies)
+
+    def score(matrices: Mapping[str, np.ndarray]) -> dict[str, RetrievalScores]:
+        scores_by_task = {kind: scores(matrix, labels[kind]) for kind, matrix in matrices.items()}
+        if learned and "pose" in scores_by_task:
+            scores_by_task[AMONG_OTHERS] = scores(matrices["pose"], labels["pose"], bodies.subject)
+        return scores_by_task
+
+    records: list[BenchmarkRecord] = []
+    described = described_together(representations, bodies, progress=progress)
+    n_pairs = len(bodies) * (len(bodies) - 1) // 2
+    for name, representation in representations.items():
+        try:
+            with task(f"{name}: {n_pairs:,} distances"):
+                distances, seconds_per_body, seconds_per_pair = timed_distances(
+                    representation, bodies, described.get(name)
+                )
+            scores_by_task = score(dict.fromkeys(labels, distances))
+        except RiemhumanError as error:
+            problem = f"{type(error).__name__}: {error}"
+            records += [BenchmarkRecord(name, t, None, np.nan, np.nan, problem) for t in labels]
+            continue
+        records += [
+            BenchmarkRecord(name, t, task_scores, seconds_per_body, seconds_per_pair)
+            for t, task_scores in scores_by_task.items()
+        ]
+    if learned:
+        with task(f"{_LEARNED_METRIC}: distances"), suppress(MissingDependencyError):
+            scores_by_task = score(_learned_distances(bodies))
+            records += [
+                BenchmarkRecord(_LEARNED_METRIC, t, task_scores, 0.0, np.nan)
+                for t, task_scores in scores_by_task.items()
+            ]
+    return records
+
+
+def _default_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
+    """Return the metrics of tables, and those of extensions."""
+    metrics = table_metrics(bodies)
+    for name, representation in of_extensions(bodies).items():
+        if hasattr(representation, "dist_pairwise"):
+            metrics[name] = representation
+    return metrics
+
+
+def _check_representations(representations: Mapping[str, Representation]) -> None:
     for name, representation in representations.items():
         if not (hasattr(representation, "dist_pairwise") or hasattr(representation, "describe")):
             raise ArgumentTypeError(
                 f"representations[{name!r}] must be a metric, with dist_pairwise, or a descriptor, "
                 f"with describe and distances; found {type(representation).__name__}"
             )
+
+
+def _labels_by_task(bodies: Bodies | LabelledMeshes) -> dict[str, np.ndarray]:
+    """Return numbers of classes, for each task in which some surfaces share a label."""
     labels = {}
     for kind, field in _LABELS.items():
         labels_of_field = getattr(bodies, field, None)
@@ -163,35 +208,7 @@ def benchmark(
             f"bodies must have labels that some surfaces share; no two of {len(bodies)} surfaces "
             f"do ({' or '.join(_LABELS.values())})"
         )
-
-    def score(matrices: Mapping[str, np.ndarray]) -> dict[str, RetrievalScores]:
-        scores_by_task = {kind: scores(matrix, labels[kind]) for kind, matrix in matrices.items()}
-        if learned and "pose" in scores_by_task:
-            scores_by_task[AMONG_OTHERS] = scores(matrices["pose"], labels["pose"], bodies.subject)
-        return scores_by_task
-
-    records = []
-    described = described_together(representations, bodies, progress=progress)
-    n_pairs = len(bodies) * (len(bodies) - 1) // 2
-    for name, representation in representations.items():
-        times, problem, scores_by_task = (np.nan, np.nan), None, {}
-        try:
-            with task(f"{name}: {n_pairs:,} distances"):
-                description = described.get(name)
-                distances, times = timed_distances(representation, bodies, description)
-            scores_by_task = score(dict.fromkeys(labels, distances))
-        except RiemhumanError as error:
-            problem = f"{type(error).__name__}: {error}"
-        tasks = scores_by_task or labels
-        records += [BenchmarkRecord(name, t, scores_by_task.get(t), *times, problem) for t in tasks]
-    if learned:
-        with task(f"{_LEARNED_METRIC}: distances"), suppress(MissingDependencyError):
-            scores_by_task = score(_learned_distances(bodies))
-            records += [
-                BenchmarkRecord(_LEARNED_METRIC, t, scores_by_task[t], 0.0, np.nan)
-                for t in scores_by_task
-            ]
-    return records
+    return labels
 
 
 def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
@@ -337,7 +354,8 @@ def described_together(
             vectors, seconds = together(list(sharing.values()), bodies, progress=progress)
         except RiemhumanError:
             continue
-        described.update(zip(sharing, zip(vectors, seconds, strict=True), strict=True))
+        for name, rows, duration in zip(sharing, vectors, seconds, strict=True):
+            described[name] = rows, duration
     return described
 
 
@@ -345,8 +363,8 @@ def timed_distances(
     representation: Representation,
     bodies: Bodies | LabelledMeshes,
     described: Described | None = None,
-) -> tuple[np.ndarray, tuple[float, float]]:
-    """Return all distances within a set of bodies, and the seconds for a body and for a pair."""
+) -> tuple[np.ndarray, float, float]:
+    """Return all distances within a set of bodies, the seconds for a body, and for a pair."""
     n_bodies = len(bodies)
     n_pairs = n_bodies * (n_bodies - 1) // 2
     if hasattr(representation, "dist_pairwise"):
@@ -356,7 +374,7 @@ def timed_distances(
         representation.dist_pairwise(bodies.points[:2])
         start = time.perf_counter()
         distances = representation.dist_pairwise(bodies.points, n_jobs=-1)
-        return distances, (0.0, (time.perf_counter() - start) / n_pairs)
+        return distances, 0.0, (time.perf_counter() - start) / n_pairs
 
     if described is None:
         start = time.perf_counter()
@@ -369,7 +387,7 @@ def timed_distances(
     vectors, seconds = described
     start = time.perf_counter()
     distances = representation.distances(vectors)
-    return distances, (seconds / n_bodies, (time.perf_counter() - start) / n_pairs)
+    return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
 
 
 def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
@@ -387,7 +405,9 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     'height      failed: no head'
     """
     tasks = dict.fromkeys(record.task for record in records)
-    tables = [_task_table(t, [record for record in records if record.task == t]) for t in tasks]
+    tables = []
+    for task in tasks:
+        tables.append(_task_table(task, [record for record in records if record.task == task]))
     columns = (
         "Per cent, each body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
@@ -411,20 +431,32 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
 def _task_table(task: str, records: list[BenchmarkRecord]) -> str:
     title = TITLES[task]
     width = max(len(title), *(len(record.representation) for record in records))
-    scored = [record.scores for record in records if record.scores is not None]
-    best = {
-        f: max((round(getattr(record_scores, f), 1) for record_scores in scored), default=0)
-        for f in _COLUMNS
-    }
-    header = "".join(f"{name:>6} " for name in _COLUMNS.values())
+    scored = [values for values in map(_rounded_scores, records) if values]
+    best = {column: max((values[column] for values in scored), default=0.0) for column in _COLUMNS}
+    header = "".join(f"{column:>6} " for column in _COLUMNS)
     lines = [f"{title:<{width}}  {header} ms a body  ms a pair"]
     for record in records:
-        if record.scores is None:
+        values = _rounded_scores(record)
+        if not values:
             lines.append(f"{record.representation:<{width}}  failed: {record.problem}")
             continue
-        values = {field: round(getattr(record.scores, field), 1) for field in _COLUMNS}
-        cells = "".join(f"{v:6.1f}{'*' if v == best[f] else ' '}" for f, v in values.items())
+        cells = ""
+        for column, value in values.items():
+            mark = "*" if value == best[column] else " "
+            cells += f"{value:6.1f}{mark}"
         body = f"{1e3 * record.seconds_per_body:9.1f}" if record.seconds_per_body else f"{'-':>9}"
         pair = f"{1e3 * record.seconds_per_pair:9.4f}"
         lines.append(f"{record.representation:<{width}}  {cells} {body}  {pair}")
     return "\n".join(lines)
+
+
+def _rounded_scores(record: BenchmarkRecord) -> dict[str, float]:
+    """Return the scores of a record as tables show them; none if it failed."""
+    if record.scores is None:
+        return {}
+    return {
+        "NN": round(record.scores.nn, 1),
+        "FT": round(record.scores.first_tier, 1),
+        "ST": round(record.scores.second_tier, 1),
+        "mAP": round(record.scores.mean_average_precision, 1),
+    }
