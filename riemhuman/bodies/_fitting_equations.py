@@ -47,10 +47,11 @@ class _Patch:
         self.active = np.flatnonzero(moves)
         # Whether the bone moves with the joint, shape (bones, active).
         self.below = below[:, self.active]
+        # The parameters on which the points depend: angles of active joints, betas, translation.
         n_angles = 3 * skeleton.n_joints
-        rotations = 3 * self.active + np.arange(3)[:, np.newaxis]
-        rest = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
-        self.columns = np.concatenate([rotations.ravel(), rest])
+        angles = 3 * self.active + np.arange(3)[:, np.newaxis]
+        others = np.arange(n_angles, n_angles + skeleton.n_betas + 3)
+        self.columns = np.concatenate([angles.ravel(), others])
 
     def combined(self, values: Array) -> Array:
         """Map values at vertices, (n_vertices, ...), to values at points."""
@@ -77,11 +78,13 @@ class _Patch:
         )
         if self.posedirs is not None:
             limbs = motions.skeleton.limbs
-            # Derivatives of the entries of R by small rotations in space.
+            # Derivatives Aᵀ [c]× G of the entries of R = Aᵀ G by small rotations about the axes c,
+            # for each joint j.
             products = np.einsum(
                 "jyx,cyz,jzw->cjxw", motions.axes[limbs], _CROSS_WITH_AXES, motions.rotations[limbs]
             ).reshape(3, len(limbs), 9)
             of_features = self.posedirs.reshape(*shaped.shape, -1, 9)
+            # Sums over the nine entries k, for each vertex n and coordinate x.
             offsets = np.einsum("nxjk,cjk->nxcj", of_features, products, optimize=True)
             offsets = np.matmul(rotations, offsets.reshape(*shaped.shape, -1))
             # With pose offsets, all joints are active, in the order of the tree's table.
@@ -120,7 +123,8 @@ class Equations:
         """Return the mean loss of the distances from the points to their targets, and the prior."""
         motions = self._motions(parameters)
         parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
-        gaps = target[self._numbers] - np.concatenate(parts) - parameters[-3:]
+        trans = parameters[-3:]
+        gaps = target[self._numbers] - np.concatenate(parts) - trans
         losses, _ = self._loss(np.sum(gaps**2, axis=-1))
         return float(self._shares[self._numbers] @ losses + self._prior @ parameters**2)
 
@@ -129,10 +133,12 @@ class Equations:
         motions = self._motions(parameters)
         n_angles, n_columns = 3 * self.skeleton.n_joints, len(parameters)
         matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
+        trans = parameters[-3:]
         for patch in self._patches:
             shaped, rotations, moved = patch.surface(motions)
-            gaps = target[patch.points] - patch.combined(moved) - parameters[-3:]
-            factors = np.sqrt(self._shares[patch.points] * self._loss(np.sum(gaps**2, axis=-1))[1])
+            gaps = target[patch.points] - patch.combined(moved) - trans
+            _, slopes = self._loss(np.sum(gaps**2, axis=-1))
+            factors = np.sqrt(self._shares[patch.points] * slopes)
             rows = patch.derivatives(motions, shaped, rotations)
             rows *= factors[:, np.newaxis, np.newaxis]
             rows = rows.reshape(-1, rows.shape[-1])

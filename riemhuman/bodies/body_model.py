@@ -125,12 +125,7 @@ class BodyModel(Unchanging):
         if posedirs is not None:
             n_entries = 9 * (n_joints - 1)
             self.posedirs = _copy(posedirs, "posedirs", (n_vertices, 3, n_entries))
-        names = [f"joint_{j}" for j in range(n_joints)] if joint_names is None else joint_names
-        self.joint_names = tuple(map(str, names)) if onp.ndim(names) == 1 else ()
-        if not len(self.joint_names) == len(set(self.joint_names)) == n_joints:
-            raise ArgumentError(
-                f"joint_names must hold {n_joints} different names; found {names!r}"
-            )
+        self.joint_names = _checked_names(joint_names, n_joints)
         self.hand_poses = tuple(map(str, onp.atleast_1d(onp.array(hand_poses, dtype=str))))
         shape = (n_vertices, 3, 2 * len(self.hand_poses))
         if hand_directions is None:
@@ -281,10 +276,14 @@ class BodyModel(Unchanging):
         [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         """
         self._check_hands()
-        poses = ("relaxed", *self.hand_poses)
-        rows = onp.eye(len(poses))[:, 1:]
-        both = (left, left if right is None else right)
-        return onp.concatenate([rows[poses.index(one_of(name, "pose", poses))] for name in both])
+        of_left = self._coefficients_of_hand(left)
+        of_right = of_left if right is None else self._coefficients_of_hand(right)
+        return onp.concatenate([of_left, of_right])
+
+    def _coefficients_of_hand(self, pose: str) -> Array:
+        """Return 1 for a named pose and 0 for the others; all are 0 for the relaxed hand."""
+        one_of(pose, "pose", ("relaxed", *self.hand_poses))
+        return onp.array([float(name == pose) for name in self.hand_poses])
 
     fit = fit_model
 
@@ -320,14 +319,16 @@ class BodyModel(Unchanging):
         hands: ArrayLike | None = None,
     ) -> int:
         """Return the number of bodies; raise an error if leading axes do not fit together."""
-        leads = {}
+        # Arrays of the leading shapes, which take no memory.
+        batches = {}
         for name, array in {"betas": betas, "pose": pose, "trans": trans, "hands": hands}.items():
             if array is None:
                 continue
             shape = np.shape(values_of(array, name))
-            axes = 2 if name == "pose" and shape[-2:] == (self.n_joints, 3) else 1
-            leads[name] = onp.broadcast_to(0.0, shape[:-axes])
-        return math.prod(joint_shape(**leads))
+            is_table = name == "pose" and shape[-2:] == (self.n_joints, 3)
+            leading = shape[:-2] if is_table else shape[:-1]
+            batches[name] = onp.broadcast_to(0.0, leading)
+        return math.prod(joint_shape(**batches))
 
     def _rounded(self, array: Array) -> Array:
         return array.astype(self.dtype, copy=False)
@@ -420,6 +421,17 @@ def convert_model(
     model = BodyModel.from_file(source, n_betas=n_betas)
     model.save(target)
     return model
+
+
+def _checked_names(names: Sequence[str] | Array | None, n_joints: int) -> tuple[str, ...]:
+    """Return names of the joints, by default their numbers."""
+    if names is None:
+        return tuple(f"joint_{joint}" for joint in range(n_joints))
+    # The field of a file may be a single text.
+    checked = tuple(map(str, names)) if onp.ndim(names) == 1 else ()
+    if len(checked) != n_joints or len(set(checked)) != n_joints:
+        raise ArgumentError(f"joint_names must hold {n_joints} different names; found {names!r}")
+    return checked
 
 
 def _copy(array: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Array:

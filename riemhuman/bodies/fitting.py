@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from scipy import sparse
@@ -43,11 +44,17 @@ _FEWEST_OF_A_JOINT = 20
 _CLOSED_FORM_ROUNDS = 2
 # A fit from the previous one is dropped if it takes more steps, or is this factor farther.
 _WARM_STEPS, _WARM_LOSS = 12, 1.5
+# Damping of the steps, as a share of the diagonal: where steps start and go back to, what the first
+# step that fails continues from, and where the fit gives up.
 _LEAST_DAMPING = 1e-9
+_FIRST_DAMPING = 1e-5
 _MOST_DAMPING = 1e6
+# A short step ends a fit only if its damping is less: with more, all steps are short.
+_TRUSTED_DAMPING = 1.0
 # A gain below this share of the cost is indistinguishable from rounding.
 _ROUNDING = 1e-13
 
+# Rows of a correspondence sum to one within this; barycentric coordinates in files are rounded.
 _SUM_TOLERANCE = 1e-6
 
 
@@ -203,9 +210,14 @@ def _surfaces_of(
         raise ArgumentError(
             f"points must have one point for each of {what}, {n_points}; found {surfaces.shape}"
         )
-    remedy, rest = "a fit needs points in the unit of the model", combine @ model.template.vertices
     check_resolution(surfaces, "points")
-    check_same_scale(surfaces, rest, "points", "the model", remedy=remedy)
+    check_same_scale(
+        surfaces,
+        combine @ model.template.vertices,
+        "points",
+        "the model",
+        remedy="a fit needs points in the unit of the model",
+    )
     if whole:
         check_body_sizes(surfaces, model.template, "points")
     return surfaces
@@ -256,31 +268,50 @@ def correspondence_matrix(
                 f"correspondence must have shape (n_points, {n_vertices}); found {matrix.shape}"
             )
         matrix.sum_duplicates()
-    elif (
-        isinstance(correspondence, Sequence)
-        and len(correspondence) == 2
-        and np.ndim(correspondence[0])
-    ):
-        triangles = integer_array(correspondence[0], "triangles of correspondence", ("n_points",))
-        _refuse_outside(triangles, len(model.faces), "triangles")
-        shape = (len(triangles), 3)
-        coordinates = real_array(
-            correspondence[1], "barycentric coordinates of correspondence", shape, batched=False
-        )
-        rows = np.repeat(np.arange(len(triangles)), 3)
-        entries = (coordinates.ravel(), (rows, model.faces[triangles].ravel()))
-        matrix = sparse.csr_array(entries, shape=(len(triangles), n_vertices))
-    else:
-        vertices = integer_array(correspondence, "correspondence", ("n_points",))
-        _refuse_outside(vertices, n_vertices, "vertices")
-        return sparse.csr_array(sparse.eye_array(n_vertices, format="csr")[vertices])
+        _check_sums(matrix)
+        return matrix
+    if _is_pair_of_arrays(correspondence):
+        triangles, coordinates = correspondence
+        matrix = _barycentric_matrix(model, triangles, coordinates)
+        _check_sums(matrix)
+        return matrix
+    vertices = integer_array(correspondence, "correspondence", ("n_points",))
+    _refuse_outside(vertices, n_vertices, "vertices")
+    return sparse.csr_array(sparse.eye_array(n_vertices, format="csr")[vertices])
+
+
+def _is_pair_of_arrays(
+    correspondence: ArrayLike | tuple[ArrayLike, ArrayLike],
+) -> TypeGuard[tuple[ArrayLike, ArrayLike]]:
+    """Return whether a correspondence is two arrays, rather than the numbers of two vertices."""
+    if not isinstance(correspondence, Sequence) or len(correspondence) != 2:
+        return False
+    return np.ndim(correspondence[0]) > 0
+
+
+def _barycentric_matrix(
+    model: SkinnedModel | Template, triangles: ArrayLike, coordinates: ArrayLike
+) -> sparse.csr_array:
+    """Return the matrix from vertices to points in triangles, given by barycentric coordinates."""
+    triangles = integer_array(triangles, "triangles of correspondence", ("n_points",))
+    _refuse_outside(triangles, len(model.faces), "triangles")
+    n_points = len(triangles)
+    coordinates = real_array(
+        coordinates, "barycentric coordinates of correspondence", (n_points, 3), batched=False
+    )
+    rows = np.repeat(np.arange(n_points), 3)
+    entries = (coordinates.ravel(), (rows, model.faces[triangles].ravel()))
+    return sparse.csr_array(entries, shape=(n_points, model.n_vertices))
+
+
+def _check_sums(matrix: sparse.csr_array) -> None:
+    """Raise an error unless the rows of a correspondence sum to one."""
     sums = matrix.sum(axis=1)
     if not np.isfinite(matrix.data).all() or (np.abs(sums - 1.0) > _SUM_TOLERANCE).any():
         worst = int(np.argmax(np.abs(sums - 1.0)))
         raise ArgumentError(
             f"correspondence must have rows that sum to one; row {worst} sums to {sums[worst]:g}"
         )
-    return matrix
 
 
 def _refuse_outside(numbers: Integers, count: int, name: str) -> None:
@@ -315,7 +346,8 @@ def _fit_after(
 ) -> ModelFit:
     """Return the fit that starts from another one, unless it does not come as near."""
     if before is not None:
-        fit = _fit(stages, combine, target, tolerance, min(_WARM_STEPS, max_iter), before)
+        n_steps = min(_WARM_STEPS, max_iter)
+        fit = _fit(stages, combine, target, tolerance, n_steps, before)
         if fit.converged and fit.mean_distance < _WARM_LOSS * before.mean_distance:
             return fit
     return _fit(stages, combine, target, tolerance, max_iter)
@@ -391,12 +423,13 @@ def _descend(
             step = least_squares_step(matrix, right, damping)
             trial = parameters + step
             movement = np.sqrt(step @ matrix @ step)
-            if damping < 1.0 and (movement < tolerance or step @ right < _ROUNDING * cost):
+            has_settled = movement < tolerance or step @ right < _ROUNDING * cost
+            if damping < _TRUSTED_DAMPING and has_settled:
                 return trial, n_steps, True
             trial_cost = equations.cost(trial, target)
             if trial_cost < cost:
                 break
-            damping = 10.0 * max(damping, 1e-5)
+            damping = 10.0 * max(damping, _FIRST_DAMPING)
             if damping > _MOST_DAMPING:
                 return parameters, n_steps, False
         parameters, cost = trial, trial_cost

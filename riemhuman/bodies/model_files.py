@@ -183,14 +183,14 @@ def _contents(fields: Mapping[str, Stored], n_betas: int | None) -> ModelContent
 
 def _last_length(array: Stored) -> int:
     """Return the length of the last axis of an array, or 0 for a number."""
-    return int((0, *np.shape(array))[-1])
+    shape = np.shape(array)
+    return int(shape[-1]) if shape else 0
 
 
 def _posedirs(posedirs: Array, n_vertices: int, n_entries: int) -> Array:
     """Return pose-dependent displacements as (V, 3, entries), from any published layout."""
-    whole, rows = (n_vertices, 3, n_entries), (3 * n_vertices, n_entries)
-    if posedirs.shape == rows:
-        return posedirs.reshape(whole)
-    if posedirs.shape in ((n_entries, n_vertices, 3), rows[::-1]):
+    if posedirs.shape == (3 * n_vertices, n_entries):
+        return posedirs.reshape(n_vertices, 3, n_entries)
+    if posedirs.shape in ((n_entries, n_vertices, 3), (n_entries, 3 * n_vertices)):
         return np.moveaxis(posedirs.reshape(n_entries, n_vertices, 3), 0, -1)
     return posedirs

@@ -84,11 +84,14 @@ class _Surfaces:
         return not np.array_equal(np.asarray(points[:2]), np.array(expected))
 
     def labels(self) -> float:
-        given = [x for x in (self.dataset.subject, self.dataset.pose) if x is not None]
-        wrong = [
-            len(labels) != len(self.dataset)
-            or getattr(labels, "ndim", 1) != 1
-            or any(map(is_missing_label, labels))
-            for labels in given
+        is_wrong = [
+            not self._are_complete(labels)
+            for labels in (self.dataset.subject, self.dataset.pose)
+            if labels is not None
         ]
-        return share(wrong or [False])
+        return share(is_wrong) if is_wrong else 0.0
+
+    def _are_complete(self, labels: Any) -> bool:
+        has_one_axis = getattr(labels, "ndim", 1) == 1
+        is_complete = has_one_axis and len(labels) == len(self.dataset)
+        return is_complete and not any(map(is_missing_label, labels))

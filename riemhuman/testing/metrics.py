@@ -20,6 +20,8 @@ __all__ = ["check_metric"]
 # Remainders smaller than this share of the values are rounding.
 _ROUNDING = 1e-13
 _TAYLOR_STEPS = np.logspace(-2, -6, 9)
+# Number of remainders whose slope is measured; with fewer, the energy is all but quadratic.
+_N_REMAINDERS = 4
 _LIMIT_STEPS = np.logspace(-2, -8, 7)
 # How far below 2 the measured order of an exact gradient may lie.
 _ORDER_TOLERANCE = 0.1
@@ -63,13 +65,13 @@ def check_metric(
         raise ArgumentError(f"points must hold three points or more; found {len(points)}")
     if tangent_vecs is None:
         tangent_vecs = space.to_tangent(np.roll(points, -1, axis=0) - points, points)
-    first = metric.check_points(tangent_vecs, "tangent_vecs")
-    if len(first) != len(points):
-        raise ArgumentError(f"tangent_vecs must hold {len(points)} vectors; found {len(first)}")
-    second = space.to_tangent(np.roll(first, 1, axis=0) - 0.5 * first, points)
+    vectors = metric.check_points(tangent_vecs, "tangent_vecs")
+    if len(vectors) != len(points):
+        raise ArgumentError(f"tangent_vecs must hold {len(points)} vectors; found {len(vectors)}")
+    other_vectors = space.to_tangent(np.roll(vectors, 1, axis=0) - 0.5 * vectors, points)
 
-    products = _InnerProducts(metric, points, first, second)
-    energies = _Energies(metric, points, first)
+    products = _InnerProducts(metric, points, vectors, other_vectors)
+    energies = _Energies(metric, points, vectors)
     properties = dict(products.properties())
     if metric.has_closed_form_dist:
         properties |= _Distances(metric, points).properties()
@@ -220,8 +222,13 @@ class _Energies:
         moved = [project(self.points + step * self.directions) for step in _TAYLOR_STEPS]
         energies = np.array([self.metric.energy(path) for path in moved])
         remainders = np.abs(energies - energy - _TAYLOR_STEPS * slope)
-        significant = np.flatnonzero(remainders > _ROUNDING * abs(energy))[-4:]
-        if len(significant) < 4:
+        # The shortest steps whose remainders are not rounding errors.
+        significant = np.flatnonzero(remainders > _ROUNDING * abs(energy))[-_N_REMAINDERS:]
+        if len(significant) < _N_REMAINDERS:
             return 0.0
-        steps, rest = np.log(_TAYLOR_STEPS[significant]), np.log(remainders[significant])
-        return float(np.maximum(2.0 - np.polyfit(steps, rest, 1)[0], 0.0))
+        log_steps, log_remainders = (
+            np.log(_TAYLOR_STEPS[significant]),
+            np.log(remainders[significant]),
+        )
+        order, _ = np.polyfit(log_steps, log_remainders, 1)
+        return float(np.maximum(2.0 - order, 0.0))

@@ -14,8 +14,8 @@ from riemhuman.representation import Record
 
 __all__ = ["PropertyCheck", "PropertyReport"]
 
-# The errors of properties, measured when they are called.
 Properties = Mapping[str, Callable[[], float]]
+"""Functions that measure the error of each property; of a verdict, whether it is wrong."""
 
 
 @dataclass(frozen=True)

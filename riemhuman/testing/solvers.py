@@ -109,11 +109,11 @@ class _Trial:
         raise NotImplementedError
 
     def unchanged(self) -> float:
-        given = self.arguments()
-        before = deepcopy(given)
-        self.solver.solve(self.metric, *given)
-        pairs = zip(before, given, strict=True)
-        return not all(np.array_equal(np.array(old), np.array(new)) for old, new in pairs)
+        arguments = self.arguments()
+        copies = deepcopy(arguments)
+        self.solver.solve(self.metric, *arguments)
+        pairs = zip(copies, arguments, strict=True)
+        return not all(np.array_equal(np.array(copy), np.array(array)) for copy, array in pairs)
 
 
 class _GeodesicTrial(_Trial):
@@ -134,9 +134,8 @@ class _GeodesicTrial(_Trial):
         return np.asarray(self.solver.solve(self.metric, start, end).path)
 
     def shape(self) -> float:
-        shape = self.path(self.start, self.end).shape
-        right = len(shape) == self.points.ndim and shape[0] > 1 and shape[1:] == self.start.shape
-        return not right
+        path = self.path(self.start, self.end)
+        return path.ndim == 0 or len(path) < 2 or path.shape[1:] != self.start.shape
 
     def ends(self) -> float:
         path = self.path(self.start, self.end)
