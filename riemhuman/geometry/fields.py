@@ -102,7 +102,10 @@ class FieldMetric(RiemannianMetric):
         """Return `curvature_form` on every triangle."""
 
     def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        r"""Return π√w of the smallest triangle, on which a way around has twice that length."""
+        r"""Return π√w, w the smallest area of a triangle: half of a great circle there.
+
+        Closed geodesics of rotations, by the angle, are as long as those of unit spheres.
+        """
         leading = () if base_point is None else np.shape(base_point)[: -self.space.point_ndim]
         return np.full(leading, np.pi * np.sqrt(self._areas.min()))
 

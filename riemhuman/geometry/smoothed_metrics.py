@@ -70,9 +70,10 @@ class SmoothedMetric(PullbackMetric):
             # Coordinates preserve the lengths of curves, and so inner products.
             images = []
             for first in range(0, len(vectors), _AT_A_TIME):
-                some = vectors[first : first + _AT_A_TIME]
-                at = np.broadcast_to(f, some.shape)
-                images.append(surface.differential(self.lower_bound_coordinates, some, at))
+                batch = vectors[first : first + _AT_A_TIME]
+                base_points = np.broadcast_to(f, batch.shape)
+                coordinates = self.lower_bound_coordinates
+                images.append(surface.differential(coordinates, batch, base_points))
             changes = onp.concatenate(images)
             gram += changes @ changes.T
         return gram / len(surfaces)

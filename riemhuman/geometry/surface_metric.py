@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Unpack
 
 import autograd.numpy as np
@@ -81,6 +81,7 @@ class MetricOfTerms(RiemannianMetric):
                 energy = self._sum.path_energy(path, gradient=False)[0]
             if np.isfinite(energy):
                 return energy  # type: ignore[no-any-return]  # one number
+        # The definition also takes several paths, and says which triangle has no energy.
         return super().energy(path)
 
     def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
@@ -117,7 +118,7 @@ def _pull_back(answer: Array, path: Points, metric: MetricOfTerms) -> Callable[[
         direction = upstream[1:]
         if onp.any(values_of(direction)):
             direction = np.reshape(direction, np.shape(path))
-            definition = super(MetricOfTerms, metric).energy
+            definition = partial(RiemannianMetric.energy, metric)
             slope = grad(lambda y: np.sum(grad(definition)(y) * direction))
             pulled = pulled + slope(path)
         return pulled

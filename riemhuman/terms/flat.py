@@ -197,8 +197,8 @@ def _segments(records: Array, slopes: Array, areas: Array, weight: float) -> flo
 def _segment(
     start: Points,
     end: Points,
-    by_one: Array,
-    by_other: Array,
+    start_slopes: Array,
+    end_slopes: Array,
     areas: Array,
     weight: float,
 ) -> float:
@@ -207,15 +207,15 @@ def _segment(
     for t in range(len(areas)):
         s1, s2 = math.sqrt(start[9, t]), math.sqrt(end[9, t])
         factor = weight * areas[t]
-        along1 = along2 = 0.0
+        along_start = along_end = 0.0
         for k in range(6, 9):
             step = s1 * start[k, t] - s2 * end[k, t]
             total += factor * step * step
             step *= 2.0 * factor
-            by_one[k, t] += step * s1
-            by_other[k, t] -= step * s2
-            along1 += step * start[k, t]
-            along2 += step * end[k, t]
-        by_one[9, t] += 0.5 * along1 / s1 if s1 > 0.0 else 0.0
-        by_other[9, t] -= 0.5 * along2 / s2 if s2 > 0.0 else 0.0
+            start_slopes[k, t] += step * s1
+            end_slopes[k, t] -= step * s2
+            along_start += step * start[k, t]
+            along_end += step * end[k, t]
+        start_slopes[9, t] += 0.5 * along_start / s1 if s1 > 0.0 else 0.0
+        end_slopes[9, t] -= 0.5 * along_end / s2 if s2 > 0.0 else 0.0
     return total

@@ -195,15 +195,15 @@ def _segments(records: Array, slopes: Array, areas: Array, weight: float) -> flo
 def add_segment(
     start: Points,
     end: Points,
-    by_one: Array,
-    by_other: Array,
+    start_slopes: Array,
+    end_slopes: Array,
     areas: Array,
     weight: float,
 ) -> float:
     """Return the sum of w θ², and add its slopes by both normals."""
     x1, y1, z1, x2, y2, z2 = start[6], start[7], start[8], end[6], end[7], end[8]
-    by_x1, by_y1, by_z1 = by_one[6], by_one[7], by_one[8]
-    by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
+    by_x1, by_y1, by_z1 = start_slopes[6], start_slopes[7], start_slopes[8]
+    by_x2, by_y2, by_z2 = end_slopes[6], end_slopes[7], end_slopes[8]
     total = 0.0
     for t in range(len(areas)):
         a, b = (x1[t], y1[t], z1[t], 0.0), (x2[t], y2[t], z2[t], 0.0)
