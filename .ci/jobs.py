@@ -1,7 +1,7 @@
 """Jobs of continuous integration beside README's test command: python .ci/jobs.py JOB [ARGUMENTS].
 
 Each works in a copy of the tracked files, in a virtual environment of its own, or in the one that
---environment names; further arguments go to pytest.
+--environment names; further arguments go to pytest, or to the part of `nightly`.
 
 command      print the test command of README.md
 prepare      make the environments of `oracles` and `oldest` in the folder that --environment names
@@ -9,10 +9,8 @@ docs         the documentation site, its links and widths, and the Python of pag
 kernels      the most iterative tests with other kernels of OpenBLAS and NumPy's plainest loops
 oracles      agreement with geomstats, trec_eval, PyVista, meshio and ezc3d; training with PyTorch
 oldest       the tests on the oldest releases that setup.cfg allows, with Python 3.11
-nightly      everything, some hours
+nightly      all of these, or one: fuzz [READERS], tests, benchmarks, mutations [SUBPACKAGES]
 """
-
-from __future__ import annotations
 
 import argparse
 import os
@@ -36,11 +34,8 @@ ORACLE_TESTS = [
     *("tests/datasets/test_markers.py", "tests/learned/training.py"),
 ]
 ITERATIVE = ("transfer", "path_search", "means", "lbfgs", "rounding")
-ITERATIVE_TESTS = [f"tests/solvers/test_{name}.py" for name in ITERATIVE]
-EXTENSIONS = """
-import numpy
-print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))
-"""
+EXTENSIONS = """import numpy
+print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))"""
 
 
 def call(*command: str | Path, **variables: str) -> None:
@@ -99,17 +94,26 @@ def kernels(python: str, arguments: list[str]) -> None:
     oldest_kernels = os.environ.get("OPENBLAS_CORETYPE", "Prescott")
     plain = {"OPENBLAS_CORETYPE": oldest_kernels, "NPY_DISABLE_CPU_FEATURES": asked.stdout.strip()}
     call(python, "-m", "threadpoolctl", "-i", "numpy", "scipy.linalg", **plain)
-    test(python, *(arguments or ITERATIVE_TESTS), **plain)
+    tests = [f"tests/solvers/test_{name}.py" for name in ITERATIVE]
+    test(python, *(arguments or tests), **plain)
 
 
 def nightly(python: str, arguments: list[str]) -> None:
-    call(python, "tests/support/fuzz.py", "all", "--count", "1500", "--first", "20000")
-    test(python, "-m", "", "-s", "tests", "--ignore", "tests/benchmarks", *arguments)
-    test(python, "-m", "", "-s", "tests/benchmarks", "--benchmark-enable", *arguments)
-    call(python, "-m", "pip", "install", "-q", "--no-compile", "cosmic-ray>=8.4")
-    programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
-    for subpackage in ("kernels", "terms", "geometry", "solvers"):
-        call(python, "tests/support/mutations.py", subpackage, "100", "31", PATH=programs)
+    part, *given = arguments or ["all"]
+    if part not in ("all", "fuzz", "tests", "benchmarks", "mutations"):
+        sys.exit(f"nightly has no part {part!r}")
+    if part in ("all", "fuzz"):
+        numbers = ("--count", "1500", "--first", "20000")
+        call(python, "tests/support/fuzz.py", *(given or ["all"]), *numbers)
+    if part in ("all", "tests"):
+        test(python, "-m", "", "-s", *(given or ["tests"]))
+    if part in ("all", "benchmarks"):
+        test(python, "-m", "", "-s", "--benchmark-enable", *(given or ["tests/benchmarks"]))
+    if part in ("all", "mutations"):
+        call(python, "-m", "pip", "install", "-q", "--no-compile", "cosmic-ray>=8.4")
+        programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
+        for subpackage in given or ("kernels", "terms", "geometry", "solvers"):
+            call(python, "tests/support/mutations.py", subpackage, "100", "31", PATH=programs)
 
 
 def main() -> None:

@@ -12,30 +12,22 @@ class PublicLine(Contract):
     shared = fields.SetField(subfield=fields.StringField(), required=False)
 
     def check(self, graph, verbose):
-        allowed = [line.split(" -> ") for line in self.shared or ()]
-        crossings, used = set(), set()
-        for imported in graph.modules:
+        allowed = {tuple(line.split(" -> ")) for line in self.shared or ()}
+        wrong, used = [], set()
+        for imported in sorted(graph.modules):
             package, _, private = imported.partition("._")
-            if not private:
-                continue
-            for importer in graph.find_modules_that_directly_import(imported):
+            importers = graph.find_modules_that_directly_import(imported) if private else ()
+            for importer in sorted(importers):
                 if importer == package or importer.startswith(f"{package}."):
                     continue
-                rules = {
-                    (above, below)
-                    for above, below in allowed
-                    if imported == below and fnmatch(importer, above)
-                }
+                rules = {(a, b) for a, b in allowed if imported == b and fnmatch(importer, a)}
                 used |= rules
                 if not rules:
-                    crossings.add((importer, imported))
-        unused = {(above, below) for above, below in allowed} - used
-        return ContractCheck(
-            kept=not crossings and not unused, metadata={"crossings": crossings, "unused": unused}
-        )
+                    wrong.append(f"{importer} imports {imported}, which is private")
+        for above, below in sorted(allowed - used):
+            wrong.append(f"{above} -> {below} is allowed, but not imported")
+        return ContractCheck(kept=not wrong, metadata={"wrong": wrong})
 
     def render_broken_contract(self, check):
-        for importer, imported in sorted(check.metadata["crossings"]):
-            output.print_error(f"{importer} imports {imported}, which is private")
-        for importer, imported in sorted(check.metadata["unused"]):
-            output.print_error(f"{importer} -> {imported} is allowed, but not imported")
+        for message in check.metadata["wrong"]:
+            output.print_error(message)

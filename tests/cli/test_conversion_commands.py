@@ -36,6 +36,7 @@ def test_bodies_change_their_topology_and_return(smpl_map, bodies, run, tmp_path
     assert np.linalg.norm(points - bodies[1], axis=1).mean() < 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*betas differ")
 def test_photographs_of_a_video_become_a_motion(smpl_map, bodies, run, refused, tmp_path):
     frames = bodies.points[:3] * [1.0, -1.0, -1.0]

@@ -204,6 +204,7 @@ def seconds(function, *arguments):
     return min(times)
 
 
+@pytest.mark.slow
 def test_facts_cost_little_more_than_reading(tmp_path):
     """Sorting rows in place of numbers takes three times as long as this allows."""
     side = np.arange(300)

@@ -86,6 +86,7 @@ print(value(1.0), sum(value.stats.cache_hits.values()))
 """
 
 
+@pytest.mark.slow
 def test_what_is_kept_follows_the_files_of_inlined_functions(tmp_path):
     """Numba by itself looks at the file of the caller alone."""
     (tmp_path / "caller.py").write_text(CALLER)

@@ -252,6 +252,7 @@ def test_run_again_nothing_is_computed(folder, make_small_report, tmp_path):
     assert re.sub(moment, "", after) == re.sub(moment, "", before)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch, nine_bodies):
     def interrupt(*arguments):

@@ -10,8 +10,10 @@ import multiprocessing
 import os
 import resource
 import signal
+import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 from cases import sphere_template, surfaces
@@ -71,6 +73,26 @@ def make_inputs(folder, seed):
         save_mesh(folder / f"body_{number}.ply", points, template.faces)
         rows.append(f"body_{number}.ply,person {number // 2},pose {number % 2}")
     (folder / "labels.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def small_disk(folder, n_bytes):
+    """Mount a disk in memory of so many bytes, and give a function that makes it larger.
+
+    Raises OSError where this process may not mount.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def mount(*options):
+        done = subprocess.run(["mount", "-t", "tmpfs", *options, "tmpfs", folder], check=False)
+        if done.returncode != 0:
+            raise OSError(f"no disk can be mounted at {folder}")
+
+    mount("-o", f"size={n_bytes}")
+    try:
+        yield lambda larger: mount("-o", f"remount,size={larger}")
+    finally:
+        subprocess.run(["umount", folder], check=True)
 
 
 class Changes:

@@ -1,8 +1,8 @@
 """Runs readers on damaged files in a process with bounded memory, and watches them.
 
 Called by the tests, or by hand: ``PYTHONPATH=. python tests/support/fuzz.py "ply text" --first 17
---count 1`` repeats one case, ``all --count 2000`` looks for more. The last line printed is a report
-in JSON.
+--count 1`` repeats one case, ``all --count 2000`` looks for more. The last line printed says in
+JSON how the cases ended; if any ended badly, standard error names it and the process fails.
 """
 
 import argparse
@@ -142,7 +142,8 @@ def main():
                 if problem:
                     problems.append(f"{name!r} --first {seed} ({done}): {problem}")
         os.chdir("/")
-    sys.stdout.write(json.dumps({"ends": ends, "problems": problems}) + "\n")
+    sys.stdout.write(json.dumps({"ends": ends}) + "\n")
+    sys.exit("\n".join(problems) or None)
 
 
 if __name__ == "__main__":

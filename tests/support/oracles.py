@@ -88,13 +88,6 @@ def traceless(matrix):
     return matrix - np.trace(matrix) / 2 * np.eye(2)
 
 
-def ebin_inner_product(a, b, g, lam):
-    """Return (tr(g⁻¹a₀ g⁻¹b₀) + λ tr(g⁻¹a) tr(g⁻¹b)) √det g (equation 2, corrected)."""
-    a, b = np.linalg.solve(g, a), np.linalg.solve(g, b)
-    shear = np.trace(traceless(a) @ traceless(b))
-    return (shear + lam * np.trace(a) * np.trace(b)) * np.sqrt(np.linalg.det(g))
-
-
 def orders(errors):
     """Return the orders at which errors fall where a step is halved."""
     errors = np.asarray(errors)

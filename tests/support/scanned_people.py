@@ -132,12 +132,6 @@ def points_at(places, surface, faces):
     return np.einsum("nk,nkx->nx", places.barycentric, surface[faces[places.triangles]])
 
 
-def correspondence_errors(one, other, first, second, faces):
-    """Return how far from its truth every vertex of one foreign body goes on another, metres."""
-    places, _ = nearest_points(one, first, faces)
-    return np.linalg.norm(points_at(places, second, faces) - other, axis=1)
-
-
 FOREARMS = ("left_elbow", "left_wrist", "right_elbow", "right_wrist")
 
 

@@ -10,12 +10,13 @@ import shutil
 import signal
 import sys
 import time
+from contextlib import ExitStack
 from itertools import islice, product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from faults import OPERATIONS, Processes
+from faults import OPERATIONS, Processes, small_disk
 
 SUPPORT = Path(__file__).parents[1] / "support"
 ROOT = Path(__file__).parents[2]
@@ -169,6 +170,34 @@ def test_full_disks(server, undisturbed, operation, tmp_path):
     sys.stdout.write(
         f"{operation}: {n_refused} of {len(limits)} full disks said; no partial files\n"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_small_disks(server, undisturbed, operation, tmp_path):
+    """Where this process may mount one; the sizes of files are limited everywhere, see above."""
+    new, _ = undisturbed(operation, server.inputs)
+    needed, n_refused, place = sum(map(len, new.values())), 0, tmp_path / "disk"
+    for n_bytes in (0, needed // 2, needed):
+        try:
+            disk = ExitStack()
+            enlarge = disk.enter_context(small_disk(place, n_bytes + 4096))
+        except OSError as error:
+            pytest.skip(str(error))
+        with disk:
+            (place / "another").write_bytes(bytes(4096))  # the smallest disk is full
+            code, said, _ = server.run(operation, place / "out")
+            assert code in (0, 2), said
+            n_refused += code != 0
+            assert content(place / "out") == (new if code == 0 else {}), (n_bytes, said)
+            assert code == 0 or "No space left on device" in said, said
+            assert "unexpected" not in said
+            enlarge(2**26)
+            code, said, _ = server.run(operation, place / "out")
+            assert code == 0, said
+            assert content(place / "out") == new
+    assert n_refused > 0
+    sys.stdout.write(f"{operation}: {n_refused} of 3 small disks said; no partial files\n")
 
 
 # Operations take less than a second; what takes longer waits for something that does not come.
