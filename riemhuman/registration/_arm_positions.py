@@ -1,4 +1,7 @@
-"""Arms in other positions, as starts for other fits: elbows swung, hands moved."""
+"""Arms in other positions, as starts for other fits: elbows swung, hands moved.
+
+In goes a pose, out comes a pose; nothing here looks at a scan.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Forearms with their hands as separate surfaces, and how far joints of arms can bend."""
+"""Forearms with their hands as separate surfaces, and how far joints of arms can bend.
+
+`make_arm_surface` takes what is known of a model and returns one arm's `ArmSurface`, made once.
+"""
 
 from __future__ import annotations
 

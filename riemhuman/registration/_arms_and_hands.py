@@ -1,4 +1,9 @@
-"""Other forearms and hands for a dense fit; those nearest to the scan are kept."""
+"""Other forearms and hands for a dense fit; those nearest to the scan are kept.
+
+In goes a `DenseFit`; out comes an `ArmsFit`: the pose with the nearest arms and hands, and the
+others that were tried, by which the last stage tells whether the nearest are sure. The fits of
+single limbs that other stages need are here too.
+"""
 
 from __future__ import annotations
 

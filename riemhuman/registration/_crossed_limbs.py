@@ -1,4 +1,8 @@
-"""Crossed arms or legs, and which of the two limbs is which."""
+"""Crossed arms or legs, and which of the two limbs is which.
+
+In goes a `DenseFit`; out comes one whose crossed limbs are exchanged where that is nearer to the
+scan. The last stage asks the same of the final pose.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The dense fit of a body's parameters to all points of a scan, from its likeliest start."""
+"""The dense fit of a body's parameters to all points of a scan, from its likeliest start.
+
+In go a prepared scan and the best `Candidate` of the search; out comes a `DenseFit`, whose `task`
+holds what later stages share.
+"""
 
 from __future__ import annotations
 

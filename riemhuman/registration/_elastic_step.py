@@ -1,4 +1,8 @@
-"""The elastic step, in which the surface of a fitted body leaves the model to meet the scan."""
+"""The elastic step, in which the surface of a fitted body leaves the model to meet the scan.
+
+In go a `DenseTask` and a pose; out comes an `ElasticFit`: a better pose, the model's surface in it,
+and the surface that left the model.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points spread evenly over a surface, chosen among those of a scan or a body."""
+"""Points spread evenly over a surface, chosen among those of a scan or a body, as indices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Messages of registrations: parts of bodies in words, and what a scan does not show."""
+"""Messages of registrations: parts of bodies in words, and what a scan does not show.
+
+In go names of joints and reasons; out come sentences.
+"""
 
 from __future__ import annotations
 

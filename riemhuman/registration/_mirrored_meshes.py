@@ -1,4 +1,8 @@
-"""Opposite vertices of symmetric meshes, and how maps use them."""
+"""Opposite vertices of symmetric meshes, and how maps use them.
+
+In go two meshes of which one is registered to the other; out come the numbers of the opposite
+vertices, -1 where there is none, and maps that treat both sides alike.
+"""
 
 from __future__ import annotations
 

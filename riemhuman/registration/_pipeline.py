@@ -1,6 +1,8 @@
 """The stages of a registration in order: search, dense fit, arms and hands, elastic step, trust.
 
-A doubtful result is searched again: from other starts, without a floor, and as half a body.
+In goes a `ScanTask`, a prepared scan with the models to fit; out comes a `RegistrationTrace`, the
+values of all stages. A doubtful result is searched again: from other starts, without a floor, and
+as half a body.
 """
 
 from __future__ import annotations

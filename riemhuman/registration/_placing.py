@@ -1,4 +1,7 @@
-"""The rigid motion that lays a scan over its body if their axes differ."""
+"""The rigid motion that lays a scan over its body if their axes differ.
+
+In go the points of a scan and a body; out comes a matrix, the identity if they agree already.
+"""
 
 from __future__ import annotations
 

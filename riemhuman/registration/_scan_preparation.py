@@ -1,4 +1,7 @@
-"""Points of a scan ready for registration: evenly spread, with outward normals, no background."""
+"""Points of a scan ready for registration: evenly spread, with outward normals, no background.
+
+In goes a `Scan` in metres; out comes a `PreparedScan`, which also finds the closest points.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The search over headings, start poses and up directions, which drops unlikely starts."""
+"""The search over headings, start poses and up directions, which drops unlikely starts.
+
+In go a model and a prepared scan; out comes a `Search`: the starts, the candidates that each round
+kept, and the scan with normals oriented like those of the likeliest body.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The starts of a search: start poses with several headings, in the middle of a scan."""
+"""The starts of a search: start poses with several headings, in the middle of a scan.
+
+In go a model and a prepared scan; out come `Candidate`s that are not fitted yet.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Checks by which registrations are trusted."""
+"""How well a body explains its scan, and the doubts that follow.
+
+`find_excess` compares limbs with the rest of the body; `find_doubts` turns measures of a fit into
+reasons. Which vertices a scan shows is found in `_shown_parts`, and `_verdict` puts all together.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The direction up of a registered body, and the rigid motion to upright axes."""
+"""The direction up of a registered body, and the rigid motion to upright axes.
+
+In goes the final pose; out come a unit vector, and a matrix of shape (4, 4).
+"""
 
 from __future__ import annotations
 

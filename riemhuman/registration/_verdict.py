@@ -1,4 +1,7 @@
-"""The last stage: which bodies, limbs and vertices are trusted, and messages about the others."""
+"""The last stage: which bodies, limbs and vertices are trusted, and messages about the others.
+
+In go a search, the body fitted from it and what the scan shows of it; out comes a `Verdict`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Places of one mesh's vertices on another mesh, and what has no place there."""
+"""Places of one mesh's vertices on another mesh, and what has no place there.
+
+In go two meshes in the same pose; out come `VertexPlaces`, which carry the vertices of one along
+with other bodies of the other.
+"""
 
 from __future__ import annotations
 

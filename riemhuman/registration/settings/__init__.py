@@ -1,6 +1,8 @@
 """The settings of registration, a file a stage; the defaults were calibrated on simulated scans.
 
-`tests/benchmarks/test_registration.py` prints what they do.
+`tests/benchmarks/test_registration.py` prints what they do. Each class names the fields that it
+checks, as in `check_amounts(area=self.area)`. That repeats names, but an editor and mypy follow
+them, and nothing about a field is said elsewhere than in its class.
 """
 
 from riemhuman.registration.settings.arms import ArmSettings

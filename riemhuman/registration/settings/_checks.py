@@ -25,6 +25,17 @@ def check_lists(**lists: tuple[float, ...]) -> None:
             real_number(value, f"{name}[{number}]")
 
 
+def check_pairs(**lists: tuple[tuple[float, float], ...]) -> None:
+    for name, pairs in lists.items():
+        if not isinstance(pairs, tuple) or not pairs:
+            refuse_type(pairs, name, "a tuple of pairs of numbers, at least one")
+        for number, pair in enumerate(pairs):
+            if not isinstance(pair, tuple) or len(pair) != 2:
+                refuse_type(pair, f"{name}[{number}]", "a pair of numbers")
+            for value in pair:
+                real_number(value, f"{name}[{number}]")
+
+
 def check_shares(**shares: float) -> None:
     for name, value in shares.items():
         if real_number(value, name, minimum=0.0) > 1.0:

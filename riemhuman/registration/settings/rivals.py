@@ -8,6 +8,7 @@ from riemhuman.registration.settings._checks import (
     check_amounts,
     check_counts,
     check_lists,
+    check_pairs,
     check_shares,
 )
 
@@ -114,7 +115,6 @@ class RivalSettings:
             head_margin=self.head_margin,
             least_swung=self.least_swung,
             most_farther=self.most_farther,
-            n_compared=self.n_compared,
             displaced_metres=self.displaced_metres,
             touching_metres=self.touching_metres,
             least_rest_metres=self.least_rest_metres,
@@ -123,7 +123,8 @@ class RivalSettings:
             most_limb_excess=self.most_limb_excess,
             exchanged_metres=self.exchanged_metres,
         )
-        check_counts(n_compared_first=self.n_compared_first)
+        check_counts(n_compared=self.n_compared, n_compared_first=self.n_compared_first)
+        check_pairs(head_turns=self.head_turns)
         check_lists(elbow_swings=self.elbow_swings, across=self.across)
         check_shares(
             least_displaced=self.least_displaced,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from riemhuman.checks import whole_number
+from riemhuman.checks import refuse_type, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.registration.settings._checks import check_amounts, check_counts
 
@@ -126,10 +126,12 @@ class SearchSettings:
             warm_betas_precision=self.warm_betas_precision,
             still_hands=self.still_hands,
         )
-        if len(self.rounds) < 2:
-            raise ArgumentError(f"rounds must be two or more; found {len(self.rounds)}")
+        _check_rounds(self.rounds, "rounds", least=2)
+        _check_rounds(self.arm_rounds, "arm_rounds", least=2)
         if len(self.arm_rounds) != 2:
             raise ArgumentError(f"arm_rounds must be two; found {len(self.arm_rounds)}")
+        _check_rounds(self.warm_rounds, "warm_rounds", least=1)
+        _check_rounds((self.fine_round,), "fine_round", least=1)
         if self.poses is not None and not self.poses:
             raise ArgumentError("poses must name at least one start pose, or be None; found none")
         if self.headings is not None:
@@ -139,3 +141,11 @@ class SearchSettings:
                     f"headings must be numbers from 0 to {self.n_headings - 1}; found "
                     f"{self.headings!r}"
                 )
+
+
+def _check_rounds(rounds: tuple[SearchRound, ...], name: str, least: int) -> None:
+    if not isinstance(rounds, tuple) or len(rounds) < least:
+        refuse_type(rounds, name, f"a tuple of at least {least} SearchRound")
+    for number, stage in enumerate(rounds):
+        if not isinstance(stage, SearchRound):
+            refuse_type(stage, f"{name}[{number}]", "a SearchRound")
