@@ -121,7 +121,10 @@ def _add_moments(
 def _aligned(
     a: Array, n_axes_a: int, b: Array, n_axes_b: int
 ) -> tuple[tuple[int, ...], Array, Integers, Array, Integers]:
-    """Return the joint leading shape of arrays, each as a list of items, and the item of each."""
+    """Return the common leading shape of arrays, and each as a list of items with the item of each.
+
+    Items are broadcast by their numbers, and need not be copied.
+    """
     lead = onp.broadcast_shapes(a.shape[:-n_axes_a], b.shape[:-n_axes_b])
     return lead, *_items(a, n_axes_a, lead), *_items(b, n_axes_b, lead)
 

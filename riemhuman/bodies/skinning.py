@@ -25,10 +25,28 @@ _UNSIGNED_ROOT = 2**32 - 1
 
 # The first joints of SMPL, SMPL-H and SMPL-X by the names of the open model, and their parents.
 SMPL_JOINTS = (
-    *("pelvis", "left_hip", "right_hip", "lower_spine", "left_knee", "right_knee", "middle_spine"),
-    *("left_ankle", "right_ankle", "upper_spine", "left_toes", "right_toes", "neck", "left_collar"),
-    *("right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
-    *("left_wrist", "right_wrist"),
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "lower_spine",
+    "left_knee",
+    "right_knee",
+    "middle_spine",
+    "left_ankle",
+    "right_ankle",
+    "upper_spine",
+    "left_toes",
+    "right_toes",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
 )
 SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
 
@@ -84,10 +102,11 @@ def joint_motions(
     >>> positions[1].tolist()
     [0.0, 1.0, 0.0]
     """
-    joints, rotations = (
-        array if hasattr(array, "dtype") else real_array(array, name)
-        for array, name in ((joints, "joints"), (rotations, "rotations"))
-    )
+    # Arrays keep their precision, single or double.
+    if not hasattr(joints, "dtype"):
+        joints = real_array(joints, "joints")
+    if not hasattr(rotations, "dtype"):
+        rotations = real_array(rotations, "rotations")
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
     joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
     rotations = rotations + np.zeros((*shape, 1, 1, 1), dtype=rotations.dtype)
@@ -95,15 +114,16 @@ def joint_motions(
     positions: dict[int, Array] = {}
     for joint in order:
         parent = parents[joint]
-        in_space[joint], positions[joint] = rotations[..., joint, :, :], joints[..., joint, :]
+        in_space[joint] = rotations[..., joint, :, :]
+        positions[joint] = joints[..., joint, :]
         if parent >= 0:
             bone = positions[joint] - joints[..., parent, :]
             positions[joint] = positions[parent] + _apply(in_space[parent], bone)
             in_space[joint] = np.matmul(in_space[parent], in_space[joint])
-    joints_in_turn = range(len(parents))
+    n_joints = len(parents)
     return (
-        np.stack([in_space[joint] for joint in joints_in_turn], axis=-3),
-        np.stack([positions[joint] for joint in joints_in_turn], axis=-2),
+        np.stack([in_space[joint] for joint in range(n_joints)], axis=-3),
+        np.stack([positions[joint] for joint in range(n_joints)], axis=-2),
     )
 
 
@@ -319,9 +339,12 @@ def joints_between(parents: Integers, first: int, last: int) -> list[int]:
     >>> rh.bodies.joints_between([-1, 0, 1, 0], 2, 3)
     [2, 1, 0, 3]
     """
-    up, down = (joints_to_root(parents, joint) for joint in (first, last))
-    shared = next(joint for joint in up if joint in down)
-    return up[: up.index(shared) + 1] + down[: down.index(shared)][::-1]
+    from_first = joints_to_root(parents, first)
+    from_last = joints_to_root(parents, last)
+    shared = next(joint for joint in from_first if joint in from_last)
+    up = from_first[: from_first.index(shared) + 1]
+    down = reversed(from_last[: from_last.index(shared)])
+    return [*up, *down]
 
 
 def joints_to_root(parents: Integers, joint: int) -> list[int]:
@@ -366,7 +389,7 @@ def joint_parents(kintree_table: ArrayLike, n_joints: int) -> Integers:
 def parents_first(parents: Integers) -> tuple[int, ...]:
     """Return the joints ordered so that parents precede children."""
     order = onp.flatnonzero(parents < 0).tolist()
-    for joint in order:
+    for joint in order:  # the list grows while it is read
         order.extend(onp.flatnonzero(parents == joint).tolist())
     if len(order) != len(parents):
         cycle = sorted(set(range(len(parents))) - set(order))

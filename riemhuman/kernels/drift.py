@@ -43,19 +43,20 @@ def rigid_motions(
     target l is one surface or one for each; R has shape (n, 3, 3) and b shape (n, 1, 3).
     """
     size = np.ptp(surfaces[0], axis=0).max()
-    some = slice(None, None, max(1, surfaces.shape[1] // _N_VERTICES))
-    f, shares = surfaces[:, some], weights[some]
-    target = np.broadcast_to(target, surfaces.shape)[:, some]
-    pull = np.broadcast_to(shares, f.shape[:2])
-    before = f
+    every_few = slice(None, None, max(1, surfaces.shape[1] // _N_VERTICES))
+    f, shares = surfaces[:, every_few], weights[every_few]
+    target = np.broadcast_to(target, surfaces.shape)[:, every_few]
+    # Least squares with weights w/r minimise the sum of w r.
+    reweighted = np.broadcast_to(shares, f.shape[:2])
+    moved_before = f
     for _ in range(_N_ROUNDS):
-        turns, shifts = least_squares_motions(f, target, pull, rotations=rotations)
-        after = f @ turns + shifts
-        if np.abs(after - before).max() <= _TOLERANCE * size:
+        turns, shifts = least_squares_motions(f, target, reweighted, rotations=rotations)
+        moved = f @ turns + shifts
+        if np.abs(moved - moved_before).max() <= _TOLERANCE * size:
             break
-        distances = np.linalg.norm(after - target, axis=2)
-        pull = shares / np.maximum(distances, _SMALLEST * size)
-        before = after
+        distances = np.linalg.norm(moved - target, axis=2)
+        reweighted = shares / np.maximum(distances, _SMALLEST * size)
+        moved_before = moved
     return turns, shifts
 
 

@@ -11,10 +11,16 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.compilation import FUSED, compiled
+from riemhuman.kernels.threads import slices
 
 
 class Elimination(NamedTuple):
-    """The elimination A = L D Lᵀ of matrices with one pattern of blocks, prepared once."""
+    """The elimination A = L D Lᵀ of matrices with one pattern of blocks, prepared once.
+
+    Blocks of L are numbered column by column: those of column j from ends[j], in the rows `rows`.
+    In the order `by_row` they are numbered row by row: those of row i from row_ends[i]. Block
+    `sources` of A, in which rows and columns are taken in `order`, goes to block `targets` of L.
+    """
 
     order: Integers
     ends: Integers
@@ -54,15 +60,15 @@ class SymmetricSolver:
     def solve(self, values: Array) -> Array:
         """Return X for right sides B, shape (n,) or (n, k)."""
         columns = values.reshape(len(values), -1)
-        solved, first = np.empty(columns.shape), 0
-        while first < columns.shape[1]:
-            width = _ALONE if columns.shape[1] - first == 1 else _TOGETHER
-            some = columns[:, first : first + len(width)]
+        solved = np.empty(columns.shape)
+        for block in slices(columns.shape[1], len(_TOGETHER)):
+            n_columns = block.stop - block.start
+            width = _ALONE if n_columns == 1 else _TOGETHER
+            # Columns that are missing stay zero.
             x = np.zeros((len(values), len(width)))
-            x[:, : some.shape[1]] = some[self._order]
+            x[:, :n_columns] = columns[self._order, block]
             _solve_columns(self._ends, self._rows, self._entries, self._pivots, x, width)
-            solved[:, first : first + len(width)] = x[self._place, : some.shape[1]]
-            first += len(width)
+            solved[:, block] = x[self._place, :n_columns]
         return solved.reshape(values.shape)
 
 
@@ -102,13 +108,16 @@ def _solve_columns(
 
 def elimination_of(matrix: sparse.bsr_array) -> Elimination:
     """Return how a symmetric matrix is eliminated, which is kept for the last patterns."""
-    numbers = matrix.indptr, matrix.indices
-    return _elimination(*(some.astype(np.int64).tobytes() for some in numbers))
+    # As bytes, patterns can be compared with those that are kept.
+    row_ends = matrix.indptr.astype(np.int64).tobytes()
+    columns = matrix.indices.astype(np.int64).tobytes()
+    return _elimination(row_ends, columns)
 
 
 @lru_cache(maxsize=4)
 def _elimination(row_ends: bytes, columns: bytes) -> Elimination:
-    ends, indices = (np.frombuffer(numbers, dtype=np.int64) for numbers in (row_ends, columns))
+    ends = np.frombuffer(row_ends, dtype=np.int64)
+    indices = np.frombuffer(columns, dtype=np.int64)
     n = len(ends) - 1
     order = _order(ends, indices)
     place = np.argsort(order)
@@ -120,14 +129,14 @@ def _elimination(row_ends: bytes, columns: bytes) -> Elimination:
     columns_of_l = np.repeat(np.arange(n), counts)
     targets = np.searchsorted(columns_of_l * n + rows, above * n + across)
     return Elimination(
-        order,
-        np.concatenate([[0], np.cumsum(counts)]),
-        rows.astype(np.intc),
-        columns_of_l,
-        np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))]),
-        np.argsort(rows, kind="stable"),
-        sources,
-        targets,
+        order=order,
+        ends=np.concatenate([[0], np.cumsum(counts)]),
+        rows=rows.astype(np.intc),
+        columns=columns_of_l,
+        row_ends=np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))]),
+        by_row=np.argsort(rows, kind="stable"),
+        sources=sources,
+        targets=targets,
     )
 
 

@@ -22,6 +22,10 @@ from riemhuman.kernels.surface import dot, square_root
 # quotients, has derivatives of every order at zero.
 _SERIES_BELOW = 1e-3
 
+# Below this share of its trace cubed, the determinant of tr(S) I − S is zero but for rounding: the
+# nearest rotation is not unique.
+_LEAST_DETERMINANT = 1e-30
+
 
 def rotation_matrix(axis_angle: ArrayLike) -> Array:
     """Return the rotation matrices of axis-angle vectors, shape (..., 3, 3).
@@ -119,8 +123,11 @@ def quaternions(rotations: Array) -> Array:
     and Control 1(3), 1978).
     """
     diagonal = [rotations[..., i, i] for i in range(3)]
-    x, y, z = (2.0 * part for part in np.moveaxis(axial(rotations), -1, 0))
-    xy, xz, yz = (rotations[..., i, j] + rotations[..., j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
+    vector = 2.0 * axial(rotations)
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    xy = rotations[..., 0, 1] + rotations[..., 1, 0]
+    xz = rotations[..., 0, 2] + rotations[..., 2, 0]
+    yz = rotations[..., 1, 2] + rotations[..., 2, 1]
     # 4 q qᵀ, whose k-th column is q times four times its k-th component.
     squares = [1.0 + diagonal[0] + diagonal[1] + diagonal[2]] + [
         1.0 + 2.0 * diagonal[i] - (diagonal[0] + diagonal[1] + diagonal[2]) for i in range(3)
@@ -132,8 +139,9 @@ def quaternions(rotations: Array) -> Array:
         (z, xz, yz, squares[3]),
     )
     largest = onp.argmax(onp.stack([values_of(square) for square in squares]), axis=0)
-    chosen = [sum(np.where(largest == k, columns[k][i], 0.0) for k in range(4)) for i in range(4)]
-    column = np.stack(chosen, axis=-1)
+    # Column k where its square is the largest, 0 elsewhere; autograd cannot assign to entries.
+    entries = [sum(np.where(largest == k, columns[k][i], 0.0) for k in range(4)) for i in range(4)]
+    column = np.stack(entries, axis=-1)
     return column / np.sqrt(dot(column, column))[..., None]
 
 
@@ -217,6 +225,8 @@ def _by_newton(matrices: Array, nearest: Array, near: Array) -> None:
             for j in range(3):
                 x[i, j] = matrices[t, i, j]
                 squares += x[i, j] ** 2
+        # A rotation has squares 3 and determinant 1; nearer to a singular matrix the limit loses
+        # digits, and may be another rotation.
         near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2
         if not near[t]:
             continue
@@ -228,7 +238,7 @@ def _by_newton(matrices: Array, nearest: Array, near: Array) -> None:
                     change = 0.5 * (cofactors[i, j] / determinant - x[i, j])
                     x[i, j] += change
                     largest = max(largest, abs(change))
-            if largest < 1e-9:  # quadratic: the rest is rounding
+            if largest < 1e-9:  # the next change is its square: the rest is rounding
                 break
         for i in range(3):
             for j in range(3):
@@ -257,9 +267,13 @@ def _turned_back(answer: Array, matrices: Array, upstream: Array) -> Array:
     system = trace * np.eye(3) - 0.5 * (stretch + transpose(stretch))
     x, y, z = system[..., 0], system[..., 1], system[..., 2]
     determinant = dot(x, np.cross(y, z))
-    unique = values_of(determinant) > 1e-30 * values_of(trace)[..., 0, 0] ** 3
+    unique = values_of(determinant) > _LEAST_DETERMINANT * values_of(trace)[..., 0, 0] ** 3
     right = 2.0 * axial(np.matmul(transpose(answer), upstream))
-    turned = np.stack([dot(right, np.cross(a, b)) for a, b in ((y, z), (z, x), (x, y))], axis=-1)
+    # Cramer's rule.
+    turned = np.stack(
+        [dot(right, np.cross(y, z)), dot(right, np.cross(z, x)), dot(right, np.cross(x, y))],
+        axis=-1,
+    )
     scale = np.where(unique, 1.0, 0.0) / np.where(unique, determinant, 1.0)
     turned = scale[..., None] * turned
     return np.matmul(answer, cross_product_matrix(turned))

@@ -103,12 +103,22 @@ def frame_components(first: Derivatives, h_u: Array, h_v: Array) -> Array:
 
     Taken from g and n and their changes, slivers would lose the digits of their aspect ratio.
     """
-    p, x, y = (value[..., None] for value in (np.sqrt(first.e), first.m / first.e, first.areas))
-    y = y / p**2
+    # The corners of the triangle f_u, f_v in its own frame: (p, 0) and (x p, y p).
+    p = np.sqrt(first.e)[..., None]
+    x = (first.m / first.e)[..., None]
+    y = first.areas[..., None] / p**2
     e1, e2 = first.f_u / p, (first.f_v - x * first.f_u) / (y * p)
+    normal = first.area_vectors / first.areas[..., None]
     along, across = h_u / p, (h_v - x * h_u) / (y * p)
-    axes = (e1, e2, first.area_vectors / first.areas[..., None])
-    return np.stack([dot(axis, h) for axis in axes for h in (along, across)], axis=-1)
+    components = [
+        dot(e1, along),
+        dot(e1, across),
+        dot(e2, along),
+        dot(e2, across),
+        dot(normal, along),
+        dot(normal, across),
+    ]
+    return np.stack(components, axis=-1)
 
 
 Forms = Sequence[tuple[Array, Array]]
@@ -135,8 +145,8 @@ def product_by_forms(
 
 def add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Forms) -> None:
     """Add quadratic forms of `frame_components` as forms of the nine numbers of corners."""
-    one, two, three = (f[corners] for corners in faces.T)
-    x, y = two - one, three - one
+    corner_1, corner_2, corner_3 = triangle_corners(f, faces)
+    x, y = corner_2 - corner_1, corner_3 - corner_1
     normals = onp.cross(x, y)
     squares, xx = dot(normals, normals), dot(x, x)
     degenerate = squares <= DEGENERATE * xx * dot(y, y)
@@ -151,6 +161,11 @@ def add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Forms) -> None
     maps = (axes[:, :, None, None, :] * along[:, None, :, :, None]).reshape(-1, 6, 9)
     total = sum((scale[:, None, None] * form for form, scale in forms), start=onp.zeros(()))
     blocks += onp.matmul(onp.swapaxes(maps, 1, 2), onp.matmul(total, maps))
+
+
+def triangle_corners(points: Points, faces: Triangles) -> tuple[Array, Array, Array]:
+    """Return the first, the second and the third corners of all triangles, shape (..., F, 3)."""
+    return points[..., faces[:, 0], :], points[..., faces[:, 1], :], points[..., faces[:, 2], :]
 
 
 def partial_derivatives(points: Points, operator: csr_matrix) -> tuple[Array, Array]:
@@ -360,9 +375,9 @@ def cotangent_laplacian(f: Points, faces: Triangles) -> csr_array:
 
 def vertex_normals(points: Points, faces: Triangles) -> Array:
     """Return unit normals of the vertices, averaged over their triangles with areas as weights."""
-    one, two, three = (points[corners] for corners in faces.T)
-    areas = onp.repeat(onp.cross(two - one, three - one), 3, axis=0)
-    sums = [onp.bincount(faces.ravel(), column, len(points)) for column in areas.T]
+    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
+    area_vectors = onp.repeat(onp.cross(corner_2 - corner_1, corner_3 - corner_1), 3, axis=0)
+    sums = [onp.bincount(faces.ravel(), column, len(points)) for column in area_vectors.T]
     return unit_vectors(onp.stack(sums, axis=1))
 
 

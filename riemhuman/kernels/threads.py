@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import functools
 import math
-import operator
 import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar, TypeVarTuple
+from typing import NamedTuple, TypeVar, TypeVarTuple
 
 import numpy as np
 from scipy import sparse
@@ -31,6 +30,9 @@ N_CHUNKS = 4
 
 # Columns of long rows that BLAS multiplies at a time, after copying them within the cache.
 _IN_CACHE = 16384
+
+# With fewer numbers, starting threads takes longer than they save.
+_FEWEST_FOR_THREADS = 500_000
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -50,7 +52,12 @@ def sums_in_chunks(
 ) -> tuple[*Sums]:
     """Return the sums of what a task returns for parts of range(size), numbers and arrays."""
     parts = in_chunks(task, size, threaded=threaded)
-    sums = (functools.reduce(operator.iadd, values) for values in zip(*parts, strict=True))
+    sums = []
+    for values in zip(*parts, strict=True):
+        total = values[0]
+        for value in values[1:]:
+            total += value  # in place, if it is an array
+        sums.append(total)
     return tuple(sums)
 
 
@@ -188,7 +195,7 @@ def quadratic_form(matrix: sparse.csr_array, rows: Array) -> Array:
 
 
 def _is_large(rows: Array) -> bool:
-    return rows.size > 500_000
+    return rows.size > _FEWEST_FOR_THREADS
 
 
 @functools.cache
@@ -242,10 +249,8 @@ def in_tiles(
     n_threads: int,
 ) -> Array:
     """Return sums over pairs, computed tile by tile in threads."""
-    within = all(x is y for x, y in zip(a, b, strict=True))
-    a, b = tuple(map(of_one_kind, a)), tuple(map(of_one_kind, b))
+    within = all(array_a is array_b for array_a, array_b in zip(a, b, strict=True))
     n_a, n_b = len(a[0]), len(b[0])
-    squared = np.zeros((n_a, n_b))
     n_values = max(1, *(array[:1].size for array in a))
     n_pairs = _TILE_WORK / n_values
     if n_threads > 1:
@@ -253,24 +258,37 @@ def in_tiles(
     # Whole blocks of four, by which some loops go.
     size = 4 * int(np.clip(0.25 * math.sqrt(n_pairs) + 0.5, 2, 16))
 
-    rows, columns = (
-        [(slice(k, k + size), tuple(array[k : k + size] for array in arrays)) for k in starts]
-        for arrays, starts in ((a, range(0, n_a, size)), (b, range(0, n_b, size)))
-    )
-    # Within a set both have to be the same arrays.
-    columns = rows if within else columns
-    places = [
+    rows = _strips(a, size)
+    # Within a set both have to be the same arrays, and tiles below the diagonal are left out.
+    columns = rows if within else _strips(b, size)
+    pairs = [
         (row, column)
         for row in rows
         for column in columns
-        if not within or row[0].start <= column[0].start
+        if not within or row.place.start <= column.place.start
     ]
-    tiles = mapped(run, ((row[1], column[1]) for row, column in places), n_threads)
-    for ((i, _), (j, _)), tile in zip(places, tiles, strict=True):
-        if within and i == j:
+    tiles = mapped(run, ((row.arrays, column.arrays) for row, column in pairs), n_threads)
+    squared = np.zeros((n_a, n_b))
+    for (row, column), tile in zip(pairs, tiles, strict=True):
+        if within and row is column:
             tile = np.triu(tile, 1)
             tile += tile.T
         elif within:
-            squared[j, i] = tile.T
-        squared[i, j] = tile
+            squared[column.place, row.place] = tile.T
+        squared[row.place, column.place] = tile
     return squared
+
+
+class _Strip(NamedTuple):
+    """Some consecutive points: their place in the table, and their arrays."""
+
+    place: slice[int, int, None]
+    arrays: tuple[Array, ...]
+
+
+def _strips(arrays: Sequence[Array], size: int) -> list[_Strip]:
+    arrays = [of_one_kind(array) for array in arrays]
+    return [
+        _Strip(place, tuple(array[place] for array in arrays))
+        for place in slices(len(arrays[0]), size)
+    ]

@@ -15,7 +15,12 @@ from riemhuman.checks import integer_array, real_array, real_number, weight_shar
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, ProductManifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
-from riemhuman.kernels.surface import apply_operator, stacked_derivatives, triangle_frames
+from riemhuman.kernels.surface import (
+    apply_operator,
+    stacked_derivatives,
+    triangle_corners,
+    triangle_frames,
+)
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
@@ -211,7 +216,7 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
 
 def _frames(points: Points, faces: Triangles) -> Array:
     """Return two edges and the unit normal of every triangle as columns, shape (..., F, 3, 3)."""
-    corner_1, corner_2, corner_3 = (points[..., corner, :] for corner in faces.T)
+    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
     edge_2, edge_3 = corner_2 - corner_1, corner_3 - corner_1
     normals = np.cross(edge_2, edge_3)
     lengths = np.linalg.norm(normals, axis=-1, keepdims=True)

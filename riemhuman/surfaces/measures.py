@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from riemhuman.arrays import Array, Integers, Points, Triangles
 from riemhuman.checks import real_array
+from riemhuman.kernels.surface import triangle_corners
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
 _FLAT = 1e-4
@@ -28,8 +29,9 @@ def triangle_areas(points: Points, faces: Triangles) -> Array:
     1.77
     """
     points = real_array(points, "points", ("n_vertices", 3))
-    first, second, third = (points[..., corner, :] for corner in faces.T)
-    double_areas: Array = np.linalg.norm(np.cross(second - first, third - first), axis=-1)
+    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
+    area_vectors = np.cross(corner_2 - corner_1, corner_3 - corner_1)
+    double_areas: Array = np.linalg.norm(area_vectors, axis=-1)
     return 0.5 * double_areas
 
 
@@ -79,8 +81,8 @@ def signed_volume(points: Points, faces: Triangles) -> Array:
 def _enclosed(points: Points, faces: Triangles) -> Array:
     # Relative to the first vertex, to keep precision for bodies far from the origin.
     points = points - points[..., :1, :]
-    first, second, third = (points[..., corner, :] for corner in faces.T)
-    volumes: Array = np.sum(first * np.cross(second, third), axis=(-2, -1)) / 6.0
+    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
+    volumes: Array = np.sum(corner_1 * np.cross(corner_2, corner_3), axis=(-2, -1)) / 6.0
     return volumes
 
 

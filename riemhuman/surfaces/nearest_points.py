@@ -17,6 +17,8 @@ from riemhuman.kernels.threads import of_one_kind, slices
 _N_VERTICES = 3
 # Points that are searched together.
 _BLOCK = 8192
+# Distances are compared with this factor, so that rounding excludes no triangle.
+_SLACK = 1.0 + 1e-9
 
 
 class SurfacePoints(NamedTuple):
@@ -64,58 +66,74 @@ def nearest_points(queries: Array, points: Points, faces: Triangles) -> tuple[Su
     >>> faces = bodies.template.faces
     >>> points, distances = rh.surfaces.nearest_points(bodies[0] + 0.01, bodies[0], faces)
     """
-    queries, points = of_one_kind(queries), of_one_kind(points)
-    faces = of_one_kind(faces)
-    corners, corner = points[faces], faces.ravel()
+    corners = points[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     reach = np.zeros(len(points))
-    np.maximum.at(reach, corner, np.repeat(longest, 3) / math.sqrt(3.0))
-    around, starts = _triangles_around(faces, len(points))
-    surface = (points, faces, around, starts, (1.0 + 1e-9) * reach)
-    triangles, barycentric, squares = places = _nothing_found(len(queries))
-    used = np.flatnonzero(np.diff(starts))
-    near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
-    ends = near.shape[1] * np.arange(len(queries) + 1)
-    _try_vertices(queries, used[near].ravel(), ends, *surface, *places)
+    np.maximum.at(reach, faces.ravel(), np.repeat(longest, 3) / math.sqrt(3.0))
+    places = _NearestPlaces(queries, points, faces, _SLACK * reach)
+    used = np.unique(faces)
+    n_near = min(_N_VERTICES, len(used))
+    _, near = cKDTree(points[used]).query(queries, k=range(1, n_near + 1))
+    places.try_vertices(used[near].ravel(), n_near * np.arange(len(queries) + 1))
     # Few vertices have long edges; those with short edges need only be searched nearby.
     sizes = np.ceil(np.log2(np.maximum(reach[used], np.finfo(float).tiny)))
     for size in np.unique(sizes):
         members = used[sizes == size]
-        tree, farthest = cKDTree(points[members]), (1.0 + 1e-9) * reach[members].max()
+        tree, farthest = cKDTree(points[members]), _SLACK * reach[members].max()
         for part in slices(len(queries), _BLOCK):
-            nearby = tree.query_ball_point(queries[part], np.sqrt(squares[part]) + farthest)
+            radii = np.sqrt(places.squares[part]) + farthest
+            nearby = tree.query_ball_point(queries[part], radii)
             ends = np.cumsum([0, *map(len, nearby)])
-            vertices = members[np.fromiter(chain.from_iterable(nearby), np.int64, ends[-1])]
-            some = of_one_kind(queries[part])
-            places = triangles[part], barycentric[part], squares[part]
-            _try_vertices(some, vertices, ends, *surface, *places)
-    return SurfacePoints(triangles, barycentric), np.sqrt(squares)
+            numbers = np.fromiter(chain.from_iterable(nearby), np.int64, ends[-1])
+            places.try_vertices(members[numbers], ends, part)
+    return places.result()
 
 
 def nearest_points_around(
     queries: Array, vertices: Integers, points: Points, faces: Triangles
 ) -> tuple[SurfacePoints, Array]:
     """Return the nearest places in the triangles at given vertices, (N, k), of each query."""
-    queries, points = of_one_kind(queries), of_one_kind(points)
-    faces = of_one_kind(faces)
-    triangles, barycentric, squares = places = _nothing_found(len(queries))
-    ends = vertices.shape[1] * np.arange(len(queries) + 1)
-    around, starts = _triangles_around(faces, len(points))
-    surface = (points, faces, around, starts, np.full(len(points), np.inf))
-    _try_vertices(queries, vertices.ravel(), ends, *surface, *places)
-    return SurfacePoints(triangles, barycentric), np.sqrt(squares)
+    places = _NearestPlaces(queries, points, faces, np.full(len(points), np.inf))
+    places.try_vertices(vertices.ravel(), vertices.shape[1] * np.arange(len(queries) + 1))
+    return places.result()
 
 
-def _triangles_around(faces: Triangles, n_points: int) -> tuple[Integers, Integers]:
-    """Return the triangles at all vertices in one row, and where those of each vertex start."""
-    corner = faces.ravel()
-    order = np.argsort(corner, kind="stable")
-    return order // 3, np.searchsorted(corner[order], np.arange(n_points + 1))
+class _NearestPlaces:
+    """The nearest place of each query among the triangles that have been tried."""
 
+    def __init__(self, queries: Array, points: Points, faces: Triangles, reach: Array) -> None:
+        self._queries, self._points = of_one_kind(queries), of_one_kind(points)
+        self._faces = of_one_kind(faces)
+        # Every place in a triangle is within the reach of one of its corners.
+        self._reach = reach
+        # The triangles at all vertices in one row, and where those of each vertex start.
+        order = np.argsort(faces.ravel(), kind="stable")
+        self._around = order // 3
+        self._starts = np.searchsorted(faces.ravel()[order], np.arange(len(points) + 1))
+        self._triangles = np.zeros(len(queries), np.int64)
+        self._barycentric = np.zeros((len(queries), 3))
+        self.squares = np.full(len(queries), np.inf)
 
-def _nothing_found(n_queries: int) -> tuple[Integers, Array, Array]:
-    """Return triangles, barycentric coordinates and squared distances before a search."""
-    return np.zeros(n_queries, np.int64), np.zeros((n_queries, 3)), np.full(n_queries, np.inf)
+    def try_vertices(
+        self, vertices: Integers, ends: Integers, part: slice[int | None] = slice(None)
+    ) -> None:
+        """Try the triangles at vertices[ends[i] : ends[i + 1]] for query i of a part."""
+        _try_vertices(
+            of_one_kind(self._queries[part]),
+            vertices,
+            ends,
+            self._points,
+            self._faces,
+            self._around,
+            self._starts,
+            self._reach,
+            self._triangles[part],
+            self._barycentric[part],
+            self.squares[part],
+        )
+
+    def result(self) -> tuple[SurfacePoints, Array]:
+        return SurfacePoints(self._triangles, self._barycentric), np.sqrt(self.squares)
 
 
 # More than eight arguments: a compiled loop takes plain arrays.
@@ -133,10 +151,7 @@ def _try_vertices(
     barycentric: Array,
     squares: Array,
 ) -> None:
-    """Keep the nearest places in the triangles at some vertices of each point.
-
-    Every place in a triangle is within the `reach` of one of its corners.
-    """
+    """Replace places by nearer ones in the triangles at some vertices of each query."""
     weights = np.empty(3)
     for i in range(len(queries)):
         query = queries[i]
@@ -144,7 +159,7 @@ def _try_vertices(
             square = 0.0
             for x in range(3):
                 square += (query[x] - points[vertex, x]) ** 2
-            if math.sqrt(square) - reach[vertex] > (1.0 + 1e-9) * math.sqrt(squares[i]):
+            if math.sqrt(square) - reach[vertex] > _SLACK * math.sqrt(squares[i]):
                 continue
             for t in around[starts[vertex] : starts[vertex + 1]]:
                 square = _closest_in_triangle(query, points, faces[t], weights)
