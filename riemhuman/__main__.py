@@ -1,7 +1,8 @@
 # PYTHON_ARGCOMPLETE_OK
 """The command line as a program: ``riemhuman``, and ``python -m riemhuman``.
 
-Interruptions from the keyboard end it with code 130, also while it imports and at its end.
+Signals that stop it, such as Ctrl-C, end it with 128 and their number as the exit code, also while
+it imports and at its end.
 """
 
 import os
@@ -9,31 +10,33 @@ import signal
 import sys
 from types import FrameType
 
-_INTERRUPTED = 130
+_STOPPING = [signal.SIGINT, signal.SIGTERM]
+if sys.platform != "win32":
+    _STOPPING.append(signal.SIGHUP)  # its terminal was closed
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
     """End the process at once, before it has begun or after everything is done."""
-    os._exit(_INTERRUPTED)
+    os._exit(128 + number)
 
 
 def main() -> int:
     """Run the command line."""
-    # Shells, like nohup, start background processes with interruptions ignored.
-    listens = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
-    if listens:
-        signal.signal(signal.SIGINT, _leave)
+    # Shells, like nohup, start background processes with some of them ignored.
+    heard = [number for number in _STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in heard:
+        signal.signal(number, _leave)
     from riemhuman.cli import interrupt
     from riemhuman.cli import main as run
 
     try:
-        if listens:
-            signal.signal(signal.SIGINT, interrupt)
+        for number in heard:
+            signal.signal(number, interrupt)
         return run()
     finally:
         sys.stderr.flush()
-        if listens:
-            signal.signal(signal.SIGINT, _leave)
+        for number in heard:
+            signal.signal(number, _leave)
 
 
 if __name__ == "__main__":

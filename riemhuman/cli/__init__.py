@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -36,7 +37,7 @@ __all__ = ["interrupt", "main"]
 _DONE = 0
 _NOT_TRUSTED = 1
 _NOT_DONE = 2  # also argparse's code for wrong usage
-_INTERRUPTED = 130
+_STOPPED = 128  # and the number of the signal
 _BROKEN_PIPE = 141
 
 _DESCRIPTION = """\
@@ -55,13 +56,14 @@ _EPILOG = """\
 
 exit codes: 0 done; 1 done, but some results are not trusted: a scan without a trusted body, or a
 search that has not converged; 2 failed: wrong usage, unusable data or an error; 130
-interrupted; 141 closed output pipe
+interrupted; 143 stopped by another process; 141 closed output pipe
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    start = time.perf_counter()
     terminal.tolerate_ascii()
     try:
         try:
@@ -69,8 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
-        terminal.note("interrupted")
-        return _INTERRUPTED
+        number = terminal.interruptions.last(start) or signal.SIGINT
+        terminal.note("interrupted" if number == signal.SIGINT else "stopped by another process")
+        return _STOPPED + number
     except BrokenPipeError:
         terminal.discard_output()
         return _BROKEN_PIPE
@@ -105,7 +108,7 @@ def _run(words: Sequence[str]) -> int:
                 check(options)
             answer = _answer(options)
     except Exception as error:
-        if terminal.was_interrupted(start):  # C libraries report interruptions in their own ways
+        if terminal.interruptions.last(start):  # C libraries report interruptions in their own ways
             raise KeyboardInterrupt from error
         if getattr(options, "debug", False):
             raise
@@ -125,14 +128,16 @@ def _run(words: Sequence[str]) -> int:
 
 def _answer(options: argparse.Namespace) -> Answer:
     """Run a command, whose files appear together."""
-    if len(options.files) < 2:
+    if not options.files:
         answer: Answer = options.run(options)
+        terminal.interruptions.check()
         return answer
     from riemhuman.io.outputs import files_together
 
     with files_together(options.files) as places:
         vars(options).update(places)
         answer = options.run(options)
+        terminal.interruptions.check()
     vars(options).update(options.files)
     return answer
 

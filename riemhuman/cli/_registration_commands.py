@@ -117,6 +117,8 @@ def _chosen_registration(options: argparse.Namespace) -> ScanRegistration:
 def _register_file(registration: ScanRegistration, options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
+    from riemhuman.io.outputs import files_together
+
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
     scan = rh.registration.load_scan(options.scans, options.unit)
     with options.task(f"Registering {len(scan):,} points"):
@@ -130,14 +132,22 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
     missing = _missing_measurements(registration.model, result)
     record["missing_measurements"] = missing
     _note_message(options.scans, result, missing)
-    if options.sheet:
-        _write_sheet(registration.model, result, options)
-    if not (result.trusted or options.untrusted):
+    is_written = result.trusted or options.untrusted
+    sheets = {place.suffix: place for place in _sheet_files(options)}
+    with files_together({"body": options.output, **sheets}) as places:
+        if options.sheet:
+            _write_sheet(registration.model, result, options, [places[end] for end in sheets])
+        if is_written:
+            points = result.points if options.keep_axes else result.upright_points
+            faces = registration.model.faces
+            rh.save_mesh(places["body"], points, faces, result.trusted_vertices)
+        terminal.interruptions.check()
+    if sheets:
+        terminal.note(f"the sheet is {sheets['.html']}, and for printing {sheets['.pdf']}")
+    if not is_written:
         text = "the body is not written; --untrusted writes it anyway"
         text += _details(options, result)
         return cli.Answer(text, record, trusted=False, written=False)
-    points = result.points if options.keep_axes else result.upright_points
-    rh.save_mesh(options.output, points, registration.model.faces, result.trusted_vertices)
     text = (
         f"{rh.measurements.readable_gap(median, options.units)} from the scan in the median, "
         f"{100 * share:.0f} % of the vertices matched; scan in {result.unit}, body in metres"
@@ -151,12 +161,11 @@ def _sheet_files(options: argparse.Namespace) -> list[Path]:
     return [options.output.with_suffix(end) for end in (".html", ".pdf") if options.sheet]
 
 
-def _write_sheet(model: BodyModel, result: RegisteredScan, options: argparse.Namespace) -> None:
-    """Write the page and the PDF of one scan's sheet together."""
-    from riemhuman.io.outputs import files_together
-
-    places = {place.suffix: place for place in _sheet_files(options)}
-    with options.task("Sheet"), files_together(places) as temporary:
+def _write_sheet(
+    model: BodyModel, result: RegisteredScan, options: argparse.Namespace, places: list[Path]
+) -> None:
+    """Write the page and the PDF of one scan's sheet."""
+    with options.task("Sheet"):
         sheet = rh.report.sheet(
             result,
             model=model,
@@ -164,9 +173,8 @@ def _write_sheet(model: BodyModel, result: RegisteredScan, options: argparse.Nam
             sex=options.sex or "adult",
             units=options.units,
         )
-        for place in temporary.values():
+        for place in places:
             sheet.save(place)
-    terminal.note(f"the sheet is {places['.html']}, and for printing {places['.pdf']}")
 
 
 def _details(options: argparse.Namespace, result: RegisteredScan) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import io
 import json
 import os
+import signal
 import sys
 import threading
 import time
@@ -181,19 +183,62 @@ def say_compilation() -> None:
     )
 
 
-# When the process was interrupted from the keyboard, if it was.
-_interruptions: list[float] = []
+# Seconds within which several signals mean one thing.
+_SAME = 1.0
+# Seconds that an import may end before a signal stops it, and after which it is tried again.
+_LONGEST_IMPORT, _PAUSE = 0.4, 0.02
+_OF_IMPORTS = "<frozen importlib._bootstrap>"
+
+
+class Interruptions:
+    """Signals that stopped the process, and when."""
+
+    def __init__(self) -> None:
+        self._moments: list[tuple[float, int]] = []
+        self._waiting: tuple[float, int] | None = None
+
+    def add(self, number: int, frame: FrameType | None) -> None:
+        """Raise a KeyboardInterrupt for a signal, unless another has just done so."""
+        now = time.perf_counter()
+        if self._moments and now - self._moments[-1][0] < _SAME:
+            return  # the work is about to end; a second exception would stop its end
+        if self._waiting is None:
+            self._waiting = now, number
+        if _is_importing(frame) and now - self._waiting[0] < _LONGEST_IMPORT:
+            # Libraries in C discard what is raised while they are imported, or raise another error.
+            _thread.start_new_thread(_send_later, (number,))
+            return
+        self.check()
+
+    def check(self) -> None:
+        """Raise a KeyboardInterrupt if a signal came during an import that has just ended."""
+        if self._waiting is not None:
+            self._moments.append((time.perf_counter(), self._waiting[1]))
+            self._waiting = None
+            raise KeyboardInterrupt
+
+    def last(self, since: float) -> int | None:
+        """Return the last signal since a moment, or None if there was none."""
+        return next((number for at, number in reversed(self._moments) if at >= since), None)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code.co_filename != _OF_IMPORTS:
+        frame = frame.f_back
+    return frame is not None
+
+
+def _send_later(number: int) -> None:
+    time.sleep(_PAUSE)
+    signal.raise_signal(number)
+
+
+interruptions = Interruptions()
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle the signal of an interruption from the keyboard."""
-    _interruptions.append(time.perf_counter())
-    raise KeyboardInterrupt
-
-
-def was_interrupted(since: float) -> bool:
-    """Return whether `interrupt` was called since then: some libraries replace its exception."""
-    return any(moment >= since for moment in _interruptions)
+    """Handle a signal that stops the command."""
+    interruptions.add(number, frame)
 
 
 def tolerate_ascii() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -45,25 +45,45 @@ def check_output_folder(path: Path, is_ours: Callable[[str], bool], *, force: bo
 
 @contextmanager
 def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
-    """Yield other places for files, which move to theirs when all are written, or not at all."""
+    """Yield other places for files, which move to theirs when all are written, or not at all.
+
+    What killed processes have left beside the files is removed.
+    """
     targets = {name: Path(os.path.realpath(place)) for name, place in places.items()}
-    hidden = {name: neighbour(target) for name, target in targets.items()}
-    try:
-        yield hidden
+    with ExitStack() as stack:
+        folders = {
+            parent: stack.enter_context(_hidden_folder(parent, targets.values()))
+            for parent in {target.parent for target in targets.values()}
+        }
+        hidden = {name: folders[target.parent] / target.name for name, target in targets.items()}
+        try:
+            yield hidden
+        except FileError as error:
+            text = str(error)
+            for name, file in hidden.items():
+                text = text.replace(str(file), str(places[name]))
+            raise FileError(text) from error
         for name, file in hidden.items():
             if file.exists():
                 with convert_errors(places[name]):
                     if targets[name].exists():
                         shutil.copymode(targets[name], file)
                     os.replace(file, targets[name])
-    except FileError as error:
-        text = str(error)
-        for name, file in hidden.items():
-            text = text.replace(str(file), str(places[name]))
-        raise FileError(text) from error
-    finally:
-        for file in hidden.values():
-            file.unlink(missing_ok=True)
+
+
+@contextmanager
+def _hidden_folder(parent: Path, targets: Iterable[Path]) -> Iterator[Path]:
+    """Yield an empty folder beside files, for what is to replace them."""
+    first = next(target for target in targets if target.parent == parent)
+    with convert_errors(first):
+        _clean_up(first)
+    with _locked_neighbour(first) as temporary:
+        try:
+            with convert_errors(first):
+                temporary.mkdir()
+            yield temporary
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
 
 
 @contextmanager

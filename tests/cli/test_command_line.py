@@ -142,8 +142,17 @@ def test_a_reader_that_leaves(scans, unbuffered):
     assert (finished.returncode, finished.stderr) == (141, "")
 
 
-def test_interruption_from_the_keyboard(scans, tmp_path):
-    """Ctrl-C into a running command: code 130, no traceback, nothing half-written."""
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
+@pytest.mark.parametrize(
+    ("numbers", "code", "word"),
+    [
+        ([signal.SIGINT], 130, "interrupted"),
+        ([signal.SIGINT, signal.SIGINT], 130, "interrupted"),
+        ([signal.SIGTERM], 143, "stopped by another process"),
+    ],
+)
+def test_signals_into_a_running_command(scans, tmp_path, numbers, code, word):
+    """As Ctrl-C, once or twice, and kill: the code, no traceback, nothing half-written."""
     many = tmp_path / "many"
     many.mkdir()
     for number in range(200):
@@ -159,12 +168,15 @@ def test_interruption_from_the_keyboard(scans, tmp_path):
         while not (tmp_path / "work" / "manifest.json").exists():
             assert process.poll() is None
             time.sleep(0.01)
-        process.send_signal(signal.SIGINT)
+        for number in numbers:
+            process.send_signal(number)
+            time.sleep(0.02)
         _, printed = process.communicate(timeout=60)
-    assert process.returncode == 130
+    # The end of Python itself cannot handle a second signal, which shells report the same way.
+    assert process.returncode in ((code, -signal.SIGINT) if numbers[1:] else (code,))
     first, last = printed.splitlines()
     assert "finished work is kept in" in first
-    assert last == "riemhuman: interrupted"
+    assert last == f"riemhuman: {word}"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["many", "work"]
 
 
@@ -286,6 +298,38 @@ def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
     finished = run("info", scans / "missing.ply")
     assert finished.code == 2
     assert "there is no file" in finished.err
+
+
+_WITHIN_AN_IMPORT = """
+class Finder:
+    def find_spec(name, path=None, target=None):
+        if name == "riemhuman.datasets.markers":
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+            except KeyboardInterrupt:
+                pass  # as libraries in C do
+
+sys.meta_path.insert(0, Finder)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
+def test_no_import_swallows_an_interruption(scans):
+    """Not even one with which the work nearly ends."""
+    code = (
+        "import os, signal, sys\nfrom riemhuman.__main__ import main\n"
+        f"sys.argv[1:] = ['dist', {str(scans / 'body_0.ply')!r}, {str(scans / 'body_1.ply')!r}]\n"
+        f"{_WITHIN_AN_IMPORT}\nsys.exit(main())"
+    )
+    finished = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (finished.returncode, finished.stdout) == (130, "")
+    assert finished.stderr.splitlines()[-1] == "riemhuman: interrupted"
+    assert "Traceback" not in finished.stderr
 
 
 def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from riemhuman.io.outputs import (
     atomic_folder,
     check_output_file,
     check_output_folder,
+    files_together,
 )
 
 
@@ -179,3 +180,55 @@ def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatc
         (temporary / "time_1").touch()
     assert os.listdir(path) == ["time_0"]
     assert list(tmp_path.iterdir()) == [path]
+
+
+WRITE_TWO = """
+import sys
+from pathlib import Path
+from riemhuman.io.outputs import files_together
+folder = Path(sys.argv[1])
+with files_together({"table": folder / "D.csv", "matrix": folder / "D.npz"}) as places:
+    places["table"].touch()
+    print("begun", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_what_a_killed_writer_of_files_left_is_removed(tmp_path):
+    """By the next writer, and not while the first one lives."""
+    command = [sys.executable, "-c", WRITE_TWO, str(tmp_path)]
+    writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert writer.stdout.readline() == "begun\n"
+    (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
+    with files_together({"table": tmp_path / "other.csv"}) as places:
+        places["table"].touch()
+    assert (hidden / "D.csv").exists()
+    writer.kill()
+    writer.communicate()
+    with (
+        pytest.warns(UserWarning, match=f"killed process had left in .*: {re.escape(hidden.name)}"),
+        files_together({"table": tmp_path / "D.csv"}) as places,
+    ):
+        places["table"].touch()
+    assert {place.name for place in tmp_path.iterdir()} == {"D.csv", "other.csv"}
+
+
+def test_files_of_several_folders_appear_together(tmp_path):
+    places = {name: tmp_path / name / "table.csv" for name in ("first", "second")}
+    for place in places.values():
+        place.parent.mkdir()
+
+    def write(error=None):
+        with files_together(places) as hidden:
+            assert {file.name for file in hidden.values()} == {"table.csv"}
+            for name, file in hidden.items():
+                file.write_text(name)
+            if error is not None:
+                raise error
+
+    with pytest.raises(KeyboardInterrupt):
+        write(KeyboardInterrupt())
+    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
+    write()
+    assert all(place.read_text() == name for name, place in places.items())
+    assert not list(tmp_path.rglob(".*"))
