@@ -64,26 +64,30 @@ def test_hanging_arms_leave_no_doubt(model, fitter):
     assert find_limb_doubts(body) == []
 
 
-def test_clasped_hands_hide_each_others_fingers(model, fitter):
-    body, _ = fitted(model, fitter, "hands clasped")
-    doubt, *_ = find_limb_doubts(body)
+@pytest.fixture(scope="module")
+def clasped(model, fitter):
+    """Return the fit of a body whose hands are clasped."""
+    return fitted(model, fitter, "hands clasped")[0]
+
+
+def test_clasped_hands_hide_each_others_fingers(clasped, fitter):
+    doubt, *_ = find_limb_doubts(clasped)
     assert doubt.reason.startswith("hands: they touch")
     for arm in fitter.arm_surfaces:
         assert 0.2 < doubt.vertices[arm.on_hand].mean() < 1.0
     assert fitter.parts.on_hands[doubt.vertices].all()
 
 
-def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(model, fitter):
-    body, _ = fitted(model, fitter, "hands clasped")
-    doubt, *_ = find_limb_doubts(replace(body, doubtful_arms={}))
-    for arm, fits in body.hand_fits.items():
+def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(clasped, fitter):
+    doubt, *_ = find_limb_doubts(replace(clasped, doubtful_arms={}))
+    for arm, fits in clasped.hand_fits.items():
         best = min(fits, key=lambda fit: fit.cost)
         apart = np.max([np.linalg.norm(fit.surface - best.surface, axis=1) for fit in fits], axis=0)
         near = apart < RivalSettings().displaced_metres
         assert near[np.isin(arm.vertices, arm.on_hand)].any()
         assert not doubt.vertices[arm.vertices[near]].any()
     # Nothing is known of hands without points of their own.
-    doubt, *_ = find_limb_doubts(replace(body, hand_fits={}))
+    doubt, *_ = find_limb_doubts(replace(clasped, hand_fits={}))
     for arm in fitter.arm_surfaces:
         assert doubt.vertices[arm.on_hand].all()
 

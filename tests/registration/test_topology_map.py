@@ -47,7 +47,15 @@ def people(full):
 
 
 @pytest.fixture(scope="module")
-def found(people, full):
+def known(people, full):
+    """Return the map from one body whose registration is known."""
+    bodies, others, faces, _ = people
+    with pytest.MonkeyPatch.context() as patch:
+        return made_from(others[0], faces, bodies[0], full, patch)
+
+
+@pytest.fixture(scope="module")
+def registered(people, full):
     """Return the map from one body, registered as any other."""
     _, others, faces, _ = people
     return TopologyMap.fit((others[0], faces), full)
@@ -60,8 +68,10 @@ def on_hands(full):
     )
 
 
-def test_other_people_in_other_poses_come_to_their_places(found, people, full):
-    bodies, others, *_ = people
+@pytest.mark.everyday("known")
+@pytest.mark.parametrize("name", ["known", "registered"])
+def test_other_people_in_other_poses_come_to_their_places(name, people, full, request):
+    found, (bodies, others, *_) = request.getfixturevalue(name), people
     errors = np.linalg.norm(found.to_model(others) - bodies, axis=-1)[1:]
     assert errors.mean() < 0.003
     assert errors[:, on_hands(full)].mean() < 0.006
@@ -69,45 +79,45 @@ def test_other_people_in_other_poses_come_to_their_places(found, people, full):
     assert errors.mean() < 0.003
 
 
-def test_there_and_back_is_the_same_body(found, people):
+def test_there_and_back_is_the_same_body(known, people):
     _, others, *_ = people
-    back = found.to_template(found.to_model(others))
+    back = known.to_template(known.to_model(others))
     assert np.linalg.norm(back - others, axis=-1).mean() < 0.001
 
 
-def test_files_hold_the_map(found, people, full, tmp_path):
+def test_files_hold_the_map(known, people, full, tmp_path):
     _, others, *_ = people
-    found.save(tmp_path / "map.npz")
+    known.save(tmp_path / "map.npz")
     assert (tmp_path / "map.npz").stat().st_size < 3e6
     again = TopologyMap.load(tmp_path / "map.npz")
     assert again.model is full
-    np.testing.assert_allclose(again.to_model(others[1]), found.to_model(others[1]), atol=1e-7)
+    np.testing.assert_allclose(again.to_model(others[1]), known.to_model(others[1]), atol=1e-7)
     with pytest.raises(FileFormatError, match="is for a model with 13,348 vertices"):
         TopologyMap.load(tmp_path / "map.npz", rh.datasets.load_open_model("coarse"))
 
 
-def test_bad_bodies_are_refused_by_name(found, people, tmp_path):
+def test_bad_bodies_are_refused_by_name(known, people, tmp_path):
     _, others, faces, _ = people
     body = others[1]
     with pytest.raises(ArgumentError, match=f"must have {len(body):,} vertices.*found 10"):
-        found.to_model(body[:10])
+        known.to_model(body[:10])
     with pytest.raises(ArgumentError, match="triangles of the map"):
-        found.to_model((body, faces[::-1]))
+        known.to_model((body, faces[::-1]))
     with pytest.raises(ArgumentError, match=r"points\[1\].*mirrored"):
-        found.to_model(np.stack([body, body * [-1.0, 1.0, 1.0]]))
+        known.to_model(np.stack([body, body * [-1.0, 1.0, 1.0]]))
     with pytest.raises(ArgumentError, match="times as large"):
-        found.to_model(100.0 * body)
+        known.to_model(100.0 * body)
     with pytest.raises(ArgumentError, match='up="-y" turns the bodies upright'):
-        found.to_model(body * [1.0, -1.0, -1.0])
-    upright = found.to_model(body * [1.0, -1.0, -1.0], up="-y")
-    np.testing.assert_allclose(upright[:, 1], found.to_model(body)[:, 1], atol=1e-9)
+        known.to_model(body * [1.0, -1.0, -1.0])
+    upright = known.to_model(body * [1.0, -1.0, -1.0], up="-y")
+    np.testing.assert_allclose(upright[:, 1], known.to_model(body)[:, 1], atol=1e-9)
     frames = np.stack([body, body])
     frames[1, 7, 0] = np.nan
     with pytest.raises(ArgumentError, match=r"first at index \(1, 7, 0\)"):
-        found.to_model(frames)
+        known.to_model(frames)
     rh.save_mesh(tmp_path / "large.ply", 100.0 * body, faces)
     with pytest.raises(FileFormatError, match=r"large\.ply is .* times as large"):
-        found.to_model(tmp_path / "large.ply")
+        known.to_model(tmp_path / "large.ply")
     with pytest.raises(ArgumentError, match="mirrored"):
         TopologyMap.fit((body * [-1.0, 1.0, 1.0], faces))
 
