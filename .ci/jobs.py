@@ -103,7 +103,7 @@ def nightly(python: str, arguments: list[str]) -> None:
     if part not in ("all", "fuzz", "tests", "benchmarks", "mutations"):
         sys.exit(f"nightly has no part {part!r}")
     if part in ("all", "fuzz"):
-        numbers = ("--count", "1500", "--first", "20000")
+        numbers = ("--count", "15000", "--first", "20000")
         call(python, "tests/support/fuzz.py", *(given or ["all"]), *numbers)
     if part in ("all", "tests"):
         test(python, "-m", "", "-s", *(given or ["tests"]))
