@@ -308,7 +308,7 @@ def test_trust_of_limbs(benchmark, registration, seed):
 
 
 EXCESS_SEEDS = {CALIBRATION_SEED: 81, CHECK_SEED: 83}
-QUANTILES = (0.0, 0.05, 0.5, 0.95, 0.99, 1.0)
+QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 1.0)
 
 
 @pytest.mark.parametrize("seed", [CALIBRATION_SEED, CHECK_SEED], ids=["calibration", "check"])
@@ -316,29 +316,34 @@ def test_trust_by_excess(benchmark, seed):
     """How many times farther than the rest of the body scans are from right and wrong limbs.
 
     Scans are noisy, sparse, clothed, cut and of people whose limbs touch. Limbs are wrong because
-    a registered body is turned in one joint, or has its arms or legs exchanged, and fitted again.
+    a registered body is turned in one joint, which is held there, or has crossing limbs exchanged,
+    and is fitted again. The limits were chosen before these people were looked at.
     """
     registration = ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
     parts = benchmark.pedantic(lambda: list(limb_parts(registration, EXCESS_SEEDS[seed])), rounds=1)
     settings = registration.settings.rivals
-    limits = {"limbs": settings.most_limb_excess, "hands": settings.most_finger_excess}
-    judged = [part for part in parts if part.accepted]  # of bodies that are refused, none is
-    for group, limit in limits.items():
-        chosen = [part for part in judged if part.part.endswith("wrist") == (group == "hands")]
-        right = [part for part in chosen if part.error < RIGHT_METRES]
-        wrong = [part for part in chosen if part.error > WRONG_METRES]
-        for name, some in ("right", right), ("wrong", wrong):
-            excess = np.quantile([part.excess for part in some], QUANTILES)
-            print(f"\n{len(some)} {name} {group}: {np.round(excess, 2)} at {QUANTILES}", end="")
-        above = [part for part in right if part.excess > limit]
-        below = [part for part in wrong if part.excess <= limit]
-        trusted = [part for part in below if part.trusted > 0.5]
-        print(f"\n{len(above)} of {len(right)} right {group} above {limit}", *above, sep="\n")
-        print(f"{len(below)} of {len(wrong)} wrong {group} below, {len(trusted)} of them trusted")
-        print(*below, sep="\n")
-        if group == "limbs":
-            assert len(above) <= 0.02 * len(right)
-            assert len(trusted) <= 0.05 * len(wrong)
+    print(f"\nquantiles {QUANTILES}")
+    for limbs, limit in ("upper", settings.most_limb_excess), ("hand", settings.most_finger_excess):
+        chosen = [part for part in parts if part.part.endswith("wrist") == (limbs == "hand")]
+        groups = {
+            "right": [part for part in chosen if part.error < RIGHT_METRES and not part.change],
+            "right beside wrong": [
+                part for part in chosen if part.error < RIGHT_METRES and part.change
+            ],
+            "wrong": [part for part in chosen if part.error > WRONG_METRES],
+        }
+        for name, some in groups.items():
+            excess = np.array([part.excess for part in some])
+            quantiles = np.round(np.quantile(excess, QUANTILES), 2)
+            print(f"| {limbs} | {name} | {len(some)} | {quantiles} |", end="")
+            print(f" {np.sum(excess > limit)} above {limit}")
+        above = [part for part in groups["right"] if part.excess > limit]
+        below = [part for part in groups["wrong"] if part.excess <= limit]
+        print(f"right above {limit}:", *above, sep="\n  ")
+        print(f"wrong below {limit}:", *below, sep="\n  ")
+        print(f"  of these trusted: {sum(part.trusted > 0.5 for part in below)}")
+        assert not any(part.trusted > 0.5 for part in below)
+        assert len(above) <= 0.03 * len(groups["right"])
 
 
 def test_transferred_models(benchmark, registration):

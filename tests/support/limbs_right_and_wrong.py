@@ -48,7 +48,10 @@ _N_POINTS = 8000
 _LEAST_DEGREES, _MOST_DEGREES = 20.0, 90.0
 _TURNED = ("shoulder", "elbow", "hip", "knee")
 _HELD = 1e6  # inverse variance of a joint that is held
-_SHOWN_METRES = 0.05
+# Parts of limbs that are carried by another whose excess distrusts them, too.
+_CARRIED_BY = {"elbow": "shoulder", "knee": "hip"}
+# Vertices that near to the scan are shown by it, and a part of which so many are.
+_SHOWN_METRES, _LEAST_SHOWN = 0.05, 0.3
 # Mean errors of right and wrong parts of limbs; few are between.
 RIGHT_METRES, WRONG_METRES = 0.03, 0.05
 
@@ -57,10 +60,13 @@ RIGHT_METRES, WRONG_METRES = 0.03, 0.05
 class LimbPart:
     """A part of a limb of a registered body."""
 
-    kind: str  # of scan, and what was done to the body
+    kind: str  # of scan
+    change: str  # what was done to the registered body, "" for nothing
     part: str  # name of its joint
     error: float  # mean of what the scan shows, metres
-    excess: float  # factor by which the scan is farther from it than from the rest
+    # The factor by which the scan is farther from it than from the rest, or from the part that
+    # carries it, if that is larger: with a limb, what it carries is distrusted.
+    excess: float
     trusted: float  # share of its vertices
     accepted: bool  # whether the body is trusted
 
@@ -100,11 +106,11 @@ def limb_parts(registration, seed):
     for kind, points, truth, places in scans_of_limbs(registration.model, seed):
         task = task_of(registration, points)
         first = register_scan(task)
-        yield from _parts_of(kind, first, truth, places)
+        yield from _parts_of((kind, ""), first, truth, places)
         if not first.verdict.trusted:
             continue
         for change, trace in wrong_limbs(first, rng):
-            yield from _parts_of(f"{kind}, {change}", trace, truth, places)
+            yield from _parts_of((kind, change), trace, truth, places)
 
 
 def wrong_limbs(trace, rng):
@@ -141,8 +147,8 @@ def _fitted_again(trace, start, prior):
     return replace(trace, elastic=fitted.fit, verdict=verdict)
 
 
-def _parts_of(kind, trace, truth, places):
-    """Yield what is known about every part of a limb that a scan shows."""
+def _parts_of(names, trace, truth, places):
+    """Yield what is known about every part of a limb that a scan shows; names are two."""
     body, verdict = trace.search.body, trace.verdict
     surface, faces = trace.elastic.points, body.model.faces
     owners, trusted = body.parts.owners, verdict.trusted_vertices
@@ -156,13 +162,14 @@ def _parts_of(kind, trace, truth, places):
     shown = cKDTree(trace.search.scan.points).query(truth)[0] < _SHOWN_METRES
     errors = np.linalg.norm(surface - truth, axis=1)
     for k, name in enumerate(body.parts.names):
-        chosen = shown & (owners == k)
-        if name.split("_")[-1] in (*_TURNED, "wrist") and chosen.sum() > 0.3 * (owners == k).sum():
+        chosen, (side, _, joint) = shown & (owners == k), name.partition("_")
+        if joint in (*_TURNED, "wrist") and chosen.sum() > _LEAST_SHOWN * (owners == k).sum():
+            carriers = body.parts.numbers(name, f"{side}_{_CARRIED_BY.get(joint)}")
             yield LimbPart(
-                kind,
+                *names,
                 name,
                 float(errors[chosen].mean()),
-                float(verdict.excess[k]),
+                float(verdict.excess[carriers].max()),
                 float(trusted[chosen].mean()),
                 verdict.trusted,
             )
