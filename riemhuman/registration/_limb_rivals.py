@@ -184,7 +184,7 @@ def _turned_arm(
 ) -> list[LimbDoubt]:
     """Return doubt about a forearm and hand that another pose brings almost as near to the scan."""
     task, pose = body.task, body.fit.pose
-    points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
+    points = points_on(task.scan.points, body.fit.model_points, arm.vertices)
     if not len(points):
         return []
     surface = pose_body(arm.skin, pose).points
@@ -235,7 +235,7 @@ def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> 
     """
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
-    points = points_on(task.scan.points, task.body.surface(pose), on_arm)
+    points = points_on(task.scan.points, body.fit.model_points, on_arm)
     if not len(points):
         return settings.least_usual_metres
     points = points[:: max(len(points) // settings.n_compared, 1)]
@@ -318,9 +318,9 @@ def _displaced_in_rivals(
     """
     task, pose, vertices = body.task, body.fit.pose, limb.vertices
     displaced = np.zeros((len(starts), len(vertices)), dtype=bool)
-    seen = (
-        points_on(task.scan.points, task.body.surface(pose), vertices) if starts else vertices[:0]
-    )
+    if not starts:
+        return displaced
+    seen = points_on(task.scan.points, body.fit.model_points, vertices)
     if not len(seen):
         return displaced
     seen = seen[:: max(len(seen) // settings.n_compared, 1)]
@@ -367,7 +367,7 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
     if crossing is None:
         return []
     both = crossing.vertices
-    surface, most = task.body.surface(pose)[both], crossing.distances(task, pose).mean()
+    surface, most = body.fit.model_points[both], crossing.distances(task, pose).mean()
     displaced = np.zeros(len(both), dtype=bool)
     for rival, _ in exchanged_limbs(task, pose, joint):
         if crossing.distances(task, rival).mean() < (1.0 + settings.least_margin) * most:
