@@ -176,7 +176,7 @@ class _Run:
         if self._n_since_formed == descent.refresh:
             self._operator = None
             return False
-        trial = _search(descent.objective, self.x, direction, self.value, slope)
+        trial = _line_search(descent.objective, self.x, direction, self.value, slope)
         self._n_evaluations += trial.n_evaluations
         if trial.step > 0:
             step, image = trial.step * direction, operator(trial.gradient)
@@ -276,7 +276,7 @@ class _Trial(NamedTuple):
     n_evaluations: int
 
 
-def _search(
+def _line_search(
     objective: Objective, x: Array, direction: TangentVectors, value: float, slope: float
 ) -> _Trial:
     """Return a step that satisfies Wolfe's weak conditions, or the best that lowers the value."""

@@ -62,7 +62,7 @@ def steps_tried(value, slope):
         return value(x[0]), np.array([slope(x[0])])
 
     at_zero = np.zeros(1)
-    found = _lbfgs._search(objective, at_zero, np.ones(1), value(0.0), slope(0.0))
+    found = _lbfgs._line_search(objective, at_zero, np.ones(1), value(0.0), slope(0.0))
     assert found.n_evaluations == len(tried)
     return tried, found.step
 
