@@ -56,7 +56,7 @@ if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is
         RotationFields as RotationFields,
     )
     from riemhuman.geometry.manifold import Manifold as Manifold
-    from riemhuman.geometry.metric import RiemannianMetric as RiemannianMetric
+    from riemhuman.geometry.metric import DefaultSolvers, RiemannianMetric as RiemannianMetric
     from riemhuman.geometry.product import (
         ProductManifold as ProductManifold,
         ProductMetric as ProductMetric,
@@ -98,7 +98,7 @@ if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is
         procrustes as procrustes,
     )
     from riemhuman.surfaces.template import Template as Template
-    from riemhuman.provided import DefaultSolvers, NotebookPictures
+    from riemhuman.provided import NotebookPictures
 
 __version__ = "0.1.0"
 
@@ -175,15 +175,15 @@ __all__ = [*_MODULE_OF_NAME, *_SUBPACKAGES]
 
 
 def _load_default_solvers() -> DefaultSolvers:
-    module: Any = importlib.import_module(f"{__name__}.solvers.defaults")
-    solvers: DefaultSolvers = module
-    return solvers
+    from riemhuman.solvers import defaults
+
+    return defaults
 
 
 def _load_plots() -> NotebookPictures:
-    module: Any = importlib.import_module(f"{__name__}.plots")
-    pictures: NotebookPictures = module
-    return pictures
+    from riemhuman import plots
+
+    return plots
 
 
 default_solvers.load_by(_load_default_solvers)

@@ -566,6 +566,12 @@ def check_methods(value: object, name: str, expected: str, *methods: str) -> Non
         refuse_type(value, name, expected)
 
 
+def check_strategy(solver: object, name: str) -> None:
+    """Raise an ArgumentTypeError for what has no method `solve`, and for classes."""
+    expected = "an object with a method solve, such as LinearPath() for paths or BasisMean() for "
+    check_methods(solver, name, expected + "means", "solve")
+
+
 def check_function(value: object, name: str) -> None:
     """Raise an ArgumentTypeError for what cannot be called."""
     check_methods(value, name, "a function", "__call__")

@@ -13,27 +13,8 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Points, Triangles
-    from riemhuman.geometry.metric import RiemannianMetric
-    from riemhuman.geometry.strategies import (
-        ExpSolver,
-        GeodesicSolver,
-        LogSolver,
-        TransportSolver,
-    )
 
 T = TypeVar("T")
-
-
-class DefaultSolvers(Protocol):
-    """Strategies of a metric that was given none, see `riemhuman.solvers.defaults`."""
-
-    def geodesic_solver(self, metric: RiemannianMetric) -> GeodesicSolver: ...
-
-    def exp_solver(self, metric: RiemannianMetric) -> ExpSolver: ...
-
-    def log_solver(self, metric: RiemannianMetric) -> LogSolver: ...
-
-    def transport_solver(self, metric: RiemannianMetric) -> TransportSolver: ...
 
 
 class View(Protocol):
@@ -68,5 +49,6 @@ class Provided(Generic[T]):
         return self._load()
 
 
-default_solvers: Provided[DefaultSolvers] = Provided()
+# Their type is `riemhuman.geometry.metric.DefaultSolvers`, which names metrics and strategies.
+default_solvers: Provided[object] = Provided()
 notebook_pictures: Provided[NotebookPictures] = Provided()

@@ -164,7 +164,6 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     cli.check_needs(options, "--definitions", "--model NPZ")
     points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
-    metric.space.metric = metric
     if options.standard_pose:
         definitions = inputs.measurements_of(
             options, surfaces.template, surfaces.files[0]
@@ -173,7 +172,7 @@ def _components(options: argparse.Namespace) -> cli.Answer:
             points = rh.measurements.in_standard_pose(definitions, points)
     with options.task(f"Components of {len(points)}, {metric}"):
         nearest = rh.solvers.NearestSurface(progress=options.bars)
-        pca = rh.TangentPCA(metric.space, count, nearest=nearest).fit(points)
+        pca = rh.TangentPCA(metric, count, nearest=nearest).fit(points)
     numbers = range(1, pca.n_components_ + 1)
     names = ["mean", *(f"component_{k}_{side}" for k in numbers for side in ("minus", "plus"))]
     names += [f"sample_{k:04d}" for k in range(options.samples)]

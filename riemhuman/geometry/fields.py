@@ -62,6 +62,7 @@ class FieldMetric(RiemannianMetric):
     has_closed_form_geodesic = True
     has_closed_form_transport = True
 
+    space: Manifold
     _term: Term
 
     def __init__(self, space: Manifold) -> None:

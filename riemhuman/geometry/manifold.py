@@ -1,36 +1,24 @@
-"""Manifolds whose points and tangent vectors are arrays of one shape."""
+"""Manifolds, which can be equipped with a metric, and what is common to spaces of surfaces."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from copy import copy
-from typing import TYPE_CHECKING, Self, TypeGuard
+from typing import Self, TypeGuard
 
-import autograd.numpy as np
-
-from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
-from riemhuman.checks import (
-    Rng,
-    generator,
-    real_array,
-    real_number,
-    refuse_type,
-    values_of,
-    whole_number,
-)
-from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.representation import constructor_text
+from riemhuman.arrays import Array, Points, TangentVectors, Triangles
+from riemhuman.checks import real_number, refuse_type, whole_number
+from riemhuman.errors import ArgumentTypeError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.point_space import PointSpace
 from riemhuman.surfaces.template import Template
 
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
-
-    # A class of metrics, each of which has parameters of its own.
-    MetricClass = Callable[..., RiemannianMetric]  # type: ignore[explicit-any]
+# A class of metrics, each of which has parameters of its own.
+MetricClass = Callable[..., RiemannianMetric]  # type: ignore[explicit-any]
 
 
-class Manifold(ABC):
+class Manifold(PointSpace):
     r"""A manifold whose points and tangent vectors are arrays of the same shape.
 
     Subclasses define which arrays are points (`belongs`), projections to the tangent spaces
@@ -71,28 +59,13 @@ class Manifold(ABC):
 
     metric: RiemannianMetric
 
-    is_surface_space: bool = False
-    """Whether points are surfaces over a `template`, with metric and normal fields."""
-
-    template: Template | None = None
-    """The template that points are surfaces over, or fields on, if there is one."""
-
     factors: tuple[Manifold, ...] = ()
     """The factors of a product, each equipped with a metric."""
 
     def __init__(self, dim: int, shape: tuple[int, ...], equip: bool = True) -> None:
-        self.dim = dim
-        self.shape = shape
+        super().__init__(dim, shape)
         if equip and self.default_metric() is not None:
             self.equip_with_metric()
-
-    def __repr__(self) -> str:
-        return constructor_text(self, leave_out=("equip",))
-
-    @property
-    def point_ndim(self) -> int:
-        """The number of axes of one point."""
-        return len(self.shape)
 
     @property
     def is_equipped(self) -> bool:
@@ -135,164 +108,6 @@ class Manifold(ABC):
         if equip and space.default_metric() is not None:
             space.equip_with_metric()
         return space
-
-    @abstractmethod
-    def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
-        r"""Return whether arrays are points of the manifold, shape (...).
-
-        Arrays of another shape are not points.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-        atol : float
-        """
-
-    @abstractmethod
-    def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        r"""Project arrays to the tangent space at a point, shape (..., \*shape).
-
-        Parameters
-        ----------
-        vector : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
-            Points; needed unless the tangent space is the same at all of them.
-        """
-
-    @abstractmethod
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        r"""Draw random points, shape (n_samples, \*shape), or (\*shape,) for one sample.
-
-        Parameters
-        ----------
-        n_samples : int
-        bound : float
-            Spread of the points, if the manifold is not compact.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default, every call draws different points.
-        """
-
-    def is_tangent(
-        self, vector: TangentVectors, base_point: Points | None = None, atol: float = 1e-9
-    ) -> Booleans:
-        r"""Return whether arrays are tangent vectors at a point, shape (...).
-
-        Parameters
-        ----------
-        vector : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
-            Points; needed unless the tangent space is the same at all of them.
-        atol : float
-        """
-        vector, finite = self._candidates(vector, "vector")
-        if base_point is not None:
-            base_point = self.check_point(base_point, "base_point")
-            vector = vector + np.zeros_like(base_point)
-        error = np.abs(vector - self.to_tangent(vector, base_point))
-        return finite & np.all(error <= atol, axis=self._point_axes)
-
-    def random_tangent_vec(
-        self, base_point: Points | None = None, n_samples: int = 1, rng: Rng = None
-    ) -> Array:
-        r"""Draw random tangent vectors, one at each of several points or several at one point.
-
-        Parameters
-        ----------
-        base_point : array, shape (\*shape,) or (n, \*shape), optional
-            Points; needed unless the tangent space is the same at all of them.
-        n_samples : int
-            Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
-        rng : int or numpy.random.Generator, optional
-        """
-        n_samples = whole_number(n_samples, "n_samples", minimum=1)
-        shape = self.shape
-        if base_point is not None:
-            base_point = self.check_point(base_point, "base_point")
-            shape = base_point.shape
-        if n_samples > 1 and len(shape) == self.point_ndim:
-            shape = (n_samples, *shape)
-        if n_samples > 1 and shape != (n_samples, *self.shape):
-            raise ArgumentError(
-                f"n_samples must be 1 or the number of base points; found {n_samples} with "
-                f"base_point of shape {shape}"
-            )
-        return self.to_tangent(generator(rng).standard_normal(shape), base_point)
-
-    def warn_of_tears(self, points: Points, directions: TangentVectors | None = None) -> None:
-        r"""Warn if moving points along directions, as solvers do, would tear them.
-
-        Spaces of surfaces check for seams in their template.
-
-        Parameters
-        ----------
-        points : array, shape (..., \*shape)
-        directions : array, shape (K, n), rows of as many numbers as a point, optional
-            By default all coordinates are free.
-        """
-        del points, directions  # elsewhere, nothing tears
-
-    def projection(self, point: Points) -> Array:
-        r"""Project arrays near the manifold to it, differentiably, shape (..., \*shape).
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-        """
-        return point
-
-    def check_point(self, point: object, name: str = "point") -> Array:
-        r"""Return points as float64 arrays after checking them, shape (..., \*shape).
-
-        Parameters
-        ----------
-        point : array_like, shape (..., \*shape)
-            Points, or flattened points, shape (..., n).
-        name : str, for messages
-        """
-        return real_array(self.as_array(point, name), name, self.shape, rows=True)
-
-    def check_scale(self, point: Points, name: str = "point") -> None:
-        r"""Raise an error if points seem to be in another unit of length, for spaces with units.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-        name : str, for messages
-        """
-        return
-
-    def as_array(self, points: object, name: str = "points") -> object:
-        """Return points as arrays, if they are something else, such as meshes on surfaces.
-
-        Parameters
-        ----------
-        points : object
-        name : str, for messages
-        """
-        return points
-
-    @property
-    def _point_axes(self) -> tuple[int, ...]:
-        return tuple(range(-self.point_ndim, 0))
-
-    def _needed_base_point(self, base_point: Points | None) -> Array:
-        """Return a base point; raise ArgumentTypeError if there is none."""
-        if base_point is None:
-            raise ArgumentTypeError(
-                "base_point must be given: tangent vectors and inner products of "
-                f"{type(self).__name__} depend on it"
-            )
-        return base_point
-
-    def _candidates(self, array: Array, name: str) -> tuple[Array, Booleans]:
-        """Return arrays of the points' shape, and which of them are those that were given."""
-        # Arrays of another shape, and arrays with infinite entries, become 0.
-        values = real_array(values_of(array, name), name, finite=False)
-        leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
-        if values.shape != (*leading, *self.shape):
-            return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
-        good = np.all(np.isfinite(values), axis=self._point_axes)
-        return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
 
 
 class SurfaceSpace(Manifold):
@@ -356,16 +171,35 @@ class SurfaceSpace(Manifold):
         """
 
 
-def holds_surfaces(space: Manifold) -> TypeGuard[SurfaceSpace]:
+def holds_surfaces(space: PointSpace) -> TypeGuard[SurfaceSpace]:
     """Return whether points are surfaces over a template, in words that type checkers follow."""
     return space.is_surface_space
 
 
-def surface_space(space: Manifold) -> SurfaceSpace:
+def surface_space(space: PointSpace) -> SurfaceSpace:
     """Return a space of surfaces; raise an ArgumentTypeError for any other space."""
     if not holds_surfaces(space):
         refuse_type(space, "space", "a space of surfaces, such as AlignedSurfaces(template)")
     return space
+
+
+def metric_of(space: object) -> RiemannianMetric:
+    """Return the metric that a manifold was equipped with, or a metric given in its place."""
+    if isinstance(space, RiemannianMetric):
+        return space
+    if not isinstance(space, Manifold) or not space.is_equipped:
+        raise ArgumentTypeError(
+            "space must be a manifold equipped with a metric, or the metric; found "
+            f"{type(space).__name__}{' without one' if isinstance(space, Manifold) else ''}"
+        )
+    return space.metric
+
+
+def manifold_of(metric: RiemannianMetric) -> Manifold:
+    """Return the manifold that a metric is on; metrics may be on spaces that know none."""
+    if not isinstance(metric.space, Manifold):
+        refuse_type(metric.space, "space", "a Manifold")
+    return metric.space
 
 
 def sample_count(n_samples: int) -> int:

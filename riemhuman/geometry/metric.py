@@ -1,58 +1,36 @@
-"""The abstract Riemannian metric: two primitives, and everything derived from them; multiples."""
+"""The Riemannian metric with its geodesics, multiples of metrics, and the strategies metrics take.
+
+A metric is given solvers, and solvers are given a metric: their contracts stand next to it.
+`riemhuman.geometry.metric_tensor` has what metrics measure without geodesics.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import cast
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypedDict, TypeGuard, cast
 
 import autograd.numpy as np
-from autograd import elementwise_grad, value_and_grad
-from numpy import ndarray
+from autograd.extend import defvjp_argnums, primitive
 from scipy import sparse
 
-from riemhuman.arrays import Array, ArrayLike, Integers, Points, PointsLike, TangentVectors
-from riemhuman.checks import (
-    check_shape,
-    joint_shape,
-    metric_weight,
-    one_of,
-    path_array,
-    real_array,
-    refuse_type,
+from riemhuman.arrays import Array, ArrayLike, Points, TangentVectors
+from riemhuman.checks import check_strategy, joint_shape, metric_weight, real_array, refuse_type
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    NotDefinedError,
+    OutsideManifoldError,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
-from riemhuman.geometry.manifold import Manifold, holds_surfaces
-from riemhuman.geometry.pairwise import (
-    MEMORY,
-    PRECISIONS,
-    Bulk,
-    Features,
-    PairByPair,
-    SumOfFactors,
-    features_in_threads,
-    table_of_distances,
-)
-from riemhuman.geometry.strategies import (
-    ExpSolver,
-    GeodesicSolver,
-    LogSolver,
-    SolvedPath,
-    Solvers,
-    TransportSolver,
-    check_strategy,
-    solve_geodesic,
-)
-from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.surface import differential, square_root
-from riemhuman.memory import check_memory, enough_memory
+from riemhuman.geometry.metric_tensor import MetricTensor
+from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.point_space import PointSpace
+from riemhuman.kernels.surface import differential
+from riemhuman.memory import enough_memory
 from riemhuman.provided import default_solvers
-from riemhuman.representation import Unchanging, constructor_text
-
-# For points with more bytes than this, the memory of their features is checked first.
-_MANY_BYTES = 2**26
+from riemhuman.representation import constructor_text
 
 
-class RiemannianMetric(Unchanging):
+class RiemannianMetric(MetricTensor):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` if it has a closed form, or both. Norm,
@@ -87,24 +65,12 @@ class RiemannianMetric(Unchanging):
     10.0
     """
 
-    is_translation_invariant: bool = False
-    """Whether translating one of two surfaces leaves their distance unchanged."""
-
-    is_rotation_invariant: bool = False
-    """Whether rotating one of two surfaces leaves their distance unchanged."""
-
-    is_stretch_invariant: bool = False
-    """Whether longer or shorter edges leave the distance of two surfaces unchanged."""
-
-    is_reparametrization_invariant: bool = False
-    """Whether it costs nothing when a surface slides along itself."""
-
     has_target_metric: bool = False
     """Whether it is pulled back by `map` from a space where geodesics have a closed form."""
 
     def __init__(
         self,
-        space: Manifold,
+        space: PointSpace,
         geodesic_solver: GeodesicSolver | None = None,
         *,
         exp_solver: ExpSolver | None = None,
@@ -116,7 +82,7 @@ class RiemannianMetric(Unchanging):
                 f"{type(self).__name__} takes a space of points, such as "
                 f"AlignedSurfaces(template); found {type(space).__name__}"
             )
-        self.space = space
+        super().__init__(space)
         for name, solver in (
             ("geodesic_solver", geodesic_solver),
             ("exp_solver", exp_solver),
@@ -160,25 +126,9 @@ class RiemannianMetric(Unchanging):
         return type(self).squared_dist is not RiemannianMetric.squared_dist
 
     @property
-    def has_inner_product(self) -> bool:
-        """Whether inner products are defined; by default if the class defines them."""
-        return type(self).inner_product is not RiemannianMetric.inner_product
-
-    @property
     def has_closed_form_transport(self) -> bool:
         """Whether parallel transport needs no solver; by default if the class defines it."""
         return type(self).parallel_transport is not RiemannianMetric.parallel_transport
-
-    @property
-    def has_metric_matrix(self) -> bool:
-        """Whether `metric_matrix` is defined."""
-        return type(self).metric_matrix is not RiemannianMetric.metric_matrix
-
-    @property
-    def has_lower_bound_coordinates(self) -> bool:
-        """Whether `lower_bound_coordinates` is defined."""
-        default = RiemannianMetric.lower_bound_coordinates
-        return type(self).lower_bound_coordinates is not default
 
     @property
     def has_closed_form_geodesic(self) -> bool:
@@ -229,114 +179,8 @@ class RiemannianMetric(Unchanging):
         """
         return self
 
-    # Inner products and distances.
-
-    def inner_product(
-        self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        r"""Return the inner product of tangent vectors, shape (...).
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
-            Base point; needed unless the inner product is the same at every point.
-        """
-        if not self.has_closed_form_dist:
-            raise NotDefinedError(
-                f"{type(self).__name__} defines neither inner_product nor squared_dist; one of the "
-                "two is needed"
-            )
-        base_point = self.space.check_point(base_point, "base_point")
-        covector = self.covector(tangent_vec_a, base_point)
-        return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
-
-    def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
-        r"""Lower the index of tangent vectors: ⟨covector(v), w⟩ = inner_product(v, w).
-
-        The default differentiates `inner_product` or, if only `squared_dist` is defined, takes
-        central differences of its gradient.
-
-        Parameters
-        ----------
-        tangent_vec, base_point : array, shape (..., \*shape)
-        """
-        if self.has_inner_product:
-            zero = np.zeros(np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point)))
-            pairing = elementwise_grad(
-                lambda w: np.sum(self.inner_product(tangent_vec, w, base_point))
-            )
-            return pairing(zero)
-        slope = elementwise_grad(lambda y: np.sum(self.squared_dist(base_point, y)))
-        axes = self.space._point_axes
-        size = np.max(np.abs(tangent_vec), axis=axes, keepdims=True)
-        step = 1e-4 * np.max(np.abs(base_point), axis=axes, keepdims=True)
-        step = np.where(step > 0, step, 1e-4) / np.where(size > 0, size, 1.0)
-        ahead = slope(base_point + step * tangent_vec)
-        behind = slope(base_point - step * tangent_vec)
-        return (ahead - behind) / (4.0 * step)
-
-    def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
-        r"""Return the inner products of all pairs of vectors, averaged over points, shape (K, K).
-
-        Parameters
-        ----------
-        vectors : array, shape (K, \*shape)
-        base_point : array, shape (\*shape,) or (n, \*shape)
-            One base point, or several to average over.
-        """
-        vectors = self.check_points(vectors, "vectors")
-        base_points = self.space.check_point(base_point, "base_point")
-        base_points = base_points.reshape((-1, *self.space.shape))
-        covectors = np.mean(
-            [[self.covector(vector, point) for vector in vectors] for point in base_points], axis=0
-        )
-        axes = self.space._point_axes
-        gram = np.tensordot(covectors, vectors, (axes, axes))
-        return 0.5 * (gram + gram.T)
-
-    def metric_matrix(self, base_point: Points) -> sparse.csr_array:
-        r"""Return the sparse matrix M of the metric: ⟨h, k⟩ = h·(M k), points flattened.
-
-        Parameters
-        ----------
-        base_point : array, shape (\*shape,) or (n, \*shape)
-            One base point, or several to average over.
-        """
-        raise self._not_defined("metric_matrix")
-
-    def squared_norm(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        r"""Return the squared norm of tangent vectors, shape (...).
-
-        Parameters
-        ----------
-        vector, base_point : array, shape (..., \*shape)
-        """
-        return self.inner_product(vector, vector, base_point)
-
-    def norm(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        r"""Return the norm of tangent vectors, shape (...).
-
-        Parameters
-        ----------
-        vector, base_point : array, shape (..., \*shape)
-        """
-        return square_root(self.squared_norm(vector, base_point))
-
-    def normalize(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        r"""Return tangent vectors scaled to norm 1, shape (..., \*shape); zero vectors stay zero.
-
-        Parameters
-        ----------
-        vector : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
-        """
-        norm = self.norm(vector, base_point)
-        scale = 1.0 / np.where(norm == 0.0, 1.0, norm)
-        return np.expand_dims(scale, self.space._point_axes) * vector
+    # Distances and geodesics. Where there is neither a closed form nor a strategy given, the
+    # default strategies of `riemhuman.solvers` find geodesics.
 
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         r"""Return the squared distance of points, shape (...).
@@ -355,225 +199,6 @@ class RiemannianMetric(Unchanging):
                 "geodesic_solver=riemhuman.solvers.BasisPath(basis)"
             )
         return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy  # type: ignore[return-value]  # one number
-
-    def dist(self, point_a: Points, point_b: Points) -> Array:
-        r"""Return the distance of points, with gradient 0 where they coincide, shape (...).
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., \*shape)
-        """
-        return square_root(self.squared_dist(point_a, point_b))
-
-    # Distances of many pairs, see `riemhuman.geometry.pairwise`.
-
-    @property
-    def bulk(self) -> Bulk:
-        """What computes distances of many pairs from features; by default pair by pair."""
-        return PairByPair(self.squared_dist)
-
-    def dist_pairwise(
-        self,
-        points: PointsLike,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> Array:
-        r"""Return all distances within a set of points, shape (n, n), symmetric.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
-        n_jobs : int, optional
-            Number of threads, -1 for one per core; by default one. The result does not depend on
-            it.
-        precision : {"single", "double"}
-            Precision of features in compiled loops. In single precision, pairs that are too close
-            for it are computed in double, and relative errors stay below 1e-5.
-        memory : int
-            Bytes of features held in memory at once; if all of them need more, they are recomputed.
-        progress : bool
-        """
-        return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
-
-    def cdist(
-        self,
-        points_a: PointsLike,
-        points_b: PointsLike,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> Array:
-        r"""Return all distances between two sets of points, see `dist_pairwise`, shape (n_a, n_b).
-
-        Parameters
-        ----------
-        points_a, points_b : array or sequence, shape (n_a, \*shape) and (n_b, \*shape)
-        n_jobs, precision, memory, progress : optional
-            As for `dist_pairwise`.
-        """
-        return table_of_distances(self, points_a, points_b, n_jobs, precision, memory, progress)
-
-    def features(
-        self,
-        points: PointsLike,
-        precision: str = "double",
-        n_jobs: int | None = None,
-        *,
-        name: str = "points",
-    ) -> Features:
-        r"""Return the features from which distances are computed, once for each point.
-
-        `bulk` computes distances from features, a tuple of C-contiguous arrays. Their first axis
-        runs over the points, so features can be sliced, stored and memory-mapped.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-        precision, n_jobs : optional
-            As for `dist_pairwise`.
-        name : str, for messages
-        """
-        one_of(precision, "precision", PRECISIONS)
-        if n_jobs is not None:
-            return features_in_threads(self, points, precision, n_jobs)
-        if self.space.is_surface_space:
-            checked = self.space.check_point(points, name)
-            check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
-        else:
-            checked = self.check_points(points, name)
-        task = f"the features of {len(checked):,} points"
-        with enough_memory(task):
-            if checked.nbytes > _MANY_BYTES:
-                features_of_first = self.bulk.features(checked[:1], precision)
-                check_memory(len(checked) * sum(array.nbytes for array in features_of_first), task)
-            return self.bulk.features(checked, precision)
-
-    def lower_bound_coordinates(self, points: Points) -> Array:
-        r"""Return coordinates, shape (..., m), whose Euclidean distances are lower bounds.
-
-        Parameters
-        ----------
-        points : array, shape (..., \*shape)
-        """
-        raise self._not_defined("lower_bound_coordinates")
-
-    def closest_neighbor_index(self, point: Points, neighbors: Points) -> Integers:
-        r"""Return the index of the neighbour that is nearest to each point, shape (...).
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-        neighbors : array, shape (n, \*shape)
-        """
-        neighbors = self.check_points(neighbors, "neighbors")
-        point = self.space.check_point(point, "point")
-        lead = point.shape[: point.ndim - self.space.point_ndim]
-        apart = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
-        return np.argmin(apart, axis=-1)
-
-    def check_points(self, points: object, name: str = "points") -> Points:
-        r"""Return a set of points as a float64 array after checking it, shape (n, \*shape).
-
-        Parameters
-        ----------
-        points : array_like, shape (n, \*shape)
-        name : str, for messages
-        """
-        if not isinstance(points, ndarray):
-            points = self.space.as_array(points, name)
-        checked = real_array(points, name, self.space.shape, rows=True)
-        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
-        return checked
-
-    # Energies and lengths of discrete paths.
-
-    def energy(self, path: Points) -> Array:
-        r"""Return the energy of discrete paths with n segments, shape (...).
-
-        :math:`n \sum_i d^2(x_i, x_{i+1})` if `squared_dist` has a closed form, otherwise the finite
-        differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments (equation
-        7 of the paper).
-
-        Parameters
-        ----------
-        path : array, shape (..., n_times, \*shape)
-        """
-        path = path_array(path, self.space)
-        n_segments: int = path.shape[-len(self.space.shape) - 1] - 1
-        return n_segments * np.sum(self._squared_segments(path), axis=-1)
-
-    def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
-        r"""Return the energy of one path, infinite outside the manifold, and its gradient.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, \*shape)
-        """
-        path = self.check_points(path, "path")
-        energy, gradient = value_and_grad(self.energy)(path)
-        return float(energy), gradient
-
-    def length(self, path: Points) -> Array:
-        r"""Return the length of discrete paths, summed over their segments, shape (...).
-
-        Parameters
-        ----------
-        path : array, shape (..., n_times, \*shape)
-        """
-        path = path_array(path, self.space)
-        self.space.check_scale(path, "path")
-        return np.sum(square_root(self._squared_segments(path)), axis=-1)
-
-    def squared_dists_and_gradient(
-        self, point: Points, others: Points, weights: Array
-    ) -> tuple[Array, Array]:
-        r"""Return the squared distances of a point from others, and the gradient of their sum.
-
-        Distances are energies of paths with one segment, infinite if a point leaves the manifold;
-        the gradient is that of Σ_i w_i d(x_i, x)².
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-        others : array, shape (n, \*shape)
-        weights : array, shape (n,), above 0
-        """
-        squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
-        for i, (weight, surface) in enumerate(zip(weights, others, strict=True)):
-            squared[i], slopes = self.energy_and_gradient(np.stack([surface, point]))
-            gradient += weight * slopes[1]
-        return squared, gradient
-
-    def remove_drift(self, path: Points) -> Array:
-        r"""Move interior points of a path by motions that leave its energy unchanged, if any do.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, \*shape)
-        """
-        if not (self.is_translation_invariant and holds_surfaces(self.space)):
-            return path
-        path, areas = self.check_points(path, "path"), self.space.template.vertex_areas
-        return still_path(path, areas, rotations=self.is_rotation_invariant)
-
-    def _squared_segments(self, path: Points) -> Array:
-        whole_point = (slice(None),) * len(self.space.shape)
-        times = slice(None, -1), slice(1, None)
-        # Type checkers cannot express an index with as many axes as the points have.
-        start = path[..., times[0], *whole_point]  # type: ignore[arg-type]
-        end = path[..., times[1], *whole_point]  # type: ignore[arg-type]
-        if self.has_closed_form_dist:
-            return self.squared_dist(start, end)
-        return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
-
-    # Geodesics, exponentials, logarithms and transport. Where there is neither a closed form nor a
-    # strategy given, the default strategies of `riemhuman.solvers` find them.
 
     def exp(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Return the end of the geodesic with this initial velocity after unit time.
@@ -595,7 +220,7 @@ class RiemannianMetric(Unchanging):
     def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         solver: ExpSolver | None = self.exp_solver
         if solver is None:
-            solver = default_solvers().exp_solver(self)
+            solver = _default_solvers().exp_solver(self)
         return self._one_by_one(
             lambda x, v: solve_geodesic(v, x, self, solver)[-1], point, velocity
         )
@@ -620,7 +245,7 @@ class RiemannianMetric(Unchanging):
     def _log(self, point: Points, start: Points) -> Array:
         solver: LogSolver | None = self.log_solver
         if solver is None:
-            solver = default_solvers().log_solver(self)
+            solver = _default_solvers().log_solver(self)
         return self._one_by_one(lambda x, y: solver.solve(self, y, x).tangent_vec, start, point)
 
     def parallel_transport(
@@ -657,7 +282,7 @@ class RiemannianMetric(Unchanging):
             return self._transport(tangent_vec, base_point, goals)
         solver: TransportSolver | None = self.transport_solver
         if solver is None:
-            solver = default_solvers().transport_solver(self)
+            solver = _default_solvers().transport_solver(self)
 
         def carry(vector: TangentVectors, start: Points, goal: Array) -> Array:
             return solver.solve(self, vector, start, **{name: goal}).tangent_vec
@@ -705,7 +330,7 @@ class RiemannianMetric(Unchanging):
             return self.geodesic(start, initial_tangent_vec=self.log(end, start))
         solver: GeodesicSolver | None = self.geodesic_solver
         if solver is None:
-            solver = default_solvers().geodesic_solver(self)
+            solver = _default_solvers().geodesic_solver(self)
         path = np.asarray(self._solve(solver, "geodesic", start, end).path)
 
         def follow(t: ArrayLike) -> Points:
@@ -746,52 +371,184 @@ class RiemannianMetric(Unchanging):
             raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
         return np.expand_dims(times, self.space._point_axes)
 
-    # Curvature; subclasses that know it define `curvature_form` and `injectivity_radius`.
 
-    def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        r"""Return the radius of the largest ball in which `exp` is one to one, shape (...).
+# Contracts of strategies; `riemhuman.geometry.strategies` lists all of them.
 
-        Parameters
-        ----------
-        base_point : array, shape (..., \*shape), optional
+
+class SolvedPath(Protocol):
+    """The result of a `GeodesicSolver`."""
+
+    @property
+    def path(self) -> Points: ...
+
+    @property
+    def energy(self) -> float: ...
+
+
+class SolvedExp(Protocol):
+    """The result of an `ExpSolver`."""
+
+    @property
+    def end(self) -> Points: ...
+
+
+class SolvedCurve(SolvedExp, Protocol):
+    """The result of a `DifferentiableExpSolver`."""
+
+    @property
+    def path(self) -> Points: ...
+
+
+class SolvedVector(Protocol):
+    """The result of a `LogSolver` or a `TransportSolver`."""
+
+    @property
+    def tangent_vec(self) -> TangentVectors: ...
+
+
+class GeodesicSolver(Protocol):
+    """A strategy for paths of least energy between two points."""
+
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> SolvedPath:
+        """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`.
+
+        It may have `energies`, `n_iterations`, `n_evaluations`, `converged` and `message`, as
+        `riemhuman.solvers.PathResult` has.
         """
-        raise self._not_defined("injectivity_radius")
 
-    def curvature_form(
-        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
-    ) -> Array:
-        r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor, shape (...).
 
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b, base_point : array, shape (..., \*shape)
+class ExpSolver(Protocol):
+    """A strategy that follows a geodesic from its start for unit time.
+
+    Autograd differentiates through it if it has a method ``derivatives(metric, path, tangent_vec,
+    covectors)`` and its results a `path`, see `riemhuman.solvers.DiscreteExponential`.
+    """
+
+    def solve(
+        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
+    ) -> SolvedExp:
+        """Return an object with `end`, the point reached.
+
+        It may have `complete`, False where the geodesic was not followed to its end, and `message`.
         """
-        raise self._not_defined("curvature_form")
 
-    def sectional_curvature(
+
+class DifferentiableExpSolver(Protocol):
+    """An `ExpSolver` that autograd differentiates through."""
+
+    def solve(
+        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
+    ) -> SolvedCurve:
+        """Return an object with `end`, the point reached, and `path`, all points on the way."""
+
+    def derivatives(
         self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        r"""Return the sectional curvature of the plane of two vectors, NaN if they are parallel.
+        metric: RiemannianMetric,
+        path: Points,
+        tangent_vec: TangentVectors,
+        covectors: TangentVectors,
+    ) -> Sequence[TangentVectors]:
+        """Return the derivatives of a pairing with the path by velocity and by base point."""
 
-        .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
 
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
+class LogSolver(Protocol):
+    """A strategy for the initial velocity of a geodesic between two points."""
+
+    def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> SolvedVector:
+        """Return an object with `tangent_vec`, the initial velocity at `base_point`."""
+
+
+class TransportSolver(Protocol):
+    """A strategy that transports tangent vectors along geodesics."""
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        tangent_vec: TangentVectors,
+        base_point: Points,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+    ) -> SolvedVector:
+        """Return an object with `tangent_vec`, the vector at the end of the geodesic.
+
+        Either `direction`, the initial velocity, or `end_point` is given.
         """
-        a, b, point = tangent_vec_a, tangent_vec_b, cast(Array, base_point)
-        form = self.curvature_form(a, b, point)
-        squares = self.squared_norm(a, point) * self.squared_norm(b, point)
-        area = squares - self.inner_product(a, b, point) ** 2
-        flat = area <= 1e-14 * squares
-        return np.where(flat, np.nan, form / np.where(flat, 1.0, area))
 
-    def _not_defined(self, name: str) -> NotDefinedError:
-        return NotDefinedError(f"{type(self).__name__} does not define {name}")
+
+class Solvers(TypedDict, total=False):
+    """Keyword arguments of all metrics: strategies for what has no closed form."""
+
+    geodesic_solver: GeodesicSolver | None
+    exp_solver: ExpSolver | None
+    log_solver: LogSolver | None
+    transport_solver: TransportSolver | None
+
+
+class DefaultSolvers(Protocol):
+    """Strategies of a metric that was given none, see `riemhuman.solvers.defaults`."""
+
+    def geodesic_solver(self, metric: RiemannianMetric) -> GeodesicSolver: ...
+
+    def exp_solver(self, metric: RiemannianMetric) -> ExpSolver: ...
+
+    def log_solver(self, metric: RiemannianMetric) -> LogSolver: ...
+
+    def transport_solver(self, metric: RiemannianMetric) -> TransportSolver: ...
+
+
+def _default_solvers() -> DefaultSolvers:
+    # `riemhuman/__init__.py`, where type checkers see that it is true, provides them.
+    return cast(DefaultSolvers, default_solvers())
+
+
+@primitive
+def solve_geodesic(
+    tangent_vec: TangentVectors, base_point: Points, metric: RiemannianMetric, solver: ExpSolver
+) -> Array:
+    """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
+    if _is_differentiable(solver):
+        curve = solver.solve(metric, tangent_vec, base_point)
+        _check_complete(curve, solver)
+        return np.asarray(curve.path)
+    result = solver.solve(metric, tangent_vec, base_point)
+    _check_complete(result, solver)
+    return np.asarray(result.end)[None]
+
+
+def _is_differentiable(solver: ExpSolver) -> TypeGuard[DifferentiableExpSolver]:
+    return hasattr(solver, "derivatives")
+
+
+def _check_complete(result: SolvedExp, solver: ExpSolver) -> None:
+    if not getattr(result, "complete", True):
+        where = getattr(result, "message", "a point on the way")
+        raise OutsideManifoldError(
+            f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
+            f"can follow for unit time; it stopped at {where}"
+        )
+
+
+def _derivatives(
+    argnums: Sequence[int],
+    path: Points,
+    args: tuple[TangentVectors, Points, RiemannianMetric, ExpSolver],
+    kwargs: dict[str, object],
+) -> Callable[[Array], tuple[Array, ...]]:
+    tangent_vec, _, metric, solver = args
+
+    def pull_back(covectors: TangentVectors) -> tuple[Array, ...]:
+        if not _is_differentiable(solver):
+            raise NotDefinedError(
+                f"{type(solver).__name__} has no derivatives of exp; "
+                "riemhuman.solvers.DiscreteExponential() has"
+            )
+        both = solver.derivatives(metric, path, tangent_vec, covectors)
+        return tuple(both[number] for number in argnums)
+
+    return pull_back
+
+
+defvjp_argnums(solve_geodesic, _derivatives)
 
 
 # In this file, as `RiemannianMetric.__mul__` makes one: each of the two needs the other.
@@ -933,15 +690,3 @@ def check_metric(metric: object, name: str = "metric") -> None:
     """Raise an ArgumentTypeError unless a solver was given a metric where it takes one."""
     if not isinstance(metric, RiemannianMetric):
         refuse_type(metric, name, "a metric, such as ElasticMetric(space), before the points")
-
-
-def metric_of(space: object) -> RiemannianMetric:
-    """Return the metric that a manifold was equipped with, or a metric given in its place."""
-    if isinstance(space, RiemannianMetric):
-        return space
-    if not isinstance(space, Manifold) or not space.is_equipped:
-        raise ArgumentTypeError(
-            "space must be a manifold equipped with a metric, or the metric; found "
-            f"{type(space).__name__}{' without one' if isinstance(space, Manifold) else ''}"
-        )
-    return space.metric

@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.point_space import PointSpace
 from riemhuman.geometry.strategies import Solvers
 
 
@@ -300,7 +301,7 @@ class PullbackMetric(RiemannianMetric):
 
     def __init__(
         self,
-        space: Manifold,
+        space: PointSpace,
         target_metric: RiemannianMetric,
         map: Callable[[Array], Array],
         **solvers: Unpack[Solvers],

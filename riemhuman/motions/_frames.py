@@ -13,8 +13,9 @@ from numpy import ndarray
 from riemhuman.arrays import Array, PointsByNumber, PointsLike, PointsOnDemand
 from riemhuman.checks import length_of, values_of
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces, Manifold, RiemannianMetric
+from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.geometry.pairwise import Features, squared_dist_rectangle
+from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._travel import ground_places, surface_space
 
@@ -44,7 +45,7 @@ class TravelChannel(Protocol):
 
 
 def frame_runs(
-    space: Manifold, motion: Motion, name: str = "motion", heading: bool = True
+    space: PointSpace, motion: Motion, name: str = "motion", heading: bool = True
 ) -> Iterator[ndarray]:
     """Yield the frames of a motion in checked arrays of at most 16; see `face_forward`."""
     n_frames = frame_count(motion, name)
@@ -54,7 +55,7 @@ def frame_runs(
         yield run if heading else face_forward(space, run)
 
 
-def face_forward(space: Manifold, frames: ndarray) -> ndarray:
+def face_forward(space: PointSpace, frames: ndarray) -> ndarray:
     """Rotate each frame about the vertical axis, y, to its best fit with the template."""
     if not isinstance(space, AlignedSurfaces):
         return frames
@@ -95,7 +96,7 @@ def surfaces_between(
     return surfaces
 
 
-def read_motion(space: Manifold, motion: Motion, name: str = "motion") -> ndarray:
+def read_motion(space: PointSpace, motion: Motion, name: str = "motion") -> ndarray:
     """Return all frames of a motion as one checked array, shape (n_frames, V, 3)."""
     return np.concatenate(list(frame_runs(space, motion, name)))
 
@@ -119,7 +120,7 @@ def check_motions(motions: object, name: str = "motions") -> None:
         raise ArgumentError(f"{name} must contain at least one motion; found none")
 
 
-def _checked_frames(space: Manifold, motion: Motion, first: int, last: int, name: str) -> ndarray:
+def _checked_frames(space: PointSpace, motion: Motion, first: int, last: int, name: str) -> ndarray:
     """Return the frames from `first` up to, but without, `last`."""
     label = f"frames {first} to {last - 1} of {name}"
     values = values_of(motion[first:last], label)
@@ -151,7 +152,7 @@ def sampled_rows(
 class _FramesOnDemand:
     """Single frames of a motion, read again where two are too close for single precision."""
 
-    def __init__(self, space: Manifold, motion: Motion, name: str, heading: bool) -> None:
+    def __init__(self, space: PointSpace, motion: Motion, name: str, heading: bool) -> None:
         self._space = space
         self._motion = motion
         self._name = name

@@ -7,7 +7,8 @@ from numpy import ndarray
 
 from riemhuman.datasets.motions import Motion as RecordedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry import AlignedSurfaces, Manifold
+from riemhuman.geometry import AlignedSurfaces
+from riemhuman.geometry.point_space import PointSpace
 
 _GRAVITY = 9.81  # metres per second squared
 # Seconds between the two places from which a speed is computed: within a step, the body speeds up
@@ -29,7 +30,7 @@ def frame_rate(motion: object, frames_per_second: float | None, name: str) -> fl
     )
 
 
-def surface_space(space: Manifold) -> AlignedSurfaces:
+def surface_space(space: PointSpace) -> AlignedSurfaces:
     """Return a space of surfaces, or raise an error: other points do not travel."""
     if not isinstance(space, AlignedSurfaces):
         raise ArgumentTypeError(

@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
+from riemhuman.geometry.manifold import manifold_of
 from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
     FEWER_FRAMES,
@@ -331,7 +332,7 @@ class MotionComponents(Estimator):
         self.mean_ = self.mean.estimate_
         space = self.mean.space
         self._metric = self.mean._metric
-        fields = ProductManifold([self._metric.target_metric.space] * space.n_times)
+        fields = ProductManifold([manifold_of(self._metric.target_metric)] * space.n_times)
         weights = RateDependentMetric(space, self._metric).time_weights
         fields.equip_with_metric(ProductMetric, weights=weights)
         images = np.stack([self._image(motion) for motion in self.mean.aligned_])

@@ -23,8 +23,8 @@ from riemhuman.plots.result_plots import (
     plot_sweep,
 )
 from riemhuman.plots.scan_views import plot_scan, view_scan
+from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import (
-    ViewedBody,
     Viewer,
     save_picture,
     view_bodies,

@@ -6,7 +6,6 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -17,11 +16,9 @@ from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
 from riemhuman.plots._ground_picture import Ground
 from riemhuman.plots.rendering import render
+from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.windows import View, Window
 from riemhuman.progress import ProgressBar
-
-if TYPE_CHECKING:
-    from riemhuman.plots.viewer import ViewedBody
 
 FILM_ENDINGS = (".gif", ".mp4")
 

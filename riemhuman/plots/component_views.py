@@ -10,7 +10,8 @@ from riemhuman.checks import refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.plots.viewer import ComponentChanges, ViewedBody, Viewer
+from riemhuman.plots.viewed_bodies import ComponentChanges, ViewedBody
+from riemhuman.plots.viewer import Viewer
 from riemhuman.solvers import TangentPCA
 
 _MOST_COMPONENTS = 10

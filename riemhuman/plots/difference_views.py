@@ -27,7 +27,8 @@ from riemhuman.plots.body_plots import contributions, per_area, plot_path
 from riemhuman.plots.figures import colour_limit, new_figure
 from riemhuman.plots.measurement_views import measurement_panel
 from riemhuman.plots.rendering import as_surfaces
-from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.viewed_bodies import ViewedBody
+from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.procrustes import procrustes

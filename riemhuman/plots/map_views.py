@@ -15,7 +15,8 @@ from riemhuman.errors import ArgumentError
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import class_colors
 from riemhuman.plots.maps import free_places
-from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.viewed_bodies import ViewedBody
+from riemhuman.plots.viewer import Viewer
 
 _SIZE = 100.0  # of the longer side of the map, in its own units
 _MARGIN = 9.0

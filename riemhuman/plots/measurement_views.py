@@ -26,7 +26,8 @@ from riemhuman.plots._packing import packed_points
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.rendering import render
-from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.viewed_bodies import ViewedBody
+from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View, window_around
 
 if TYPE_CHECKING:

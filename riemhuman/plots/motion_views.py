@@ -15,7 +15,8 @@ from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.motions import Warp
 from riemhuman.plots._web_files import fill
-from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.viewed_bodies import ViewedBody
+from riemhuman.plots.viewer import Viewer
 
 _MOST_POINTS = 400  # of the drawn curve
 

@@ -17,7 +17,8 @@ from riemhuman.plots._web_files import fill
 from riemhuman.plots.body_plots import draw_bar
 from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_colors
 from riemhuman.plots.rendering import points_picture, render
-from riemhuman.plots.viewer import ViewedBody, Viewer
+from riemhuman.plots.viewed_bodies import ViewedBody
+from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View, Window, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import JSONRecord
 from riemhuman.checks import real_array, real_number
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.motions import ModelMotion, Motion
@@ -24,11 +25,10 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
-from riemhuman.plots._bones import bone_record
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
 from riemhuman.plots._occlusion import shade_of
-from riemhuman.plots._packing import LEVELS, deflated, packed
+from riemhuman.plots._packing import deflated, packed
 from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
 from riemhuman.plots._web_files import web_file as web_file
@@ -36,15 +36,11 @@ from riemhuman.plots._web_files import web_templates as web_templates
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import (
     MEAN,
-    SIGNED_COLORS,
     SKIN,
     VALUE_COLORS,
-    colour_limit,
     figure_style,
-    has_sign,
     new_figure,
     save_figure,
-    value_colors,
 )
 from riemhuman.plots.rendering import (
     as_surfaces,
@@ -52,8 +48,8 @@ from riemhuman.plots.rendering import (
     png_bytes,
     strip_picture,
     surface_values,
-    vertex_values,
 )
+from riemhuman.plots.viewed_bodies import ViewedBody, body_record
 from riemhuman.plots.windows import View, window_around
 
 SAVED_VIEWS = (".html", ".htm", ".png", *FILM_ENDINGS)
@@ -81,8 +77,6 @@ _SCRIPTS = (
     "viewer.js",
 )
 _NO_PART = 255
-_STEP = 1e-4  # metres, of coordinates
-_AS_LARGE_AS_BODIES = 0.2  # metres
 
 
 def page_styles() -> str:
@@ -103,102 +97,6 @@ def viewer_script() -> str:
     scripts = "".join(web_file("plots", name) for name in _SCRIPTS)
     light = json.dumps(json.loads(web_file("plots", "light.json")))
     return f"(() => {{\nconst LIGHT = {light};\n{scripts}}})();\n"
-
-
-@dataclass(frozen=True)
-class ComponentChanges:
-    """What principal components change about a body, of which the page mixes any amounts.
-
-    Parameters
-    ----------
-    linear, quadratic : array, shape (K, V, 3)
-        Displacement per standard deviation of each component, and per its square, metres.
-    shares : array, shape (K,)
-        Share of the variance of each component.
-    """
-
-    linear: ndarray
-    quadratic: ndarray
-    shares: ndarray
-
-    def mixed(self, surface: ndarray, scores: ndarray) -> ndarray:
-        """Return the surface, shape (V, 3), changed by scores in standard deviations, (K,)."""
-        changed = np.tensordot(scores, self.linear, 1) + np.tensordot(scores**2, self.quadratic, 1)
-        return np.asarray(surface + changed)
-
-
-@dataclass(frozen=True)
-class ViewedBody:
-    """A body or a path of bodies in a viewer.
-
-    Parameters
-    ----------
-    label : str
-    frames : array, shape (n_times, V, 3), or motion of a body model
-        Surfaces at equally spaced times, metres. The page poses a motion of a body model, such as
-        `ArrayMotion`, by its bones, which makes it tens of times smaller.
-    color : tuple of float
-        Red, green and blue between 0 and 1.
-    values : array, shape (F,) or (V,), optional
-        Values of the triangles, such as `contributions` per area, or of the vertices, shown as
-        colours; 1 % of their sizes exceed that of the last colour. The scale begins at 0 or, if
-        some are negative, goes to both sides of it.
-    value_label : str
-        Unit of the values, at the end of the colour scale.
-    value_caption : str
-        What the values or their signs mean, below the colour scale.
-    value_limit : float, optional
-        Value of the last colour, such as one that several bodies share.
-    components : ComponentChanges, optional
-        What the sliders of `view_components` change about the only surface in `frames`.
-    times : array, shape (n,), optional
-        Frame numbers, possibly fractional, that are shown at equally spaced times, such as those of
-        a motion that is aligned with another; by default each frame once.
-
-    Examples
-    --------
-    >>> body = rh.plots.ViewedBody("mean", np.zeros((1, 3, 3)), color=(0.93, 0.74, 0.30))
-    """
-
-    label: str
-    frames: ndarray | ModelMotion
-    color: tuple[float, float, float] = SKIN
-    values: ndarray | None = None
-    value_label: str = ""
-    value_caption: str = ""
-    value_limit: float | None = None
-    components: ComponentChanges | None = None
-    times: ndarray | None = None
-
-    @property
-    def limit(self) -> float:
-        """Value of the last colour; 0 without values."""
-        if self.value_limit is not None:
-            return self.value_limit
-        return 0.0 if self.values is None else colour_limit(self.values)
-
-    def colors(self, faces: ndarray) -> ndarray:
-        """Return the colour of the body, shape (3,), or those of its vertices by their values.
-
-        Parameters
-        ----------
-        faces : array of int, shape (F, 3)
-            Its triangles; values may be those of triangles.
-        """
-        if self.values is None:
-            return np.asarray(self.color)
-        values = vertex_values(np.asarray(self.values), faces, len(self.frames[0]))
-        return value_colors(values, self.limit, signed=self.signed)
-
-    @property
-    def n_times(self) -> int:
-        """Number of moments that are shown at equally spaced times."""
-        return len(self.frames) if self.times is None else len(self.times)
-
-    @property
-    def signed(self) -> bool:
-        """Whether some values are negative; the first colour then belongs to minus the limit."""
-        return self.values is not None and has_sign(self.values)
 
 
 @dataclass(frozen=True)
@@ -264,7 +162,7 @@ class Viewer:
             Identifier of the viewer, unique in the page.
         """
         shown_first, view = next(iter(self.choices.values())), View()
-        data: dict[str, Any] = {
+        data: JSONRecord = {
             # Neighbouring triangles have similar numbers.
             "faces": packed(self.faces.astype("<u4")),
             "n_vertices": len(shown_first[0].frames[0]),
@@ -272,7 +170,7 @@ class Viewer:
             "elevation": view.elevation,
             "scale": VALUE_COLORS,
             "choices": [
-                {"name": name, "bodies": [_body(body, self.faces) for body in bodies]}
+                {"name": name, "bodies": [body_record(body, self.faces) for body in bodies]}
                 for name, bodies in self.choices.items()
             ],
             "seconds": self.seconds,
@@ -390,7 +288,7 @@ def _parts_of(faces: ndarray) -> Mapping[str, ndarray]:
     return {}
 
 
-def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> dict[str, Any]:
+def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> JSONRecord:
     """Return the names of parts, and for each triangle the number of its part, or 255."""
     if len(parts) > _NO_PART:
         raise ArgumentError(f"at most {_NO_PART} parts can be named; found {len(parts)}")
@@ -406,68 +304,14 @@ def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> dict[str, Any
     return {"names": list(parts), "numbers": deflated(numbers)}
 
 
-def _body(body: ViewedBody, faces: ndarray) -> dict[str, Any]:
-    """Return the data of a body in types that JSON can hold."""
-    red, green, blue = (round(255 * channel) for channel in body.color)
-    record: dict[str, Any] = {
-        "label": body.label,
-        "n_frames": len(body.frames),
-        "color": f"#{red:02x}{green:02x}{blue:02x}",
-    }
-    if isinstance(body.frames, ModelMotion):
-        record["bones"] = bone_record(body.frames)
-    else:
-        record |= _coordinates(body.frames)
-    if body.times is not None:
-        record["times"] = np.round(body.times, 3).tolist()
-    if body.values is not None:
-        colors = body.colors(faces)
-        record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))
-        record["values"] = deflated(body.values.astype("<f4"))
-        record["largest"] = body.limit
-        record["signed"] = body.signed
-        record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
-        record["value_label"] = body.value_label
-        record["value_caption"] = body.value_caption
-    if body.components is not None:
-        changes = (body.components.linear, body.components.quadratic)
-        pairs = [
-            [_packed_changes(change) for change in pair] for pair in zip(*changes, strict=True)
-        ]
-        record["components"] = [
-            {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
-        ]
-    return record
-
-
-def _coordinates(frames: ndarray) -> dict[str, Any]:
-    """Return the coordinates of all frames as whole numbers of 16 bits."""
-    low = frames.min(axis=(0, 1))
-    size = frames.max(axis=(0, 1)) - low
-    step = np.maximum(size, 1e-9) / LEVELS
-    # Things as large as a body are stored to 0.1 mm, which compresses better.
-    step = np.where(size > _AS_LARGE_AS_BODIES, np.maximum(step, _STEP), step)
-    integers = np.round((frames - low) / step).astype("<u2")
-    # Differences in time, or along the surface of a single frame, are small.
-    rows = integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
-    return {"frames": packed(rows), "low": low.tolist(), "step": step.tolist()}
-
-
 def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
     """Return the percentages of the variance that the first choice has sliders for."""
     changes = bodies[0].components
     return [] if changes is None else [100 * float(share) for share in changes.shares]
 
 
-def _packed_changes(changes: ndarray) -> dict[str, Any]:
-    """Return displacements, shape (V, 3), as signed whole numbers of 16 bits, and their step."""
-    step = max(float(np.abs(changes).max()), 1e-9) / (LEVELS // 2)
-    integers = np.round(changes / step).astype("<i2")
-    return {"step": step, "changes": packed(integers.view("<u2"))}
-
-
 def view_path(
-    path: ArrayLike | Sequence[Any] | Motion | Mapping[str, ArrayLike | Motion],
+    path: ArrayLike | Sequence[object] | Motion | Mapping[str, ArrayLike | Motion],
     faces: ArrayLike | None = None,
     *,
     side_by_side: bool = False,
@@ -529,7 +373,7 @@ def view_path(
 
 
 def view_bodies(
-    points: ArrayLike | Sequence[Any],
+    points: ArrayLike | Sequence[object],
     faces: ArrayLike | None = None,
     names: Sequence[str] | None = None,
     *,

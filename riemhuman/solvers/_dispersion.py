@@ -12,7 +12,8 @@ from riemhuman.arrays import Array, Integers, Points, PointsOrBatches
 from riemhuman.checks import values_of, weight_shares
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.manifold import Manifold, holds_surfaces
+from riemhuman.geometry.manifold import holds_surfaces
+from riemhuman.geometry.point_space import PointSpace
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -200,7 +201,7 @@ def metric_of_search(metric: RiemannianMetric, companion_weight: float) -> Riema
     return metric
 
 
-def area_check(space: Manifold, points: Points) -> Callable[[Array], None]:
+def area_check(space: PointSpace, points: Points) -> Callable[[Array], None]:
     """Return a check that no triangles have collapsed, compared with those of the points."""
     # Where most metric fields are more than a right angle apart on their cone, θ > π/2, the mean
     # squared distance decreases towards its tip, a triangle without area.

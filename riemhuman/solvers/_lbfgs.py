@@ -11,7 +11,7 @@ import numpy as np
 from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, Callback, Contents, TangentVectors
-from riemhuman.geometry import Manifold
+from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.threads import (
     check_interrupt,
     combine_rows,
@@ -361,7 +361,7 @@ class DescentSettings(TypedDict, total=False):
 
 def minimize_from(
     origin: Array,
-    space: Manifold,
+    space: PointSpace,
     directions: TangentVectors | None,
     function: Objective,
     inverse_hessian_at: Callable[[Array], Operator],

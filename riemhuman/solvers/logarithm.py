@@ -10,11 +10,11 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from riemhuman.arrays import Contents, Points, TangentVectors
-from riemhuman.checks import check_basis, real_number, whole_number
+from riemhuman.checks import check_basis, check_strategy, real_number, whole_number
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
-from riemhuman.geometry.strategies import GeodesicSolver, LogSolver, check_strategy
+from riemhuman.geometry.strategies import GeodesicSolver, LogSolver
 from riemhuman.kernels.drift import steady_path
 from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
 from riemhuman.solvers._geodesic_equation import (

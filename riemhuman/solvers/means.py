@@ -9,12 +9,20 @@ from typing import ClassVar, Self, TypedDict
 import numpy as np
 
 from riemhuman.arrays import Array, Callback, Points, PointsOrBatches
-from riemhuman.checks import check_basis, check_function, real_number, values_of, whole_number
+from riemhuman.checks import (
+    check_basis,
+    check_function,
+    check_strategy,
+    real_number,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
-from riemhuman.geometry.metric import check_metric, metric_of
-from riemhuman.geometry.strategies import MeanSolver, check_strategy
+from riemhuman.geometry.manifold import metric_of
+from riemhuman.geometry.metric import check_metric
+from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.kernels.threads import is_abandoned
 from riemhuman.solvers._alignment import AlignedMembers, align_members
 from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search, with_weight

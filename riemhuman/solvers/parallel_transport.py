@@ -9,11 +9,11 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points, TangentVectors
-from riemhuman.checks import check_basis, real_array, real_number, whole_number
+from riemhuman.checks import check_basis, check_strategy, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
-from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver, check_strategy
+from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, check_path_from, rounding_energy

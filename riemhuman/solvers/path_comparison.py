@@ -10,12 +10,12 @@ from typing import NamedTuple, Self, overload
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points, PointsLike
-from riemhuman.checks import check_methods, real_array, refuse_type
+from riemhuman.checks import check_methods, check_strategy, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.metric import check_metric
-from riemhuman.geometry.strategies import GeodesicSolver, check_strategy
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.representation import Record
 from riemhuman.solvers.path_search import PathSearch
 from riemhuman.solvers.paths import solve_pairs

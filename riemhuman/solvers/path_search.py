@@ -10,11 +10,18 @@ from typing import ClassVar, Self, cast
 import numpy as np
 
 from riemhuman.arrays import Array, Callback, Points
-from riemhuman.checks import check_basis, check_function, check_methods, real_number, whole_number
+from riemhuman.checks import (
+    check_basis,
+    check_function,
+    check_methods,
+    check_strategy,
+    real_number,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
-from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers._alignment import AlignedEnds, align_ends, ends_as_given
 from riemhuman.solvers._lbfgs import Operator, minimize_from

@@ -12,7 +12,7 @@ import numpy as np
 from autograd import value_and_grad
 
 from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
-from riemhuman.checks import path_array, real_array, values_of, whole_number
+from riemhuman.checks import check_strategy, path_array, real_array, values_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
@@ -22,7 +22,7 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
-from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy, check_strategy
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.solvers.results import PathResult, complete_path

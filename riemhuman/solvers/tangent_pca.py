@@ -8,13 +8,20 @@ from typing import Self
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Points
-from riemhuman.checks import Rng, generator, one_of, real_array, refuse_type, whole_number
+from riemhuman.checks import (
+    Rng,
+    check_strategy,
+    generator,
+    one_of,
+    real_array,
+    refuse_type,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator, Transformer
 from riemhuman.geometry import Manifold, RiemannianMetric
-from riemhuman.geometry.manifold import sample_count, stack_samples, surface_space
-from riemhuman.geometry.metric import metric_of
-from riemhuman.geometry.strategies import MeanSolver, check_strategy
+from riemhuman.geometry.manifold import metric_of, sample_count, stack_samples, surface_space
+from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.kernels.projections import with_positive_peaks
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
@@ -127,8 +134,8 @@ class TangentPCA(ImageEstimator, Transformer):
 
     Parameters
     ----------
-    space : Manifold
-        A manifold equipped with a metric.
+    space : Manifold or RiemannianMetric
+        A manifold equipped with a metric, or the metric.
     n_components : int, optional
         Number of directions; by default the dimension that the logarithms span.
     mean : array, shape (\*shape,), or object, optional
@@ -178,7 +185,7 @@ class TangentPCA(ImageEstimator, Transformer):
 
     def __init__(
         self,
-        space: Manifold,
+        space: Manifold | RiemannianMetric,
         n_components: int | None = None,
         *,
         mean: MeanSolver | ArrayLike | None = None,

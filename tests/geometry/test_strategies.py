@@ -8,7 +8,7 @@ import pytest
 from autograd import grad
 
 from riemhuman.errors import NotDefinedError, OutsideManifoldError
-from riemhuman.geometry.strategies import solve_geodesic
+from riemhuman.geometry.metric import solve_geodesic
 
 X, V = np.random.default_rng(0).standard_normal((2, 4, 3))
 

@@ -1,0 +1,175 @@
+"""Bodies, paths and motions as interactive views and films show them, and as pages store them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.arrays import JSONRecord
+from riemhuman.datasets.motions import ModelMotion
+from riemhuman.plots._bones import bone_record
+from riemhuman.plots._packing import LEVELS, deflated, packed
+from riemhuman.plots.figures import (
+    SIGNED_COLORS,
+    SKIN,
+    VALUE_COLORS,
+    colour_limit,
+    has_sign,
+    value_colors,
+)
+from riemhuman.plots.rendering import vertex_values
+
+_STEP = 1e-4  # metres, of coordinates
+_AS_LARGE_AS_BODIES = 0.2  # metres
+
+
+@dataclass(frozen=True)
+class ComponentChanges:
+    """What principal components change about a body, of which the page mixes any amounts.
+
+    Parameters
+    ----------
+    linear, quadratic : array, shape (K, V, 3)
+        Displacement per standard deviation of each component, and per its square, metres.
+    shares : array, shape (K,)
+        Share of the variance of each component.
+    """
+
+    linear: ndarray
+    quadratic: ndarray
+    shares: ndarray
+
+    def mixed(self, surface: ndarray, scores: ndarray) -> ndarray:
+        """Return the surface, shape (V, 3), changed by scores in standard deviations, (K,)."""
+        changed = np.tensordot(scores, self.linear, 1) + np.tensordot(scores**2, self.quadratic, 1)
+        return np.asarray(surface + changed)
+
+
+@dataclass(frozen=True)
+class ViewedBody:
+    """A body or a path of bodies in a viewer.
+
+    Parameters
+    ----------
+    label : str
+    frames : array, shape (n_times, V, 3), or motion of a body model
+        Surfaces at equally spaced times, metres. The page poses a motion of a body model, such as
+        `ArrayMotion`, by its bones, which makes it tens of times smaller.
+    color : tuple of float
+        Red, green and blue between 0 and 1.
+    values : array, shape (F,) or (V,), optional
+        Values of the triangles, such as `contributions` per area, or of the vertices, shown as
+        colours; 1 % of their sizes exceed that of the last colour. The scale begins at 0 or, if
+        some are negative, goes to both sides of it.
+    value_label : str
+        Unit of the values, at the end of the colour scale.
+    value_caption : str
+        What the values or their signs mean, below the colour scale.
+    value_limit : float, optional
+        Value of the last colour, such as one that several bodies share.
+    components : ComponentChanges, optional
+        What the sliders of `view_components` change about the only surface in `frames`.
+    times : array, shape (n,), optional
+        Frame numbers, possibly fractional, that are shown at equally spaced times, such as those of
+        a motion that is aligned with another; by default each frame once.
+
+    Examples
+    --------
+    >>> body = rh.plots.ViewedBody("mean", np.zeros((1, 3, 3)), color=(0.93, 0.74, 0.30))
+    """
+
+    label: str
+    frames: ndarray | ModelMotion
+    color: tuple[float, float, float] = SKIN
+    values: ndarray | None = None
+    value_label: str = ""
+    value_caption: str = ""
+    value_limit: float | None = None
+    components: ComponentChanges | None = None
+    times: ndarray | None = None
+
+    @property
+    def limit(self) -> float:
+        """Value of the last colour; 0 without values."""
+        if self.value_limit is not None:
+            return self.value_limit
+        return 0.0 if self.values is None else colour_limit(self.values)
+
+    def colors(self, faces: ndarray) -> ndarray:
+        """Return the colour of the body, shape (3,), or those of its vertices by their values.
+
+        Parameters
+        ----------
+        faces : array of int, shape (F, 3)
+            Its triangles; values may be those of triangles.
+        """
+        if self.values is None:
+            return np.asarray(self.color)
+        values = vertex_values(np.asarray(self.values), faces, len(self.frames[0]))
+        return value_colors(values, self.limit, signed=self.signed)
+
+    @property
+    def n_times(self) -> int:
+        """Number of moments that are shown at equally spaced times."""
+        return len(self.frames) if self.times is None else len(self.times)
+
+    @property
+    def signed(self) -> bool:
+        """Whether some values are negative; the first colour then belongs to minus the limit."""
+        return self.values is not None and has_sign(self.values)
+
+
+def body_record(body: ViewedBody, faces: ndarray) -> JSONRecord:
+    """Return the data of a body in types that JSON can hold."""
+    red, green, blue = (round(255 * channel) for channel in body.color)
+    record: JSONRecord = {
+        "label": body.label,
+        "n_frames": len(body.frames),
+        "color": f"#{red:02x}{green:02x}{blue:02x}",
+    }
+    if isinstance(body.frames, ModelMotion):
+        record["bones"] = bone_record(body.frames)
+    else:
+        record |= _coordinates(body.frames)
+    if body.times is not None:
+        record["times"] = np.round(body.times, 3).tolist()
+    if body.values is not None:
+        colors = body.colors(faces)
+        record["colors"] = deflated(np.round(255 * colors).astype(np.uint8))
+        record["values"] = deflated(body.values.astype("<f4"))
+        record["largest"] = body.limit
+        record["signed"] = body.signed
+        record["scale"] = SIGNED_COLORS if body.signed else VALUE_COLORS
+        record["value_label"] = body.value_label
+        record["value_caption"] = body.value_caption
+    if body.components is not None:
+        changes = (body.components.linear, body.components.quadratic)
+        pairs = [
+            [_packed_changes(change) for change in pair] for pair in zip(*changes, strict=True)
+        ]
+        record["components"] = [
+            {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
+        ]
+    return record
+
+
+def _coordinates(frames: ndarray) -> JSONRecord:
+    """Return the coordinates of all frames as whole numbers of 16 bits."""
+    low = frames.min(axis=(0, 1))
+    size = frames.max(axis=(0, 1)) - low
+    step = np.maximum(size, 1e-9) / LEVELS
+    # Things as large as a body are stored to 0.1 mm, which compresses better.
+    step = np.where(size > _AS_LARGE_AS_BODIES, np.maximum(step, _STEP), step)
+    integers = np.round((frames - low) / step).astype("<u2")
+    # Differences in time, or along the surface of a single frame, are small.
+    rows = integers.reshape(len(integers), -1) if len(integers) > 1 else integers[0]
+    return {"frames": packed(rows), "low": low.tolist(), "step": step.tolist()}
+
+
+def _packed_changes(changes: ndarray) -> JSONRecord:
+    """Return displacements, shape (V, 3), as signed whole numbers of 16 bits, and their step."""
+    step = max(float(np.abs(changes).max()), 1e-9) / (LEVELS // 2)
+    integers = np.round(changes / step).astype("<i2")
+    return {"step": step, "changes": packed(integers.view("<u2"))}
