@@ -35,6 +35,7 @@ __all__ = [
     "PointsOrBatches",
     "TangentVectors",
     "Triangles",
+    "Values",
 ]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -75,7 +76,9 @@ class PointsOnDemand(Protocol):
 
     def __len__(self) -> int: ...
 
-    def __getitem__(self, part: int | slice, /) -> NDArray[np.float64]: ...
+    def __getitem__(
+        self, part: int | slice[int | None, int | None, int | None], /
+    ) -> NDArray[np.float64]: ...
 
 
 class PointsByNumber(Protocol):
@@ -93,6 +96,9 @@ PairsLike: TypeAlias = NDArray[np.float64] | Sequence[Sequence[object]]
 PointsOrBatches: TypeAlias = NDArray[np.float64] | Iterable[NDArray[np.float64]]
 """A set of points: an array, or batches of them that can be read again."""
 
+Values: TypeAlias = NDArray[Any]  # type: ignore[explicit-any]  # known once it was looked at
+"""An array of a type that is not known yet, such as one that a user passes, or of a file."""
+
 Labels: TypeAlias = ArrayLike | Iterable[object]
 """Class labels, which can be hashed."""
 
@@ -102,11 +108,11 @@ Contents: TypeAlias = dict[str, object]
 Callback: TypeAlias = Callable[[int, float, NDArray[np.float64]], object]
 """Called with iteration, value and point or path."""
 
-NamedArrays: TypeAlias = Mapping[str, NDArray[np.generic]]
+NamedArrays: TypeAlias = Mapping[str, Values]
 """Arrays by name, as in .npz files."""
 
-JSONValue: TypeAlias = Any
-"""A value of a document of JSON, whose shape readers check where they use it."""
+JSONValue: TypeAlias = Any  # type: ignore[explicit-any]  # readers check each value they use
+"""A value of a document of JSON."""
 
 JSONRecord: TypeAlias = dict[str, JSONValue]
 """An object of JSON, with names for its values."""

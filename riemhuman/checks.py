@@ -15,7 +15,7 @@ from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 import numpy as np
 from autograd.tracer import getval
 
-from riemhuman.arrays import Array, ArrayLike, Integers, Labels
+from riemhuman.arrays import Array, ArrayLike, Integers, Labels, Values
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
 from riemhuman.memory import too_little
 
@@ -83,7 +83,7 @@ _NEAR, _FAR, _FEWEST_VERTICES = 30.0, 50.0, 100
 _N_SURFACES = 8
 
 
-def values_of(array: object, name: str = "array") -> np.ndarray:
+def values_of(array: object, name: str = "array") -> Values:
     """Return the plain NumPy values of an array, traced by autograd or not."""
     while array is not (value := getval(array)):
         array = value
@@ -110,7 +110,7 @@ def values_of(array: object, name: str = "array") -> np.ndarray:
 def _count_masked(array: object) -> int:
     """Return the number of masked entries of an array, or of arrays in nested lists."""
     if isinstance(array, np.ma.MaskedArray):
-        return int(np.ma.count_masked(array))
+        return int(np.ma.getmaskarray(array).sum())
     if isinstance(array, (list, tuple)):
         return sum(map(_count_masked, array))
     return 0
@@ -178,7 +178,7 @@ def unflatten(array: Array, shape: Sequence[int | str]) -> Array:
 
 
 def check_shape(
-    values: np.ndarray, name: str, shape: Sequence[int | str], *, batched: bool = True
+    values: Values, name: str, shape: Sequence[int | str], *, batched: bool = True
 ) -> None:
     """Raise an ArgumentError if the trailing shape of an array is not `shape`."""
     fits = values.ndim >= len(shape) if batched else values.ndim == len(shape)
@@ -284,7 +284,7 @@ def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
 
 def is_missing_label(value: object) -> bool:
     """Return whether a label is missing, see `label_list`."""
-    if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.count_masked(value) > 0):
+    if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.getmaskarray(value).any()):
         return True
     if isinstance(value, (str, bytes)):
         return not value.strip()
@@ -348,8 +348,9 @@ def weight_shares(weights: ArrayLike | None, n: int) -> Array:
             f"{largest:g}"
         )
     # Their sum might overflow.
-    shares = shares / largest
-    return shares / shares.sum()
+    below_one: Array = shares / largest
+    sum_to_one: Array = below_one / below_one.sum()
+    return sum_to_one
 
 
 def integer_array(array: object, name: str, shape: Sequence[int | str]) -> Integers:
@@ -458,8 +459,8 @@ def check_human_size(extent: float, volume: float, name: str) -> None:
 
 
 def check_same_scale(
-    points: np.ndarray,
-    reference: np.ndarray,
+    points: Array,
+    reference: Array,
     name: str,
     reference_name: str,
     *,
@@ -487,7 +488,7 @@ def check_same_scale(
     )
 
 
-def _numpy_dtype(dtype: object) -> np.dtype | None:
+def _numpy_dtype(dtype: object) -> np.dtype | None:  # type: ignore[explicit-any]  # any of them
     """Return NumPy's type of the same name as a type of another library, if any."""
     if dtype is None:
         return None
@@ -539,7 +540,7 @@ def check_resolution(
     warn(message, PrecisionWarning)
 
 
-def _common_step(values: np.ndarray) -> float:
+def _common_step(values: Array) -> float:
     """Return the step between numbers that are all on one grid, 0 if they are on none."""
     gaps = np.diff(np.unique(values))
     # Rounding of decimal fractions leaves gaps that are far smaller than the step.
@@ -588,7 +589,7 @@ def _shown(value: object) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 
-def _describe(array: object, values: np.ndarray) -> str:
+def _describe(array: object, values: Values) -> str:
     kind = type(array).__name__
     return f"{kind} of dtype {values.dtype}" if values.ndim else f"{kind} {_shown(array)}"
 

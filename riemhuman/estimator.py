@@ -8,7 +8,9 @@ from abc import abstractmethod
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
@@ -90,7 +92,7 @@ class Transformer(Estimator):
             self._sklearn_output_config = {"transform": transform}
         return self
 
-    def get_feature_names_out(self, input_features: object = None) -> np.ndarray:
+    def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
         """Return the names of the columns of results: the class in lower case, and a number.
 
         Parameters
@@ -101,7 +103,7 @@ class Transformer(Estimator):
         prefix = type(self).__name__.lower()
         return np.array([f"{prefix}{k}" for k in range(self._n_outputs())], dtype=object)
 
-    def _in_container(self, values: np.ndarray, X: object) -> np.ndarray:
+    def _in_container(self, values: Array, X: object) -> Array:
         """Return a result, or the data frame that was chosen for it, with the index of its data."""
         config = getattr(self, "_sklearn_output_config", None)
         if config is None and "sklearn" in sys.modules:
@@ -112,6 +114,6 @@ class Transformer(Estimator):
         package = import_optional(container, "statistics")
         columns = list(self.get_feature_names_out())
         if container == "polars":
-            return package.DataFrame(values, schema=columns, orient="row")
+            return package.DataFrame(values, schema=columns, orient="row")  # type: ignore[no-any-return]  # asked for
         index = X.index if isinstance(X, (package.DataFrame, package.Series)) else None
-        return package.DataFrame(values, index=index, columns=columns)
+        return package.DataFrame(values, index=index, columns=columns)  # type: ignore[no-any-return]  # asked for

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, TypeAlias
 
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
@@ -35,10 +35,13 @@ KINDS = {
 }
 """Kinds of extensions, and how each is called."""
 
-_REGISTERED: dict[str, dict[str, Callable[..., Any]]] = {kind: {} for kind in KINDS}
+Factory: TypeAlias = Callable[..., Any]  # type: ignore[explicit-any]  # a signature for each kind
+"""A class or function, called and returning as `KINDS` says of its kind."""
+
+_REGISTERED: dict[str, dict[str, Factory]] = {kind: {} for kind in KINDS}
 
 
-def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
+def register(kind: str, name: str, factory: Factory) -> None:
     """Register a metric, descriptor, reader or measurement in this process.
 
     Parameters
@@ -81,7 +84,7 @@ def unregister(kind: str, name: str) -> None:
     del _REGISTERED[kind][name]
 
 
-def extensions(kind: str) -> dict[str, Callable[..., Any]]:
+def extensions(kind: str) -> dict[str, Factory]:
     """Return the extensions of installed packages and of this process by name.
 
     Parameters
@@ -90,7 +93,7 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
         One of `KINDS`.
     """
     one_of(kind, "kind", tuple(KINDS))
-    factories: dict[str, Callable[..., Any]] = {}
+    factories: dict[str, Factory] = {}
     for entry in entry_points(group=f"riemhuman.{kind}"):
         try:
             factories[entry.name] = entry.load()
@@ -102,7 +105,7 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
     return factories | _REGISTERED[kind]
 
 
-def extension(kind: str, name: str) -> Callable[..., Any]:
+def extension(kind: str, name: str) -> Factory:
     """Return an extension of an installed package or of this process.
 
     Parameters

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from numbers import Number
-from typing import Any
+from typing import TypeAlias
 
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentError
+
+Constructor: TypeAlias = Callable[..., None]  # type: ignore[explicit-any]  # of any arguments
 
 _LONGEST = 80
 _MISSING = object()
@@ -21,10 +23,10 @@ def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
     """Return the call that makes an object, with numbers and what differs from its default."""
     shown = []
     for name, parameter in inspect.signature(type(value)).parameters.items():
-        kept: Any = getattr(value, name if hasattr(value, name) else f"_{name}", _MISSING)
+        kept: object = getattr(value, name if hasattr(value, name) else f"_{name}", _MISSING)
         if name in leave_out or kept is _MISSING:
             continue
-        if parameter.kind is parameter.VAR_KEYWORD:
+        if parameter.kind is parameter.VAR_KEYWORD and isinstance(kept, Mapping):
             shown += [f"{key}={_brief(item)}" for key, item in kept.items()]
             continue
         # Texts are compared by value, since pickling copies them; other values by identity.
@@ -36,8 +38,9 @@ def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
     return f"{type(value).__name__}({', '.join(shown)})"
 
 
-def field_texts(value: Any) -> dict[str, str]:
+def field_texts(value: object) -> dict[str, str]:
     """Return the fields of a data class as brief texts: numbers, and the shapes of arrays."""
+    assert dataclasses.is_dataclass(value)
     shown = {}
     for field in dataclasses.fields(value):
         part = getattr(value, field.name)
@@ -67,13 +70,17 @@ class Record:
 class Unchanging:
     """Base of classes whose arguments cannot be set again once an object is constructed."""
 
+    _is_complete = False
+
+    # Constructors of subclasses set arguments before and after they call those of their bases: only
+    # the one of the object's own class knows when it is done.
     def __init_subclass__(cls, **keywords: object) -> None:
         super().__init_subclass__(**keywords)
         if "__init__" in vars(cls):
             cls.__init__ = _completing(cls.__init__)  # type: ignore[method-assign]
 
     def __setattr__(self, name: str, value: object) -> None:
-        if "_is_complete" in vars(self) and self._is_fixed(name):
+        if self._is_complete and self._is_fixed(name):
             raise ArgumentError(
                 f"{name} of {type(self).__name__} cannot be changed; create another one"
             )
@@ -83,9 +90,9 @@ class Unchanging:
         return name in inspect.signature(type(self)).parameters
 
 
-def _completing(constructor: Callable[..., None]) -> Callable[..., None]:
+def _completing(constructor: Constructor) -> Constructor:
     @wraps(constructor)
-    def construct(self: Any, *arguments: object, **keywords: object) -> None:
+    def construct(self: Unchanging, *arguments: object, **keywords: object) -> None:
         constructor(self, *arguments, **keywords)
         if type(self).__init__ is construct:
             self._is_complete = True

@@ -119,7 +119,7 @@ class JobFolder:
                 try:
                     _allocate(unfinished, shape, dtype)
                     os.replace(unfinished, self.path / name)
-                except BaseException:
+                except BaseException:  # an interruption, too, leaves no unfinished table
                     unfinished.unlink(missing_ok=True)
                     raise
 

@@ -107,7 +107,7 @@ def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
                     os.rename(path, replaced)
                 try:
                     os.rename(temporary, path)
-                except BaseException:
+                except BaseException:  # an interruption, too, leaves the folder that was there
                     if replaced.exists():
                         os.rename(replaced, path)
                     raise

@@ -93,7 +93,7 @@ def mapped(
     pool = ThreadPoolExecutor(n_threads)
     try:
         yield from pool.map(run, items)
-    except BaseException:
+    except BaseException:  # an interruption, too, ends the other threads
         stopped.set()
         raise
     finally:

@@ -6,7 +6,7 @@ from cases import CASES
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentTypeError
-from riemhuman.geometry.metric import metric_of
+from riemhuman.geometry.manifold import metric_of
 
 
 @pytest.fixture(scope="module")
