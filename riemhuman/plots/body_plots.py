@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+# More than eight arguments, because each keyword is one choice about the picture.
 def plot_body(
     vertices: Any,
     faces: ArrayLike | None = None,

@@ -137,16 +137,17 @@ def make_report(
     sizes = _sizes(report)
     steps = _rows_of_steps(store)
     making = fill("making", steps=files.table("steps", steps))
+    lead = fill(
+        "lead",
+        poses=[readable(name) for name in bodies.pose_names[:3]],
+        quick=quick,
+        has_retrieval=has_retrieval,
+        has_poses=report.has_poses,
+        count=len(bodies),
+    )
     text = page(
         _TITLE,
-        fill(
-            "lead",
-            poses=[readable(name) for name in bodies.pose_names[:3]],
-            quick=quick,
-            has_retrieval=has_retrieval,
-            has_poses=report.has_poses,
-            count=len(bodies),
-        ),
+        lead,
         [
             (f"{number:,}", _ONE.get(name, name) if number == 1 else name)
             for name, number in sizes.items()
@@ -156,23 +157,26 @@ def make_report(
         "Bodies in 3-D are drawn by three.js (MIT licence).",
     )
     write_text(folder / "index.html", text)
-    write_provenance(
-        folder,
-        {
-            "status": "finished",
-            "started": started,
-            "finished": _now(),
-            "versions": _versions(),
-            "machine": {"system": platform.system(), "processor": platform.machine()},
-            "sizes": sizes,
-            "fingerprint": digest,
-            "basis": report.basis[1],
-            "parameters": asdict(plan),
-            "seeds": {"t-sne": plan.seed},
-            "steps": steps,
-        },
-    )
+    made_how = {"started": started, "sizes": sizes, "fingerprint": digest, "steps": steps}
+    write_provenance(folder, _provenance(report, plan, made_how))
     return folder / "index.html"
+
+
+def _provenance(report: Report, plan: Plan, made_how: JSONRecord) -> JSONRecord:
+    """Return what a finished report says of itself, in the order of its file."""
+    return {
+        "status": "finished",
+        "started": made_how["started"],
+        "finished": _now(),
+        "versions": _versions(),
+        "machine": {"system": platform.system(), "processor": platform.machine()},
+        "sizes": made_how["sizes"],
+        "fingerprint": made_how["fingerprint"],
+        "basis": report.basis[1],
+        "parameters": asdict(plan),
+        "seeds": {"t-sne": plan.seed},
+        "steps": made_how["steps"],
+    }
 
 
 def _rows_of_steps(store: ResultStore) -> list[JSONRecord]:
