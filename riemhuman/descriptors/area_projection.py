@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import rel_entr
 
+from riemhuman.arrays import Array, Booleans, Triangles
 from riemhuman.checks import real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, histograms, pairwise, positive_numbers
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
@@ -48,13 +49,13 @@ class ProjectedAreas(Record):
     7
     """
 
-    values: np.ndarray
-    inside: np.ndarray
-    origin: np.ndarray
+    values: Array
+    inside: Booleans
+    origin: Array
     voxel_size: float
 
     @property
-    def centers(self) -> np.ndarray:
+    def centers(self) -> Array:
         """Centres of all voxels, shape (n_x, n_y, n_z, 3), in metres."""
         numbers = np.moveaxis(np.indices(self.inside.shape), 0, -1)
         return self.origin + self.voxel_size * numbers
@@ -142,7 +143,7 @@ class AreaProjectionTransform(Descriptor):
         inside = _enclosed_voxels(points[triangles], shape)
         return ProjectedAreas(values, inside, origin, self.voxel_size)
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         areas = self.transform(vertices, faces)
         if not areas.inside.any():
             raise DegenerateSurfaceError(
@@ -153,11 +154,11 @@ class AreaProjectionTransform(Descriptor):
         volumes = np.full(values.shape[1], self.voxel_size**3)
         return histograms(values, volumes, (0.0, self.largest), self.n_bins)
 
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
+    def distances(self, vectors: ArrayLike) -> Array:
         return pairwise(vectors, _jeffrey)
 
 
-def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _samples(points: Array, faces: Triangles) -> tuple[Array, Array, Array]:
     """Spread points over triangles, a voxel apart; return them with unit normals and areas."""
     # Normals are interpolated, because those of triangles would leave gaps along the edges.
     areas, normals = triangle_areas(points, faces), vertex_normals(points, faces)
@@ -190,7 +191,7 @@ def _samples(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     )
 
 
-def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarray]:
+def _centers_of_cells(n_along: int, n_across: int) -> tuple[Array, Array]:
     """Return barycentric coordinates of points in rows along the last side, and area shares."""
     along = np.tile((np.arange(n_along) + 0.5) / n_along, n_across)
     across = np.repeat((np.arange(n_across) + 0.5) / n_across, n_along)
@@ -198,15 +199,16 @@ def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarr
     return weights, 2 * (1 - across) / (n_along * n_across)
 
 
-def _deposit(places: np.ndarray, areas: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _deposit(places: Array, areas: Array, shape: tuple[int, ...]) -> Array:
     """Sum areas over the voxels where they arrive; areas outside the grid are dropped."""
     voxels = np.rint(places).astype(np.int64)
     is_inside = ((voxels >= 0) & (voxels < shape)).all(axis=1)
     numbers = np.ravel_multi_index(tuple(voxels[is_inside].T), shape)
-    return np.bincount(numbers, areas[is_inside], minlength=math.prod(shape)).reshape(shape)
+    sums = np.bincount(numbers, areas[is_inside], minlength=math.prod(shape))
+    return np.asarray(sums, dtype=np.float64).reshape(shape)
 
 
-def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
+def _ball_sums(values: Array, radius: float) -> Array:
     """Sum values over the ball around every voxel; the rim counts by its share, to first order."""
     from scipy.signal import fftconvolve  # takes long to import
 
@@ -217,16 +219,17 @@ def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
     kernel = np.clip(radius + 0.5 - distances, 0.0, 1.0)
     # The size of the voxels limits the accuracy more than single precision.
     sums = fftconvolve(values.astype(np.float32), kernel.astype(np.float32), mode="same")
-    return np.maximum(sums, 0.0)
+    positive: Array = np.maximum(sums, 0.0)  # in single precision
+    return positive
 
 
-def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
+def _jeffrey(p: Array, q: Array) -> float:
     mean = (p + q) / 2
     divergence = float(np.sum(rel_entr(p, mean) + rel_entr(q, mean)))
     return max(divergence, 0.0)  # rounding errors of equal histograms may be negative
 
 
-def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _enclosed_voxels(corners: Array, shape: tuple[int, ...]) -> Booleans:
     """Return which voxels are inside a mesh with corners (F, 3, 3), which may have small holes."""
     # Inside for rays along two of the three axes: a hole matters only if two axes see it.
     votes = np.zeros(shape, dtype=np.int8)
@@ -237,7 +240,7 @@ def _enclosed_voxels(corners: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return votes >= 2
 
 
-def _enclosed_along_last_axis(corners: np.ndarray, shape: list[int]) -> np.ndarray:
+def _enclosed_along_last_axis(corners: Array, shape: list[int]) -> Booleans:
     """Return the voxels inside by the signed crossings of rays; corners are in voxels."""
     plane = corners[:, :, :2] - _BESIDE
     # Every triangle with every ray (row, column) that passes through the box around it.

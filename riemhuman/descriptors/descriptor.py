@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist, squareform
 
+from riemhuman.arrays import Array
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
@@ -45,7 +46,7 @@ class Descriptor(ABC):
         return constructor_text(self)
 
     @abstractmethod
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         """Return the vector of one surface.
 
         Parameters
@@ -57,7 +58,7 @@ class Descriptor(ABC):
         """
 
     @enough_memory("the vectors of these surfaces")
-    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> Array:
         """Return the vectors of many surfaces.
 
         Parameters
@@ -71,7 +72,7 @@ class Descriptor(ABC):
         """
         count, mesh = meshes_of(bodies)
 
-        def describe(index: int) -> np.ndarray:
+        def describe(index: int) -> Array:
             try:
                 return self.describe(*mesh(index))
             except RiemhumanError as error:
@@ -80,7 +81,7 @@ class Descriptor(ABC):
         n_threads = thread_count(n_jobs) if self._in_threads else 1
         return np.stack(list(mapped(describe, range(count), n_threads)))
 
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
+    def distances(self, vectors: ArrayLike) -> Array:
         """Return all distances within a set of vectors.
 
         Parameters
@@ -91,22 +92,21 @@ class Descriptor(ABC):
         return pairwise(vectors, "euclidean")
 
 
-def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarray:
+def pairwise(vectors: ArrayLike, metric: str | Callable[[Array, Array], float]) -> Array:
     """Return all distances of `pdist` within vectors, shape (n, d), as a matrix (n, n)."""
     rows = real_array(vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
     return squareform(pdist(rows, metric)) if len(rows) > 1 else np.zeros((len(rows), len(rows)))
 
 
-def histograms(
-    values: np.ndarray, weights: np.ndarray, limits: tuple[float, float], n_bins: int
-) -> np.ndarray:
+def histograms(values: Array, weights: Array, limits: tuple[float, float], n_bins: int) -> Array:
     """Return histograms of functions (m, n) with weights (n,); end bins count what lies beyond."""
     lower, upper = limits
     position = (values - lower) * (n_bins / (upper - lower))
     bins = np.clip(position, 0, n_bins - 1).astype(np.int64)
     bins += n_bins * np.arange(len(values))[:, np.newaxis]
     shares = np.broadcast_to(weights, values.shape)
-    return np.bincount(bins.ravel(), shares.ravel(), minlength=len(values) * n_bins)
+    sums = np.bincount(bins.ravel(), shares.ravel(), minlength=len(values) * n_bins)
+    return np.asarray(sums, dtype=np.float64)
 
 
 def positive_numbers(numbers: ArrayLike, name: str) -> tuple[float, ...]:

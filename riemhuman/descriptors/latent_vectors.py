@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array
 from riemhuman.checks import length_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
@@ -40,7 +41,7 @@ class LatentVectors(Record, Descriptor):
     """
 
     ids: tuple[str, ...]
-    vectors: np.ndarray
+    vectors: Array
 
     def __post_init__(self) -> None:
         ids = _as_ids(self.ids)
@@ -102,14 +103,14 @@ class LatentVectors(Record, Descriptor):
             )
         return LatentVectors(wanted, self.vectors[[rows[name] for name in wanted]])
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         """Raise a NotDefinedError: these vectors belong to ids, not to meshes."""
         raise NotDefinedError(
             "LatentVectors cannot describe a new mesh, because other programs computed them; "
             "select(ids) returns the vectors of known bodies"
         )
 
-    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> Array:
         """Return the vectors of the bodies of a data set, by its field ``ids``.
 
         If the ids of the vectors are the numbers from 0 on, they are the positions of the bodies.

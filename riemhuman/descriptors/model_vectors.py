@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.checks import check_methods, one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces, meshes_of, pairwise
 from riemhuman.errors import ArgumentError
@@ -29,11 +30,12 @@ class _ModelVectors(Descriptor):
     def __post_init__(self) -> None:
         check_methods(self.model, "model", "a body model with a method fit", "fit")
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         points = self._check_points(vertices, faces)
-        return self._vectors(self.model.fit(points[np.newaxis]))[0]
+        vector: Array = self._vectors(self.model.fit(points[np.newaxis]))[0]
+        return vector
 
-    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> Array:
         """Return the vectors of surfaces of the model's mesh, fitted together in one batch."""
         return self._vectors(self._fit(bodies))
 
@@ -43,7 +45,7 @@ class _ModelVectors(Descriptor):
         bodies: Surfaces,
         *,
         progress: bool = False,
-    ) -> tuple[list[np.ndarray], list[float]]:
+    ) -> tuple[list[Array], list[float]]:
         """Return vectors and seconds of several descriptors; each model is fitted once."""
         fits = {}
         models = {id(descriptor.model): descriptor for descriptor in descriptors}
@@ -63,15 +65,15 @@ class _ModelVectors(Descriptor):
         points = np.stack([self._check_points(*mesh(i), f" of body {i}") for i in range(count)])
         return self.model.fit(points)
 
-    def _check_points(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> np.ndarray:
+    def _check_points(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> Array:
         name, template = f"vertices{where}", self.model.template
         points = real_array(vertices, name, ("n_vertices", 3), batched=False)
         template.check_faces(faces, f"faces{where}")
-        checked: np.ndarray = template.check_points(points, name)
+        checked: Array = template.check_points(points, name)
         return checked
 
     @abstractmethod
-    def _vectors(self, fit: ModelFit) -> np.ndarray:
+    def _vectors(self, fit: ModelFit) -> Array:
         """Return the vector of each surface of a fit, shape (n, d)."""
 
 
@@ -93,7 +95,7 @@ class ModelShapeVectors(_ModelVectors):
     (2, 32)
     """
 
-    def _vectors(self, fit: ModelFit) -> np.ndarray:
+    def _vectors(self, fit: ModelFit) -> Array:
         return np.asarray(fit.betas, dtype=np.float64)
 
 
@@ -127,7 +129,7 @@ class ModelPoseVectors(_ModelVectors):
         super().__post_init__()
         one_of(self.distance, "distance", ("axis-angle", "rotation"))
 
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
+    def distances(self, vectors: ArrayLike) -> Array:
         if self.distance == "axis-angle":
             return pairwise(vectors, "euclidean")
         rows = real_array(vectors, "vectors", ("n_vectors", "3 n_joints"), batched=False)
@@ -144,7 +146,7 @@ class ModelPoseVectors(_ModelVectors):
             total += 4 * np.arctan2(np.minimum(gaps, sums), np.maximum(gaps, sums))
         return total
 
-    def _vectors(self, fit: ModelFit) -> np.ndarray:
+    def _vectors(self, fit: ModelFit) -> Array:
         pose = np.asarray(fit.pose, dtype=np.float64)
         if not self.root:
             pose = pose[:, np.asarray(self.model.parents) >= 0]

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import (
     Descriptor,
@@ -43,10 +44,10 @@ class SpectralDescriptor(Descriptor):
         whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
 
     @abstractmethod
-    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+    def of_spectrum(self, modes: Spectrum) -> Array:
         """Return the vector of a surface from at least `n_eigenvalues` of its eigenvalues."""
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         return self.of_spectrum(spectrum(vertices, faces, self.n_eigenvalues))
 
     @staticmethod
@@ -55,11 +56,11 @@ class SpectralDescriptor(Descriptor):
         bodies: Surfaces,
         *,
         progress: bool = False,
-    ) -> tuple[list[np.ndarray], list[float]]:
+    ) -> tuple[list[Array], list[float]]:
         """Return vectors and seconds of several descriptors; spectra are computed once."""
         count, mesh = meshes_of(bodies)
         n_eigenvalues = max(descriptor.n_eigenvalues for descriptor in descriptors)
-        vectors: list[list[np.ndarray]] = [[] for _ in descriptors]
+        vectors: list[list[Array]] = [[] for _ in descriptors]
         seconds = np.zeros(len(descriptors))
         for index in ProgressBar(range(count), disable=not progress, unit="spectrum"):
             began = time.perf_counter()
@@ -102,7 +103,7 @@ class ShapeDNA(SpectralDescriptor):
 
     n_eigenvalues: int = 50
 
-    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+    def of_spectrum(self, modes: Spectrum) -> Array:
         values = modes.eigenvalues[: self.n_eigenvalues]
         return values / np.arange(1, len(values) + 1)
 
@@ -119,7 +120,7 @@ class KernelSignature(SpectralDescriptor):
         super().__post_init__()
         whole_number(self.n_bins, "n_bins", minimum=2)
 
-    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         """Return the signatures (n_scales, V) of every vertex: a row for each time or energy.
 
         Parameters
@@ -129,23 +130,24 @@ class KernelSignature(SpectralDescriptor):
         """
         return self._of(spectrum(vertices, faces, self.n_eigenvalues))
 
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
+    def distances(self, vectors: ArrayLike) -> Array:
         return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
 
-    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+    def of_spectrum(self, modes: Spectrum) -> Array:
         modes = modes.first(self.n_eigenvalues)
         used = modes.areas > 0
         values = self._pooled(self._of(modes)[:, used])
         if self.pooling == "vertex mean":
-            return values.mean(axis=1)
+            means: Array = values.mean(axis=1)
+            return means
         shares = modes.areas[used] / modes.areas.sum()
         return histograms(values, shares, self._RANGE, self.n_bins)
 
     @abstractmethod
-    def _of(self, modes: Spectrum) -> np.ndarray:
+    def _of(self, modes: Spectrum) -> Array:
         """Return the signatures, shape (n_scales, V)."""
 
-    def _pooled(self, signatures: np.ndarray) -> np.ndarray:
+    def _pooled(self, signatures: Array) -> Array:
         return signatures
 
 
@@ -192,12 +194,13 @@ class HeatKernelSignature(KernelSignature):
         super().__post_init__()
         object.__setattr__(self, "times", positive_numbers(self.times, "times"))
 
-    def _pooled(self, signatures: np.ndarray) -> np.ndarray:
+    def _pooled(self, signatures: Array) -> Array:
         return np.log10(4 * np.pi * np.array(self.times)[:, np.newaxis] * signatures)
 
-    def _of(self, modes: Spectrum) -> np.ndarray:
+    def _of(self, modes: Spectrum) -> Array:
         decay = np.exp(-np.outer(self.times, modes.eigenvalues))
-        return decay @ modes.functions**2 + modes.constants
+        traces: Array = decay @ modes.functions**2 + modes.constants
+        return traces
 
 
 @dataclass(frozen=True)
@@ -254,7 +257,7 @@ class WaveKernelSignature(KernelSignature):
             )
         one_of(self.pooling, "pooling", ("histogram", "vertex mean"))
 
-    def _of(self, modes: Spectrum) -> np.ndarray:
+    def _of(self, modes: Spectrum) -> Array:
         gaps = np.array(self.energies)[:, np.newaxis] - np.log(modes.eigenvalues)
         sigma = self.sigma
         if sigma is None:
@@ -263,4 +266,5 @@ class WaveKernelSignature(KernelSignature):
         # The largest weight is scaled to 1, so that it cannot underflow far from all eigenvalues.
         weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
         weights /= weights.sum(axis=1, keepdims=True)
-        return modes.areas.sum() * (weights @ modes.functions**2)
+        signatures: Array = modes.areas.sum() * (weights @ modes.functions**2)
+        return signatures

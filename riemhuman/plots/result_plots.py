@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Labels
 from riemhuman.checks import class_indices, class_numbers, length_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_matplotlib
@@ -72,7 +73,7 @@ def plot_energy(
 
 def plot_precision_recall(
     distances: Mapping[str, ArrayLike],
-    labels: Sequence[Hashable] | ndarray,
+    labels: Labels,
     *,
     ax: Axes | None = None,
 ) -> Axes:

@@ -11,8 +11,7 @@ from itertools import islice
 from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from numpy import ndarray
-
+from riemhuman.arrays import Array
 from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.files import short_message
@@ -36,9 +35,7 @@ PartContra = TypeVar("PartContra", contravariant=True)
 class Worker(Protocol[PartContra]):
     """Computes parts of a job, here or on a machine of a cluster."""
 
-    def compute(
-        self, metric: RiemannianMetric, part: PartContra, /
-    ) -> ndarray | RiemhumanError: ...
+    def compute(self, metric: RiemannianMetric, part: PartContra, /) -> Array | RiemhumanError: ...
 
 
 def compute_parts(
@@ -46,7 +43,7 @@ def compute_parts(
     worker: Worker[Part],
     tiles: Sequence[tuple[int, Part]],
     client: distributed.Client | None = None,
-) -> Iterator[tuple[int, ndarray | RiemhumanError]]:
+) -> Iterator[tuple[int, Array | RiemhumanError]]:
     """Yield the number and the values of each part of a job, as they are finished."""
     if client is None:
         yield from ((number, worker.compute(metric, tile)) for number, tile in tiles)
@@ -69,7 +66,7 @@ def _in_turn(
     metric: RiemannianMetric,
     worker: Worker[Part],
     tiles: Sequence[tuple[int, Part]],
-) -> Iterator[tuple[int, ndarray | RiemhumanError]]:
+) -> Iterator[tuple[int, Array | RiemhumanError]]:
     # Sent once; the scheduler sends it again to workers that replace lost ones.
     sent = client.submit(copy, metric, pure=False)
     waiting = iter(tiles)

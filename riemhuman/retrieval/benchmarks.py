@@ -11,6 +11,7 @@ from typing import TypeAlias, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import class_numbers
 from riemhuman.datasets import Bodies, LabelledMeshes
 from riemhuman.descriptors import (
@@ -58,7 +59,7 @@ LEARNED = ", trained here"  # ending of the names of learned codes
 SOBOLEV = f"Sobolev metric{_STRAIGHT}"
 GAUGE_INVARIANT = f"gauge-invariant SRNF{_STRAIGHT}"
 
-Described = tuple[np.ndarray, float]
+Described: TypeAlias = tuple[Array, float]
 
 AMONG_OTHERS = "pose among other people"  # other bodies of the same person are left out
 TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
@@ -69,6 +70,10 @@ _LABELS = {"shape": "subject", "pose": "pose"}
 
 Representation: TypeAlias = "RiemannianMetric | Descriptor"
 """A way to compare bodies: a metric of registered surfaces, or vectors that describe meshes."""
+
+
+Together: TypeAlias = Callable[..., tuple[list[Array], list[float]]]  # type: ignore[explicit-any]
+"""Describes bodies by several descriptors of one kind, which differs between such functions."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +146,7 @@ def benchmark(
     _check_representations(representations)
     labels = _labels_by_task(bodies)
 
-    def score(matrices: Mapping[str, np.ndarray]) -> dict[str, RetrievalScores]:
+    def score(matrices: Mapping[str, Array]) -> dict[str, RetrievalScores]:
         scores_by_task = {kind: scores(matrix, labels[kind]) for kind, matrix in matrices.items()}
         if learned and "pose" in scores_by_task:
             scores_by_task[AMONG_OTHERS] = scores(matrices["pose"], labels["pose"], bodies.subject)
@@ -193,7 +198,7 @@ def _check_representations(representations: Mapping[str, Representation]) -> Non
             )
 
 
-def _labels_by_task(bodies: Bodies | LabelledMeshes) -> dict[str, np.ndarray]:
+def _labels_by_task(bodies: Bodies | LabelledMeshes) -> dict[str, Integers]:
     """Return numbers of classes, for each task in which some surfaces share a label."""
     labels = {}
     for kind, field in _LABELS.items():
@@ -292,15 +297,16 @@ class _CodeDescriptor(Descriptor):
     codes: ShapePoseCodes | IntrinsicExtrinsicCodes
     which: str
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        return self._of(np.asarray(vertices)[None])[0]
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
+        vector: Array = self._of(np.asarray(vertices)[None])[0]
+        return vector
 
-    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> np.ndarray:
+    def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> Array:
         if not _is_registered(bodies):
             raise ArgumentTypeError("codes of networks need registered bodies")
         return self._of(bodies.points)
 
-    def _of(self, points: np.ndarray) -> np.ndarray:
+    def _of(self, points: Array) -> Array:
         parts = self.codes.split(self.codes.transform(points))
         return parts[self.codes.code_names.index(self.which)]
 
@@ -318,7 +324,7 @@ def shipped_descriptors(template: Template) -> dict[str, Descriptor]:
     }
 
 
-def _learned_distances(bodies: Bodies | LabelledMeshes) -> dict[str, np.ndarray]:
+def _learned_distances(bodies: Bodies | LabelledMeshes) -> dict[str, Array]:
     """Return distances learned from labels, by task, for people they were not fitted to."""
     subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
     if not _is_registered(bodies) or subject is None or len(np.unique(subject)) < 5:
@@ -342,7 +348,7 @@ def described_together(
     progress: bool = False,
 ) -> dict[str, Described]:
     """Compute the vectors of descriptors that share a costly step, such as spectra."""
-    kinds: dict[Callable[..., tuple[list[np.ndarray], list[float]]], dict[str, Representation]] = {}
+    kinds: dict[Together, dict[str, Representation]] = {}
     for name, representation in representations.items():
         if hasattr(representation, "describe_together"):
             kinds.setdefault(representation.describe_together, {})[name] = representation
@@ -363,7 +369,7 @@ def timed_distances(
     representation: Representation,
     bodies: Bodies | LabelledMeshes,
     described: Described | None = None,
-) -> tuple[np.ndarray, float, float]:
+) -> tuple[Array, float, float]:
     """Return all distances within a set of bodies, the seconds for a body, and for a pair."""
     n_bodies = len(bodies)
     n_pairs = n_bodies * (n_bodies - 1) // 2

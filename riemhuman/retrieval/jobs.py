@@ -15,13 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import DTypeLike
 
-from riemhuman.arrays import Array, JSONRecord, PointsLike
+from riemhuman.arrays import Array, Booleans, JSONRecord, PointsLike
 from riemhuman.checks import length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
@@ -70,7 +69,7 @@ _ROUNDING = {"single": 1e-5, "double": 1e-9}
 _ROUNDING_OF_PATHS = 1e-4
 
 # Rows and columns: a rectangle of the upper triangle of a matrix, or a square on its diagonal.
-Tile = tuple[slice, slice]
+Tile: TypeAlias = "tuple[slice[int, int, None], slice[int, int, None]]"
 
 
 def pairwise_job(
@@ -83,7 +82,7 @@ def pairwise_job(
     n_jobs: int | None = None,
     client: distributed.Client | None = None,
     progress: bool = False,
-) -> np.memmap:
+) -> np.memmap[tuple[int, ...], np.dtype[np.float64]]:
     r"""Compute all distances within a set of points into a file, or resume an earlier run.
 
     The distances, a read-only memory map of shape (n, n), are those of `metric.dist_pairwise`, bit
@@ -155,7 +154,7 @@ def pairwise_job(
             tables[_UNFINISHED_RESULT] = ((n_points, n_points), np.float64)
         job.make_tables(tables)
 
-        known: ndarray = np.asarray(np.any(job.read(_DIGESTS), axis=1))
+        known: Booleans = np.asarray(np.any(job.read(_DIGESTS), axis=1))
         if complete and not known.all():
             raise FileFormatError(f"{job.path / _DIGESTS} is damaged: it lacks digests of points")
         points_of_job = _PointsOfJob(job, metric, points, precision, n_jobs)
@@ -243,7 +242,7 @@ def _described(metric: RiemannianMetric) -> JSONRecord:
 
 
 def _layout(
-    n_points: int, first: ndarray, features: tuple[ndarray, ...], memory: int
+    n_points: int, first: Array, features: tuple[Array, ...], memory: int
 ) -> dict[str, int]:
     """Return the number of points in a block of features and on a side of a tile."""
     n_bytes = first.nbytes + sum(feature.nbytes for feature in features)
@@ -266,7 +265,7 @@ def tiles_of(n_points: int, size: int) -> list[Tile]:
     return [(rows, columns) for i, rows in enumerate(sides) for columns in sides[i:]]
 
 
-def _by_file(features: tuple[ndarray, ...], points: ndarray) -> dict[str, ndarray]:
+def _by_file(features: tuple[Array, ...], points: Array) -> dict[str, Array]:
     """Return what a job keeps of points, by the name of the file."""
     # Distances too small for the precision of features are computed again from the points.
     names = _feature_files(len(features))
@@ -277,7 +276,9 @@ def _feature_files(n_features: int) -> list[str]:
     return [f"features_{number}.npy" for number in range(n_features)]
 
 
-def checked_part(metric: RiemannianMetric, points: PointsLike, part: slice, name: str) -> ndarray:
+def checked_part(
+    metric: RiemannianMetric, points: PointsLike, part: slice[int, int, None], name: str
+) -> Array:
     """Return a range of points after checking them."""
     where = f"{name}[{part.start}:{part.stop}]"
     some = metric.check_points(points[part], where)
@@ -296,7 +297,7 @@ class _PointsOfJob:
     precision: str
     n_jobs: int | None
 
-    def read(self, number: int, block: slice) -> ndarray:
+    def read(self, number: int, block: slice[int, int, None]) -> Array:
         """Return a block of points, if they are those of an earlier run."""
         some = checked_part(self.metric, self.points, block, "points")
         known = np.array(self.job.read(_DIGESTS)[number])
@@ -307,7 +308,7 @@ class _PointsOfJob:
             )
         return some
 
-    def write(self, number: int, block: slice) -> None:
+    def write(self, number: int, block: slice[int, int, None]) -> None:
         """Write a block of points and their features."""
         some = self.read(number, block)
         try:
@@ -319,7 +320,7 @@ class _PointsOfJob:
         # The record follows the entries: a kill in between costs only this block.
         self.job.write(_DIGESTS, (number, np.frombuffer(digest(some), np.uint8)))
 
-    def recompute(self, blocks: list[slice], tiles: list[Tile]) -> None:
+    def recompute(self, blocks: list[slice[int, int, None]], tiles: list[Tile]) -> None:
         """Compute some features and distances again, and raise an error if they differ."""
         if not blocks:
             return
@@ -348,7 +349,10 @@ class _PointsOfJob:
 
 
 def _try_paths(
-    job: JobFolder, metric: RiemannianMetric, finder: PathFinder, blocks: list[slice]
+    job: JobFolder,
+    metric: RiemannianMetric,
+    finder: PathFinder,
+    blocks: list[slice[int, int, None]],
 ) -> None:
     """Solve some paths of finished blocks again, and raise an error if their lengths differ."""
     rows = job.read(_ROWS)
@@ -368,7 +372,7 @@ PartContra = TypeVar("PartContra", contravariant=True)
 class JobWorker(Worker[PartContra], Protocol[PartContra]):
     """Computes parts of a job, and writes them."""
 
-    def write(self, job: JobFolder, part: PartContra, values: ndarray, /) -> None: ...
+    def write(self, job: JobFolder, part: PartContra, values: Array, /) -> None: ...
 
 
 def _spread(items: Sequence[T], most: int) -> list[T]:
@@ -380,8 +384,8 @@ def _spread(items: Sequence[T], most: int) -> list[T]:
 def _compare(
     job: JobFolder,
     what: str,
-    stored: ndarray,
-    recomputed: ndarray,
+    stored: Array,
+    recomputed: Array,
     rounding: float,
     largest: float = 0.0,
 ) -> None:
@@ -431,15 +435,17 @@ class TileReader:
     names: list[str]
     n_jobs: int | None
     # The rows of the last tile, and their features.
-    _last_rows: tuple[slice, tuple[ndarray, ...]] | None = field(default=None, init=False)
+    _last_rows: tuple[slice[int, int, None], tuple[Array, ...]] | None = field(
+        default=None, init=False
+    )
 
     @staticmethod
-    def write(job: JobFolder, tile: Tile, block: ndarray) -> None:
+    def write(job: JobFolder, tile: Tile, block: Array) -> None:
         """Write a tile in both triangles of the matrix."""
         rows, columns = tile
         job.write(_UNFINISHED_RESULT, (tile, block), ((columns, rows), block.T))
 
-    def compute(self, metric: RiemannianMetric, tile: Tile) -> ndarray:
+    def compute(self, metric: RiemannianMetric, tile: Tile) -> Array:
         """Return the distances of a tile, shape (n_rows, n_columns)."""
         rows, columns = tile
         # Tiles come row by row, so that many of them share the features of their rows.
@@ -453,7 +459,7 @@ class TileReader:
         )
         return np.sqrt(squared)
 
-    def _features(self, part: slice) -> tuple[ndarray, ...]:
+    def _features(self, part: slice[int, int, None]) -> tuple[Array, ...]:
         # Copied, since compiled loops take no memory maps, whose pages need not stay in memory.
         return tuple(np.array(self._open(name)[part], order="C") for name in self.names)
 
@@ -471,14 +477,16 @@ class PathFinder:
     """Finds the paths of some pairs, in this process or on a worker of a cluster."""
 
     solver: GeodesicSolver
-    points: ndarray
+    points: Array
     n_jobs: int | None
 
     @staticmethod
-    def write(job: JobFolder, block: slice, rows: ndarray) -> None:
+    def write(job: JobFolder, block: slice[int, int, None], rows: Array) -> None:
         job.write(_ROWS, (block, rows))
 
-    def compute(self, metric: RiemannianMetric, block: slice) -> ndarray | RiemhumanError:
+    def compute(
+        self, metric: RiemannianMetric, block: slice[int, int, None]
+    ) -> Array | RiemhumanError:
         """Return a row of numbers for each pair, or an error."""
         pairs = PairsOfPoints(self.points)
 

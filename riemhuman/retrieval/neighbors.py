@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import Array, PointsLike
+from riemhuman.arrays import Array, Integers, PointsLike
 from riemhuman.checks import integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
@@ -101,7 +100,7 @@ class NearestNeighbors(Estimator):
         self.n_jobs = n_jobs
 
     @enough_memory("an index of these bodies")
-    def fit(self, X: Sequence[Array] | ndarray) -> Self:
+    def fit(self, X: Sequence[Array] | Array) -> Self:
         r"""Index points.
 
         Parameters
@@ -129,12 +128,12 @@ class NearestNeighbors(Estimator):
 
     def kneighbors(
         self,
-        X: Sequence[Array] | ndarray | None = None,
+        X: Sequence[Array] | Array | None = None,
         n_neighbors: int | None = None,
         return_distance: bool = True,
         *,
-        candidates: ndarray | None = None,
-    ) -> tuple[ndarray, ndarray] | ndarray:
+        candidates: Integers | None = None,
+    ) -> tuple[Array, Integers] | Integers:
         r"""Return the nearest points of the index.
 
         Parameters
@@ -197,7 +196,7 @@ class NearestNeighbors(Estimator):
         points = np.concatenate([checked_part(self.metric, X, part, "X") for part in parts])
         return Projection.fit(in_blocks(coordinates, points), self.n_components)
 
-    def _rows_of(self, X: PointsLike, part: slice) -> _Rows:
+    def _rows_of(self, X: PointsLike, part: slice[int, int, None]) -> _Rows:
         """Return what the search needs of some points."""
         points = checked_part(self.metric, X, part, "X")
         coordinates = np.empty((len(points), 0))
@@ -217,7 +216,7 @@ class NearestNeighbors(Estimator):
         return table
 
     def _search(
-        self, part: slice, X: PointsLike | None, k: int, candidates: ndarray | None
+        self, part: slice[int, int, None], X: PointsLike | None, k: int, candidates: Integers | None
     ) -> Iterator[_Nearest]:
         """Yield the k nearest points of each query: a part of X, or of the points themselves."""
         queries = self._rows.part(part) if X is None else self._rows_of(X, part)
@@ -238,7 +237,7 @@ class NearestNeighbors(Estimator):
         yield from mapped(search, range(len(bounds)), n_threads=thread_count(self.n_jobs))
 
     def _compare_all(
-        self, queries: _Rows, k: int, themselves: ndarray | None
+        self, queries: _Rows, k: int, themselves: Integers | None
     ) -> Iterator[_Nearest]:
         """Yield the k nearest points of each query, compared with all of them."""
         squared = self.metric.bulk.squared_distances(
@@ -252,7 +251,7 @@ class NearestNeighbors(Estimator):
         for row in distances:
             yield _nearest(row, numbers, k, n_compared)
 
-    def _compare_by_bounds(self, query: _Rows, k: int, bounds: ndarray, slack: float) -> _Nearest:
+    def _compare_by_bounds(self, query: _Rows, k: int, bounds: Array, slack: float) -> _Nearest:
         """Return the k nearest points of a query, compared in the order of squared bounds.
 
         The bounds of points that have been compared are set to infinity.
@@ -280,10 +279,10 @@ class NearestNeighbors(Estimator):
 class _Rows(NamedTuple):
     """Coordinates that bound distances, of width 0 without a projection, and features of points."""
 
-    coordinates: ndarray
-    features: tuple[ndarray, ...]
+    coordinates: Array
+    features: tuple[Array, ...]
 
-    def part(self, part: slice) -> _Rows:
+    def part(self, part: slice[int, int, None]) -> _Rows:
         return _Rows(self.coordinates[part], tuple(feature[part] for feature in self.features))
 
     def empty_table(self, n_points: int) -> _Rows:
@@ -296,7 +295,7 @@ class _Rows(NamedTuple):
         )
         return _Rows(coordinates, tuple(features))
 
-    def fill(self, part: slice, rows: _Rows) -> None:
+    def fill(self, part: slice[int, int, None], rows: _Rows) -> None:
         """Write the rows of some points."""
         self.coordinates[part] = rows.coordinates
         for table, feature in zip(self.features, rows.features, strict=True):
@@ -306,18 +305,18 @@ class _Rows(NamedTuple):
 class _Nearest(NamedTuple):
     """The nearest points of a query, and the number of points that it was compared with."""
 
-    distances: ndarray
-    numbers: ndarray
+    distances: Array
+    numbers: Integers
     n_compared: int
 
 
-def _nearest(distances: ndarray, numbers: ndarray, k: int, n_compared: int) -> _Nearest:
+def _nearest(distances: Array, numbers: Integers, k: int, n_compared: int) -> _Nearest:
     """Return the k smallest distances and their numbers; at equal ones the lower comes first."""
     order = np.lexsort((numbers, distances))[:k]
     return _Nearest(distances[order], numbers[order], n_compared)
 
 
-def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:
+def _squared_distances(rows: Array, others: Array) -> tuple[Array, float]:
     """Return squared Euclidean distances by one matrix product, and a bound on their error."""
     squares, other_squares = np.sum(rows**2, axis=1), np.sum(others**2, axis=1)
     squared = (-2.0 * rows) @ others.T

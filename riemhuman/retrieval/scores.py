@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Booleans, Labels
 from riemhuman.checks import class_numbers, distance_matrix, whole_number
 from riemhuman.errors import ArgumentError
 
@@ -50,8 +51,8 @@ class RetrievalScores:
 
 def scores(
     distances: ArrayLike,
-    labels: Sequence[Hashable] | np.ndarray,
-    groups: Sequence[Hashable] | np.ndarray | None = None,
+    labels: Labels,
+    groups: Labels | None = None,
 ) -> RetrievalScores:
     """Score a distance matrix by leave-one-out retrieval.
 
@@ -112,7 +113,7 @@ def scores(
     return RetrievalScores(nn, first_tier, second_tier, precision, len(queries))
 
 
-def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndarray, float]:
+def _expected_hits(distances: Array, relevant: Booleans) -> tuple[Array, float]:
     """Return the probability of a hit at each rank, and the expected average precision."""
     _, tie, n_tied = np.unique(distances, return_inverse=True, return_counts=True)
     n_hits = np.bincount(tie, weights=relevant)
@@ -130,7 +131,7 @@ def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndar
     return hits, float(hits @ precision / relevant.sum())
 
 
-def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
+def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> Array:
     r"""Return distances relative to the distances around both items.
 
     .. math:: d'_{ij} = d_{ij} / \sqrt{\sigma_i \sigma_j}
@@ -170,9 +171,7 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
     return matrix / scales[:, None] / scales
 
 
-def precision_recall(
-    distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def precision_recall(distances: ArrayLike, labels: Labels) -> tuple[Array, Array]:
     """Return the mean precision of leave-one-out retrieval at every level of recall.
 
     For a query with n other items in its class, the precision at recall k/n is k over the rank of
@@ -212,7 +211,7 @@ def precision_recall(
     return recall, np.mean(curves, axis=0)
 
 
-def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> np.ndarray:
+def confusion(distances: ArrayLike, labels: Labels) -> Array:
     """Return the confusion matrix of nearest neighbours.
 
     Of n neighbours at exactly the same distance, each counts 1/n, so that the share of the diagonal
@@ -242,11 +241,12 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> 
     nearest = (matrix == matrix.min(axis=1, keepdims=True)) & np.isfinite(matrix)
     shares = nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
     members = np.equal.outer(np.arange(len(names)), classes).astype(np.float64)
-    return members @ shares @ members.T
+    table: Array = members @ shares @ members.T
+    return table
 
 
 def retrieval_table(
-    distances: Mapping[str, np.ndarray], labels: np.ndarray, groups: np.ndarray | None = None
+    distances: Mapping[str, Array], labels: Labels, groups: Labels | None = None
 ) -> dict[str, RetrievalScores]:
     """Return the scores of several distance matrices for the same labels, by name.
 
