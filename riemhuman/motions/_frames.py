@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy import ndarray
 
 from riemhuman.arrays import Array, PointsByNumber, PointsLike, PointsOnDemand
 from riemhuman.checks import length_of, values_of
@@ -40,13 +39,13 @@ class TravelChannel(Protocol):
     """Returns one number per frame, shape (n_frames,), that describes how the body travels."""
 
     def __call__(
-        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
-    ) -> ndarray: ...
+        self, space: AlignedSurfaces, motion: Motion, places: Array, name: str
+    ) -> Array: ...
 
 
 def frame_runs(
     space: PointSpace, motion: Motion, name: str = "motion", heading: bool = True
-) -> Iterator[ndarray]:
+) -> Iterator[Array]:
     """Yield the frames of a motion in checked arrays of at most 16; see `face_forward`."""
     n_frames = frame_count(motion, name)
     for first in range(0, n_frames, _RUN):
@@ -55,14 +54,14 @@ def frame_runs(
         yield run if heading else face_forward(space, run)
 
 
-def face_forward(space: PointSpace, frames: ndarray) -> ndarray:
+def face_forward(space: PointSpace, frames: Array) -> Array:
     """Rotate each frame about the vertical axis, y, to its best fit with the template."""
     if not isinstance(space, AlignedSurfaces):
         return frames
     return rotate_upright(frames, angles_to(space, frames, space.template.vertices))
 
 
-def angles_to(space: AlignedSurfaces, frames: ndarray, others: ndarray) -> ndarray:
+def angles_to(space: AlignedSurfaces, frames: Array, others: Array) -> Array:
     """Return the angles about the vertical axis, y, that rotate frames to best fit others."""
     weights = space.template.vertex_areas[:, None]
     level = others[..., [0, 2]]  # x and z, without the height
@@ -70,19 +69,18 @@ def angles_to(space: AlignedSurfaces, frames: ndarray, others: ndarray) -> ndarr
     x, z = frames[..., 0], frames[..., 2]
     to_x, to_z = np.moveaxis(weights * (level - centres), -1, 0)
     along, across = x * to_x + z * to_z, x * to_z - z * to_x
-    return np.arctan2(across.sum(axis=-1), along.sum(axis=-1))
+    angles: Array = np.arctan2(across.sum(axis=-1), along.sum(axis=-1))
+    return angles
 
 
-def rotate_upright(frames: ndarray, angles: ndarray) -> ndarray:
+def rotate_upright(frames: Array, angles: Array) -> Array:
     """Rotate each frame about the vertical axis, y, through the origin."""
     x, z = frames[..., 0], frames[..., 2]
     cosines, sines = np.cos(angles)[..., None], np.sin(angles)[..., None]
     return np.stack([cosines * x - sines * z, frames[..., 1], sines * x + cosines * z], axis=-1)
 
 
-def surfaces_between(
-    space: AlignedSurfaces, start: ndarray, end: ndarray, times: ndarray
-) -> ndarray:
+def surfaces_between(space: AlignedSurfaces, start: Array, end: Array, times: Array) -> Array:
     """Return the surfaces between two at times in [0, 1]; limbs keep their length."""
     surfaces = np.empty((len(times), *space.shape))
     surfaces[times == 0.0] = start
@@ -96,7 +94,7 @@ def surfaces_between(
     return surfaces
 
 
-def read_motion(space: PointSpace, motion: Motion, name: str = "motion") -> ndarray:
+def read_motion(space: PointSpace, motion: Motion, name: str = "motion") -> Array:
     """Return all frames of a motion as one checked array, shape (n_frames, V, 3)."""
     return np.concatenate(list(frame_runs(space, motion, name)))
 
@@ -120,7 +118,7 @@ def check_motions(motions: object, name: str = "motions") -> None:
         raise ArgumentError(f"{name} must contain at least one motion; found none")
 
 
-def _checked_frames(space: PointSpace, motion: Motion, first: int, last: int, name: str) -> ndarray:
+def _checked_frames(space: PointSpace, motion: Motion, first: int, last: int, name: str) -> Array:
     """Return the frames from `first` up to, but without, `last`."""
     label = f"frames {first} to {last - 1} of {name}"
     values = values_of(motion[first:last], label)
@@ -136,8 +134,8 @@ def _checked_frames(space: PointSpace, motion: Motion, first: int, last: int, na
 
 
 def sampled_rows(
-    motions: Sequence[Motion], rows_of: Callable[[Motion, str], ndarray], n_frames: int = 1
-) -> ndarray:
+    motions: Sequence[Motion], rows_of: Callable[[Motion, str], Array], n_frames: int = 1
+) -> Array:
     """Return rows that a function computes from evenly spaced runs of `n_frames` of the motions."""
     counts = [frame_count(m, f"motions[{k}]", n_frames) for k, m in enumerate(motions)]
     step = math.ceil(sum(counts) / _MOST_SAMPLED)
@@ -158,9 +156,10 @@ class _FramesOnDemand:
         self._name = name
         self._heading = heading
 
-    def __getitem__(self, number: int) -> ndarray:
+    def __getitem__(self, number: int) -> Array:
         frames = _checked_frames(self._space, self._motion, number, number + 1, self._name)
-        return (frames if self._heading else face_forward(self._space, frames))[0]
+        frame: Array = (frames if self._heading else face_forward(self._space, frames))[0]
+        return frame
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ class Frames:
 
     features: Features
     points: PointsLike | PointsByNumber
-    travel: ndarray | None = None
+    travel: Array | None = None
 
 
 class FrameDistances:
@@ -201,7 +200,7 @@ class FrameDistances:
             rows = sampled_rows(motions, self._rows)
             self._projection = Projection.fit(rows, n_components)
 
-    def _rows(self, motion: Motion, name: str) -> ndarray:
+    def _rows(self, motion: Motion, name: str) -> Array:
         """Return the lower-bound coordinates of a motion's frames."""
         runs = frame_runs(self._metric.space, motion, name, self._heading)
         return np.concatenate([self._metric.lower_bound_coordinates(run) for run in runs])
@@ -210,7 +209,7 @@ class FrameDistances:
         """Return what distances need of all frames of a motion."""
         space = self._metric.space
         features_of_runs: list[Features] = []
-        places: list[ndarray] = []
+        places: list[Array] = []
         for run in frame_runs(space, motion, name):
             if self._travel is not None:
                 places.append(ground_places(surface_space(space), run))
@@ -225,18 +224,18 @@ class FrameDistances:
             travel = self._travel(surface_space(space), motion, np.concatenate(places), name)
         return Frames(features, _FramesOnDemand(space, motion, name, self._heading), travel)
 
-    def of_run(self, run: ndarray) -> Frames:
+    def of_run(self, run: Array) -> Frames:
         """Return what distances need of checked frames that face forward."""
         return Frames(self._features(run), run)
 
-    def _features(self, run: ndarray) -> Features:
+    def _features(self, run: Array) -> Features:
         if not self._flat:
             features: Features = self._metric.features(run, self._precision)
             return features
         rows = self._metric.lower_bound_coordinates(run)
         return (rows if self._projection is None else self._projection(rows),)
 
-    def squared(self, a: Frames, b: Frames) -> ndarray:
+    def squared(self, a: Frames, b: Frames) -> Array:
         """Return the squared distances between n and m frames, shape (n, m)."""
         if self._flat:
             squares = _squared_differences(a.features[0], b.features[0])
@@ -249,7 +248,7 @@ class FrameDistances:
         return squares
 
 
-def _squared_differences(x: ndarray, y: ndarray) -> ndarray:
+def _squared_differences(x: Array, y: Array) -> Array:
     """Return the squared distances of rows."""
     sums = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)
     squares = sums - 2.0 * x @ y.T

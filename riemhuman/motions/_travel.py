@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.datasets.motions import Motion as RecordedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces
@@ -39,10 +39,11 @@ def surface_space(space: PointSpace) -> AlignedSurfaces:
     return space
 
 
-def ground_places(space: AlignedSurfaces, frames: ndarray) -> ndarray:
+def ground_places(space: AlignedSurfaces, frames: Array) -> Array:
     """Return where the centres of surfaces are on the ground, shape (n_frames, 2)."""
     shares = space.template.vertex_areas / space.template.vertex_areas.sum()
-    return np.einsum("v,nvk->nk", shares, frames[..., [0, 2]])
+    places: Array = np.einsum("v,nvk->nk", shares, frames[..., [0, 2]])
+    return places
 
 
 def leg_length(space: AlignedSurfaces) -> float:
@@ -50,7 +51,7 @@ def leg_length(space: AlignedSurfaces) -> float:
     return _SHARE_OF_HEIGHT * float(np.ptp(space.template.vertices[:, 1]))
 
 
-def travel_speeds(space: AlignedSurfaces, places: ndarray, rate: float) -> ndarray:
+def travel_speeds(space: AlignedSurfaces, places: Array, rate: float) -> Array:
     """Return speeds over the ground in units of √(g · leg length), shape (n_frames,)."""
     if len(places) < 2:
         return np.zeros(len(places))
@@ -63,7 +64,7 @@ def travel_speeds(space: AlignedSurfaces, places: ndarray, rate: float) -> ndarr
     return np.asarray(speeds / np.sqrt(_GRAVITY * leg_length(space)))
 
 
-def travelled_lengths(space: AlignedSurfaces, places: ndarray) -> ndarray:
+def travelled_lengths(space: AlignedSurfaces, places: Array) -> Array:
     """Return how far bodies have travelled since the first frame, in leg lengths."""
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)]) / leg_length(space)

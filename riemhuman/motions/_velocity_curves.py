@@ -22,10 +22,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from riemhuman.arrays import Array
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry import (
     EbinMetric,
@@ -57,9 +57,7 @@ _CUT_OFF = 4.0
 class TransportedVelocities:
     """Velocities of motions, transported to the fields of one reference surface."""
 
-    def __init__(
-        self, metric: RiemannianMetric, reference: ndarray, *, heading: bool = True
-    ) -> None:
+    def __init__(self, metric: RiemannianMetric, reference: Array, *, heading: bool = True) -> None:
         if not metric.has_target_metric:
             raise NotDefinedError(
                 f"rate-invariant distances need a metric of fields with log and transport, such as "
@@ -76,9 +74,9 @@ class TransportedVelocities:
         else:
             self._charts = [_chart_at(self._base, self._fields, 1.0)]
 
-    def segments(self, motion: Motion, name: str = "motion") -> ndarray:
+    def segments(self, motion: Motion, name: str = "motion") -> Array:
         """Return log Φ(f_{k+1}) at Φ(f_k), transported, in coordinates, shape (n_frames - 1, p)."""
-        rows: list[ndarray] = []
+        rows: list[Array] = []
         last = None
         for run in frame_runs(self._metric.space, motion, name, self._heading):
             fields = self._metric.map(run)
@@ -96,7 +94,7 @@ class TransportedVelocities:
             rows.append(np.concatenate([chart.coordinates(part) for chart, part in parts], axis=1))
         return np.concatenate(rows)
 
-    def _parts(self, fields: ndarray) -> Sequence[ndarray]:
+    def _parts(self, fields: Array) -> Sequence[Array]:
         """Return fields or vectors in each factor of their space."""
         space = self._fields.space
         if isinstance(space, ProductManifold):
@@ -111,17 +109,18 @@ class _Chart:
     `roots` (F, m, r) maps the m entries of a vector on each of the F triangles to r coordinates.
     """
 
-    roots: ndarray
+    roots: Array
 
-    def coordinates(self, vectors: ndarray) -> ndarray:
+    def coordinates(self, vectors: Array) -> Array:
         """Return coordinates, shape (n, F r)."""
         n_triangles, n_entries, _ = self.roots.shape
         entries = vectors.reshape(-1, n_triangles, n_entries)
         coordinates = np.einsum("nfi,fir->nfr", entries, self.roots)
-        return coordinates.reshape(len(vectors), -1)
+        rows: Array = coordinates.reshape(len(vectors), -1)
+        return rows
 
 
-def _chart_at(base: ndarray, metric: RiemannianMetric, weight: float) -> _Chart:
+def _chart_at(base: Array, metric: RiemannianMetric, weight: float) -> _Chart:
     """Return the coordinates of tangent vectors at a point."""
     if not isinstance(metric, (EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric)):
         raise NotDefinedError(
@@ -140,7 +139,7 @@ def _chart_at(base: ndarray, metric: RiemannianMetric, weight: float) -> _Chart:
     return _Chart((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors)[..., has_length])
 
 
-def even_segments(segments: ndarray, n_segments: int, smoothing: float) -> tuple[ndarray, ndarray]:
+def even_segments(segments: Array, n_segments: int, smoothing: float) -> tuple[Array, Array]:
     """Return chords of equal arcs of a smooth spline, and where on a polygon they begin and end."""
     n = len(segments)
     products = segments @ segments.T
@@ -165,7 +164,7 @@ def even_segments(segments: ndarray, n_segments: int, smoothing: float) -> tuple
     return np.diff(curve(even), axis=0) @ segments[moving], places
 
 
-def _even_times(curve: CubicSpline, within: ndarray, n_arcs: int) -> ndarray:
+def _even_times(curve: CubicSpline, within: Array, n_arcs: int) -> Array:
     """Return times of a spline between which lie arcs of equal length, shape (n_arcs + 1,)."""
     n_pieces = len(curve.x) - 1
     finer = _FINER * math.ceil(n_arcs / n_pieces)
@@ -179,15 +178,16 @@ def _even_times(curve: CubicSpline, within: ndarray, n_arcs: int) -> ndarray:
     return np.interp(np.linspace(0.0, arcs[-1], n_arcs + 1), arcs, times)
 
 
-def _smooth(points: ndarray, deviation: float) -> ndarray:
+def _smooth(points: Array, deviation: float) -> Array:
     """Return Gaussian means of points in a row, continued point-symmetrically beyond the ends."""
     n_beyond = math.ceil(_CUT_OFF * deviation)
     beyond = ((n_beyond, n_beyond), (0, 0))
     extended = np.pad(points, beyond, "reflect", reflect_type="odd")
-    return gaussian_filter1d(extended, deviation, axis=0, truncate=_CUT_OFF)[n_beyond:-n_beyond]
+    smooth: Array = gaussian_filter1d(extended, deviation, axis=0, truncate=_CUT_OFF)
+    return smooth[n_beyond:-n_beyond]
 
 
-def best_matching(products: ndarray, n_steps: int) -> tuple[float, ndarray]:
+def best_matching(products: Array, n_steps: int) -> tuple[float, Array]:
     """Return F for inner products of segments, and the places that the best matching joins.
 
     Places are counted in segments of each polygon; the best matching is straight between them. They
@@ -206,7 +206,7 @@ def best_matching(products: ndarray, n_steps: int) -> tuple[float, ndarray]:
 
 
 @compiled
-def _fill_gains(products: ndarray, roots: ndarray, lower: ndarray, left: ndarray) -> None:
+def _fill_gains(products: Array, roots: Array, lower: Array, left: Array) -> None:
     """Compute the largest gains on the sides of all cells."""
     n, m = products.shape
     last = len(roots) - 1
@@ -227,9 +227,7 @@ def _fill_gains(products: ndarray, roots: ndarray, lower: ndarray, left: ndarray
 
 
 @compiled
-def _trace_gains(
-    products: ndarray, roots: ndarray, lower: ndarray, left: ndarray, path: ndarray
-) -> int:
+def _trace_gains(products: Array, roots: Array, lower: Array, left: Array, path: Array) -> int:
     """Write where the best matching enters cells, the last first, to (0, 0); return how many."""
     n, m = products.shape
     last, length = len(roots) - 1, 1

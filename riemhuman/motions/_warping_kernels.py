@@ -17,10 +17,11 @@ Aleksandrov spaces", Geometriae Dedicata 133, 2008).
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.compilation import compiled
 
 # Chords' ends are moved by 0, 1 or 2 steps either way; then the steps are halved.
@@ -32,7 +33,7 @@ _NODES = 4
 
 
 @compiled
-def least_sums(costs: ndarray) -> ndarray:
+def least_sums(costs: Array) -> Array:
     """Return the least sums of paths that end in each cell."""
     n, m = costs.shape
     sums = np.empty((n, m))
@@ -51,7 +52,7 @@ def least_sums(costs: ndarray) -> ndarray:
 
 
 @compiled
-def trace_path(costs: ndarray, sums: ndarray) -> ndarray:
+def trace_path(costs: Array, sums: Array) -> Integers:
     """Return the cells of the path of the least sum, the last first."""
     i, j = costs.shape[0] - 1, costs.shape[1] - 1
     path, length = np.empty((i + j + 1, 2), dtype=np.int64), 0
@@ -69,7 +70,7 @@ def trace_path(costs: ndarray, sums: ndarray) -> ndarray:
 
 
 @compiled
-def costs_between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> ndarray:
+def costs_between_frames(costs: Array, steps_a: Array, steps_b: Array) -> Array:
     """Return mean costs of each motion's frames to positions about the frames of the other."""
     n, m = costs.shape
     result = np.empty((n, m))
@@ -99,13 +100,13 @@ def _least_on_step(here: float, there: float, step: float) -> float:
 
 @compiled
 def extend_paths(
-    costs: ndarray,
+    costs: Array,
     first: int,
     longest_run: int,
-    sums: ndarray,
-    starts: ndarray,
-    totals: ndarray,
-    begins: ndarray,
+    sums: Array,
+    starts: Integers,
+    totals: Array,
+    begins: Integers,
 ) -> None:
     """Extend paths of a query, which begin anywhere in a long motion, by its next frames.
 
@@ -139,7 +140,7 @@ def extend_paths(
         totals[j], begins[j] = sums[n - 1], starts[n - 1]
 
 
-def match_chords(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
+def match_chords(costs: Array, steps: Array, within: Array) -> tuple[float, Array]:
     """Return the least sum over chords, and the position (n,) of each frame on the other motion."""
     # The ends of the best chords from frame to frame move between frames: by dynamic programming
     # over a few positions near the last ones, ever closer together.
@@ -151,9 +152,10 @@ def match_chords(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float
     return _move_places(falls, steps, within, places, tables), places
 
 
-def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float, ndarray]:
+def match_frames(costs: Array, steps: Array, within: Array) -> tuple[float, Array]:
     """Return the least sum over chords from frame to frame, and their ends; see `match_chords`."""
-    sums, before = np.full(costs.shape, math.inf), np.zeros(costs.shape, np.int64)
+    sums: Array = np.full(costs.shape, math.inf)
+    before: Integers = np.zeros(costs.shape, np.int64)
     places = np.zeros(len(costs))
     _match_frames(costs, steps, np.sqrt(within), (sums, before), places)
     return float(sums[-1, -1]), places
@@ -161,11 +163,11 @@ def match_frames(costs: ndarray, steps: ndarray, within: ndarray) -> tuple[float
 
 @compiled
 def _match_frames(
-    costs: ndarray,
-    steps: ndarray,
-    lengths: ndarray,
-    tables: tuple[ndarray, ndarray],
-    places: ndarray,
+    costs: Array,
+    steps: Array,
+    lengths: Array,
+    tables: tuple[Array, Integers],
+    places: Array,
 ) -> None:
     n, m = costs.shape
     sums, before = tables
@@ -186,13 +188,13 @@ def _match_frames(
         place = before[k, place]
 
 
-PlaceTables = tuple[tuple[ndarray, ...], tuple[ndarray, ...], ndarray]
+PlaceTables: TypeAlias = tuple[tuple[Array, ...], tuple[Integers, ...], Array]
 """Numbers, whole numbers and weights of the candidates for places."""
 
 
 @compiled
 def _move_places(
-    falls: ndarray, steps: ndarray, within: ndarray, places: ndarray, tables: PlaceTables
+    falls: Array, steps: Array, within: Array, places: Array, tables: PlaceTables
 ) -> float:
     """Move places to nearby ones with the least sum, ever closer together, and return it."""
     (candidates, spread, at_begin, at_end, sums), (firsts, before), weights = tables
@@ -237,7 +239,8 @@ def _move_places(
         for k in range(n - 1, -1, -1):
             places[k] = candidates[k, best_place]
             best_place = before[k, best_place]
-    return sums[n - 1, _REACH]
+    least: float = sums[n - 1, _REACH]
+    return least
 
 
 @compiled
@@ -252,9 +255,9 @@ def _apart(step: float, chord: float, product: float) -> float:
 
 @compiled
 def _between(
-    within: ndarray,
-    firsts: ndarray,
-    weights: ndarray,
+    within: Array,
+    firsts: Integers,
+    weights: Array,
     place: tuple[int, int],
     next_place: tuple[int, int],
 ) -> float:

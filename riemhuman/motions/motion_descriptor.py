@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import real_number, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric, VectorSpace
@@ -35,13 +34,13 @@ _SWAYING = 0.03
 class _Summary:
     """Averages over a motion: arrays with one number per coordinate."""
 
-    mean: ndarray
-    deviation: ndarray
-    speed: ndarray
-    travel: ndarray
+    mean: Array
+    deviation: Array
+    speed: Array
+    travel: Array
 
     @property
-    def blocks(self) -> tuple[ndarray, ...]:
+    def blocks(self) -> tuple[Array, ...]:
         return self.mean, self.deviation, self.speed, self.travel
 
 
@@ -119,7 +118,7 @@ class MotionDescriptor(Estimator):
         self._fit(motions)
         return self
 
-    def fit_transform(self, motions: Sequence[Motion], y: ArrayLike | None = None) -> ndarray:
+    def fit_transform(self, motions: Sequence[Motion], y: ArrayLike | None = None) -> Array:
         """Fit, and return the rows of the same motions, shape (n, p).
 
         Parameters
@@ -130,7 +129,7 @@ class MotionDescriptor(Estimator):
         return self._rows(self._fit(motions))
 
     @enough_memory("the vectors of these motions", FEWER_FRAMES)
-    def transform(self, motions: Sequence[Motion]) -> ndarray:
+    def transform(self, motions: Sequence[Motion]) -> Array:
         """Return a row for each motion, shape (n, p).
 
         Parameters
@@ -163,14 +162,14 @@ class MotionDescriptor(Estimator):
         self.metric_ = VectorSpace((self.n_features_out_,)).metric
         return summaries
 
-    def _rows(self, summaries: list[_Summary]) -> ndarray:
+    def _rows(self, summaries: list[_Summary]) -> Array:
         rows = []
         for summary in summaries:
             scaled = zip(summary.blocks, self._scales, strict=True)
             rows.append(np.concatenate([scale * block for block, scale in scaled]))
         return np.stack(rows)
 
-    def _coordinates(self, motion: Motion, name: str) -> tuple[ndarray, ndarray]:
+    def _coordinates(self, motion: Motion, name: str) -> tuple[Array, Array]:
         """Return lower-bound coordinates of all frames, and places on the ground."""
         space = surface_space(self.metric.space)
         rows, places = [], []

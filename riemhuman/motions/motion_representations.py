@@ -17,12 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.distance import pdist, squareform
 
+from riemhuman.arrays import Array
 from riemhuman.checks import Rng, generator
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
@@ -56,7 +56,7 @@ class GramHankel:
     n_rows: int = 8  # r
     n_features: int = 64  # random Fourier features
 
-    def describe(self, motion: Motion, name: str) -> ndarray:
+    def describe(self, motion: Motion, name: str) -> Array:
         """Return G divided by its norm, shape (r, r)."""
         rows = np.concatenate([self.currents(run) for run in frame_runs(self.space, motion, name)])
         if len(rows) < self.n_rows:
@@ -68,11 +68,12 @@ class GramHankel:
         hankel = sum(gram[k : k + self.n_rows, k : k + self.n_rows] for k in range(n_columns))
         return np.asarray(hankel / np.linalg.norm(hankel))
 
-    def dist_pairwise(self, motions: Sequence[Motion]) -> ndarray:
+    def dist_pairwise(self, motions: Sequence[Motion]) -> Array:
         rows = [self.describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
-        return squareform(pdist(np.stack(rows)))
+        distances: Array = squareform(pdist(np.stack(rows)))
+        return distances
 
-    def currents(self, run: ndarray) -> ndarray:
+    def currents(self, run: Array) -> Array:
         """Return frames as vectors: area vectors times Fourier features at the centres."""
         rng = np.random.default_rng(0)
         # The Fourier transform of exp(−|x|²/σ²) is a normal density of deviation √2/σ.
@@ -87,15 +88,16 @@ class GramHankel:
         return np.asarray(rows.reshape(len(run), -1))
 
 
-def random_places(n_frames: int, n_times: int, rng: Rng = None) -> ndarray:
+def random_places(n_frames: int, n_times: int, rng: Rng = None) -> Array:
     """Return n_times positions from 0 to n_frames - 1 at a random, changing speed."""
     logs = generator(rng).uniform(-np.log(_FASTEST), np.log(_FASTEST), _SPEEDS)
     speeds = np.exp(np.interp(np.linspace(0, _SPEEDS - 1, n_times - 1), range(_SPEEDS), logs))
     places = np.concatenate([[0.0], np.cumsum(speeds)])
-    return places * ((n_frames - 1) / places[-1])
+    scaled: Array = places * ((n_frames - 1) / places[-1])
+    return scaled
 
 
-def retime_at_random(motion: OpenMotion, rng: np.random.Generator) -> ndarray:
+def retime_at_random(motion: OpenMotion, rng: np.random.Generator) -> Array:
     """Return the frames of an open motion nearest to random times, 24 to 60 of them."""
     n_times = int(rng.integers(_FEWEST_FRAMES, _MOST_FRAMES + 1))
     frames = random_places(len(motion), n_times, rng).round().astype(int)
@@ -107,7 +109,7 @@ def compare_representations(
     seed: int = 0,
     *,
     task: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
-) -> tuple[dict[str, ndarray], ndarray]:
+) -> tuple[dict[str, Array], Array]:
     """Return the distances between the open motions, re-timed at random, for each representation.
 
     Parameters
@@ -139,14 +141,18 @@ def compare_representations(
     space = AlignedSurfaces(model.template, equip=False)
     pose = ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
     space.metric = pose
-    shared: dict[str, Any] = {"n_components": _COMPONENTS, "n_jobs": -1}
+    count = _COMPONENTS
     measures: dict[str, GramHankel | MotionDistance] = {
         "Hankel matrices of currents": GramHankel(space),
-        "time warping, SRNF": DynamicTimeWarping(SRNFMetric(space), **shared),
-        "time warping, pose metric": DynamicTimeWarping(pose, **shared),
-        "time warping, changes of pose": DynamicTimeWarping(pose, centered=True, **shared),
-        "time warping, velocities": VelocityTimeWarping(pose, **shared),
-        "rate-invariant, pose metric": RateInvariantMetric(MotionSpace(space), **shared),
+        "time warping, SRNF": DynamicTimeWarping(SRNFMetric(space), n_components=count, n_jobs=-1),
+        "time warping, pose metric": DynamicTimeWarping(pose, n_components=count, n_jobs=-1),
+        "time warping, changes of pose": DynamicTimeWarping(
+            pose, centered=True, n_components=count, n_jobs=-1
+        ),
+        "time warping, velocities": VelocityTimeWarping(pose, n_components=count, n_jobs=-1),
+        "rate-invariant, pose metric": RateInvariantMetric(
+            MotionSpace(space), n_components=count, n_jobs=-1
+        ),
     }
     distances = {}
     with task("pose metric, frame by frame"):
@@ -157,7 +163,7 @@ def compare_representations(
     return distances, labels
 
 
-def _frame_by_frame(metric: RiemannianMetric, motions: list[ndarray]) -> ndarray:
+def _frame_by_frame(metric: RiemannianMetric, motions: list[Array]) -> Array:
     """Return L² distances over 24 equally spaced frames of each motion, whatever its speed."""
     n = _FEWEST_FRAMES
     frames = [m[np.linspace(0, len(m) - 1, n).round().astype(int)] for m in motions]

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
@@ -89,7 +89,7 @@ class MotionSearch:
         sums = np.full(n_query, math.inf)
         starts = np.zeros(n_query, dtype=np.int64)
         totals = np.empty(n_frames)
-        begins = np.empty(n_frames, dtype=np.int64)
+        begins: Integers = np.empty(n_frames, dtype=np.int64)
         longest_run = n_query
         if self.shortest * n_query > 1.0:
             longest_run = math.ceil(1.0 / self.shortest)
@@ -110,7 +110,7 @@ class MotionSearch:
         return _nearest_parts(distances, begins, n_occurrences)
 
 
-def _nearest_parts(distances: ndarray, begins: ndarray, n_occurrences: int) -> list[Occurrence]:
+def _nearest_parts(distances: Array, begins: Integers, n_occurrences: int) -> list[Occurrence]:
     """Return the nearest parts, by their last frames, that do not overlap nearer ones."""
     parts: list[Occurrence] = []
     for end in np.argsort(distances, kind="stable"):

@@ -6,9 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Booleans
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
@@ -61,21 +60,22 @@ class MotionSpace(Manifold):
     def default_metric(self) -> type[RiemannianMetric]:
         return RateDependentMetric
 
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+    def belongs(self, point: Array, atol: float = 1e-9) -> Booleans:
         point, _ = self._candidates(point, "point")
-        return np.all(self.frames.belongs(point, atol), axis=-1)
+        belong: Booleans = np.all(self.frames.belongs(point, atol), axis=-1)
+        return belong
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+    def to_tangent(self, vector: Array, base_point: Array | None = None) -> Array:
         return real_array(vector, "vector", self.shape)
 
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         n_samples, rng = sample_count(n_samples), generator(rng)
         ends = self.frames.random_point(2 * n_samples, bound, rng)
         start, end = ends[:n_samples, None], ends[n_samples:, None]
         times = np.linspace(0.0, 1.0, self.n_times)[:, None, None]
         return stack_samples((1.0 - times) * start + times * end, n_samples)
 
-    def check_point(self, point: object, name: str = "point") -> ndarray:
+    def check_point(self, point: object, name: str = "point") -> Array:
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
     @enough_memory("motions at other times", FEWER_FRAMES)
@@ -84,9 +84,9 @@ class MotionSpace(Manifold):
         motion: Motion,
         n_times: int | None = None,
         *,
-        at: ndarray | None = None,
+        at: Array | None = None,
         name: str = "motion",
-    ) -> ndarray:
+    ) -> Array:
         """Return a motion at other times, shape (n_times, V, 3).
 
         Between two frames, every triangle rotates and stretches evenly (see
@@ -118,7 +118,7 @@ class MotionSpace(Manifold):
             result[is_inside] = surfaces_between(self.frames, start, end, places[is_inside] - k)
         return result
 
-    def face_forward(self, motion: Motion) -> ndarray:
+    def face_forward(self, motion: Motion) -> Array:
         """Return a motion with every frame rotated in place to face as the template does.
 
         Parameters
@@ -127,10 +127,11 @@ class MotionSpace(Manifold):
         """
         frames = read_motion(self.frames, motion)
         places = frames.mean(axis=1, keepdims=True)
-        return face_forward(self.frames, frames - places) + places
+        turned: Array = face_forward(self.frames, frames - places) + places
+        return turned
 
 
-def _times_within(at: ArrayLike, last: int) -> ndarray:
+def _times_within(at: ArrayLike, last: int) -> Array:
     times = np.asarray(real_array(at, "at", ("n_times",), batched=False))
     if (np.diff(times) < 0).any():
         raise ArgumentError("at must not decrease; found a later time before an earlier one")
@@ -186,15 +187,18 @@ class RateDependentMetric(RiemannianMetric):
         return self.metric.has_closed_form_dist
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
+        self, tangent_vec_a: Array, tangent_vec_b: Array, base_point: Array | None = None
+    ) -> Array:
         products = self.metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
-        return np.sum(self.time_weights * products, axis=-1)
+        total: Array = np.sum(self.time_weights * products, axis=-1)
+        return total
 
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+    def squared_dist(self, point_a: Array, point_b: Array) -> Array:
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        return np.sum(self.time_weights * self.metric.squared_dist(point_a, point_b), axis=-1)
+        squares = self.metric.squared_dist(point_a, point_b)
+        total: Array = np.sum(self.time_weights * squares, axis=-1)
+        return total
 
     @property
     def bulk(self) -> Bulk:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import real_array, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
@@ -33,12 +33,13 @@ from riemhuman.solvers.tangent_pca import TangentPCA
 _EVEN = 1e-3
 
 
-def _even_times(warp: Warp, n_times: int) -> ndarray:
+def _even_times(warp: Warp, n_times: int) -> Array:
     """Return the times of the second motion, increasing from 0 to 1, at even times of the first."""
     even = np.linspace(0.0, 1.0, n_times)
     times = warp(even * warp.first[-1]) / warp.second[-1]
     times[0], times[-1] = 0.0, 1.0
-    return (1.0 - _EVEN) * times + _EVEN * even
+    increasing: Array = (1.0 - _EVEN) * times + _EVEN * even
+    return increasing
 
 
 @enough_memory("the alignment of these motions", FEWER_FRAMES)
@@ -48,7 +49,7 @@ def align_motions(
     m2: Motion,
     alignment: MotionDistance | None = None,
     names: tuple[str, str] = ("m1", "m2"),
-) -> tuple[ndarray, ndarray, Warp]:
+) -> tuple[Array, Array, Warp]:
     """Return a motion at equally spaced times, and another at the corresponding times.
 
     Parameters
@@ -86,7 +87,7 @@ def _default_alignment(space: MotionSpace) -> MotionDistance:
     return DynamicTimeWarping(space.frames.metric, centered=True, between_frames=True)
 
 
-def _at_shares(space: MotionSpace, motion: Motion, times: ndarray, name: str) -> ndarray:
+def _at_shares(space: MotionSpace, motion: Motion, times: Array, name: str) -> Array:
     """Return a motion at times given as shares of its duration."""
     last = frame_count(motion, name) - 1
     return space.resample(motion, at=np.clip(times, 0.0, 1.0) * last, name=name)
@@ -96,8 +97,8 @@ def _at_shares(space: MotionSpace, motion: Motion, times: ndarray, name: str) ->
 class MotionPath:
     """A path of motions, shape (n_nodes, n_times, V, 3), and times of the second, as shares."""
 
-    path: ndarray
-    times: ndarray
+    path: Array
+    times: Array
 
 
 @dataclass(frozen=True)
@@ -191,9 +192,9 @@ class MotionMean(Estimator):
     (4, 1202, 3)
     """
 
-    estimate_: ndarray
-    times_: ndarray
-    aligned_: ndarray
+    estimate_: Array
+    times_: Array
+    aligned_: Array
     variance_: float
 
     def __init__(
@@ -250,11 +251,11 @@ class MotionMean(Estimator):
     def _metric(self) -> RiemannianMetric:
         return self.metric or ElasticMetric(self.space.frames, a=1.0, lam=1.0, c=1.0)
 
-    def _means(self, aligned: ndarray) -> ndarray:
+    def _means(self, aligned: Array) -> Array:
         """Return the Karcher mean of surfaces at every time."""
         solver, metric = NearestSurface(), self._metric
         areas = self.space.frames.template.vertex_areas
-        means: list[ndarray] = []
+        means: list[Array] = []
         bar = ProgressBar(
             range(aligned.shape[1]), desc="Means", disable=not self.progress, unit="time"
         )
@@ -267,7 +268,7 @@ class MotionMean(Estimator):
         return np.stack(means)
 
 
-def _facing_together(space: MotionSpace, motions: ndarray) -> ndarray:
+def _facing_together(space: MotionSpace, motions: Array) -> Array:
     """Rotate bodies in place, at every time, to the mean of the directions that they face."""
     areas = space.frames.template.vertex_areas
     angles = np.unwrap(angles_to(space.frames, motions, motions[0]), axis=1)
@@ -308,10 +309,10 @@ class MotionComponents(Estimator):
     (1, 3, 1202, 3)
     """
 
-    mean_: ndarray
-    scores_: ndarray
-    explained_variance_: ndarray
-    explained_variance_ratio_: ndarray
+    mean_: Array
+    scores_: Array
+    explained_variance_: Array
+    explained_variance_ratio_: Array
 
     def __init__(self, mean: MotionMean, n_components: int | None = None) -> None:
         self.mean = mean
@@ -343,7 +344,7 @@ class MotionComponents(Estimator):
         self.explained_variance_ratio_ = self._pca.explained_variance_ratio_
         return self
 
-    def inverse_transform(self, X: ndarray) -> ndarray:
+    def inverse_transform(self, X: Array) -> Array:
         """Return the motions with these coordinates: at every time, the nearest surface.
 
         Parameters
@@ -362,5 +363,5 @@ class MotionComponents(Estimator):
                 motion[t] = nearest.point
         return motions
 
-    def _image(self, motion: ndarray) -> ndarray:
+    def _image(self, motion: Array) -> Array:
         return np.asarray(self._metric.map(motion)).reshape(-1)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import refuse_type
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection
@@ -30,9 +30,9 @@ _SMOOTHING = 0.03
 class _Curve:
     """A polygon of n velocities."""
 
-    directions: ndarray  # (n, p), each divided by the square root of its length
+    directions: Array  # (n, p), each divided by the square root of its length
     length: float  # of the polygon
-    places: ndarray  # (n + 1,) where velocities begin and end, in frames
+    places: Array  # (n + 1,) where velocities begin and end, in frames
 
 
 class RateInvariantMetric(MotionDistance):
@@ -102,14 +102,15 @@ class RateInvariantMetric(MotionDistance):
         return replace(retimed, dist=math.hypot(retimed.dist, apart))
 
     @enough_memory("the comparison of these motions", FEWER_FRAMES)
-    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
+    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> Array:
         retimed = super().dist_pairwise(motions, progress=progress)
         starts = np.stack([self._start(m, f"motions[{k}]") for k, m in enumerate(motions)])
         apart = self.metric.dist_pairwise(starts, self.n_jobs, precision="double")
         return np.hypot(retimed, apart)
 
-    def _start(self, motion: Motion, name: str) -> ndarray:
-        return next(frame_runs(self.space.frames, motion[:1], name, self.heading))[0]
+    def _start(self, motion: Motion, name: str) -> Array:
+        start: Array = next(frame_runs(self.space.frames, motion[:1], name, self.heading))[0]
+        return start
 
     def _basis(self, motions: Sequence[Motion] = ()) -> Projection | None:
         """Return the projection to principal components of a sample of velocities."""

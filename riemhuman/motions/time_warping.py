@@ -6,11 +6,11 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
@@ -57,10 +57,10 @@ class Warp:
     """
 
     dist: float
-    first: ndarray
-    second: ndarray
+    first: Array
+    second: Array
 
-    def __call__(self, times: ndarray | float) -> ndarray:
+    def __call__(self, times: Array | float) -> Array:
         """Return the times of the second motion that correspond to times of the first.
 
         Where several times were matched with one, this is their mean; in between it is linear.
@@ -68,6 +68,9 @@ class Warp:
         moments, places = np.unique(self.first, return_inverse=True)
         means = np.bincount(places, weights=self.second) / np.bincount(places)
         return np.asarray(np.interp(times, moments, means))
+
+
+Prepared: TypeAlias = Any  # type: ignore[explicit-any]  # each distance has classes of its own
 
 
 class MotionDistance(ABC):
@@ -114,7 +117,7 @@ class MotionDistance(ABC):
         return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
 
     @enough_memory("the comparison of these motions", FEWER_FRAMES)
-    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
+    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> Array:
         """Return all distances within a set of motions, shape (n, n).
 
         Parameters
@@ -147,15 +150,15 @@ class MotionDistance(ABC):
         return distances
 
     @abstractmethod
-    def _basis(self, motions: Sequence[Motion] = ()) -> Any:
+    def _basis(self, motions: Sequence[Motion] = ()) -> Prepared:
         """Return what `_prepare` and `_match` share, such as components of some motions."""
 
     @abstractmethod
-    def _prepare(self, basis: Any, motion: Motion, name: str) -> Any:
+    def _prepare(self, basis: Prepared, motion: Motion, name: str) -> Prepared:
         """Return what `_match` needs of a motion."""
 
     @abstractmethod
-    def _match(self, basis: Any, a: Any, b: Any) -> Warp:
+    def _match(self, basis: Prepared, a: Prepared, b: Prepared) -> Warp:
         """Return the best re-timing of two prepared motions."""
 
 
@@ -198,9 +201,7 @@ class FrameWarping(MotionDistance):
         )
 
     @abstractmethod
-    def _travel(
-        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
-    ) -> ndarray:
+    def _travel(self, space: AlignedSurfaces, motion: Motion, places: Array, name: str) -> Array:
         """Return how the body travels, per frame, times the weight; see `FrameDistances`."""
 
 
@@ -209,9 +210,9 @@ class _Sampled:
     """A motion's frames, their weights in its mean, and their squared distances."""
 
     frames: Frames
-    shares: ndarray | None = None
-    to_mean: ndarray | None = None
-    steps: ndarray | None = None
+    shares: Array | None = None
+    to_mean: Array | None = None
+    steps: Array | None = None
 
 
 class DynamicTimeWarping(FrameWarping):
@@ -285,9 +286,7 @@ class DynamicTimeWarping(FrameWarping):
     def _precision(self) -> str:
         return "double" if self.centered else "single"
 
-    def _travel(
-        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
-    ) -> ndarray:
+    def _travel(self, space: AlignedSurfaces, motion: Motion, places: Array, name: str) -> Array:
         rate = frame_rate(motion, self.frames_per_second, name)
         return self.travel_weight * travel_speeds(space, places, rate)
 
@@ -306,14 +305,19 @@ class DynamicTimeWarping(FrameWarping):
 
     def _match(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> Warp:
         costs = basis.squared(a.frames, b.frames)
-        if a.shares is not None and b.shares is not None:
+        if (
+            a.shares is not None
+            and b.shares is not None
+            and a.to_mean is not None
+            and b.to_mean is not None
+        ):
             # |x − x̄ − (y − ȳ)|² in a flat space; metrics of surfaces are nearly flat.
             costs = (
                 costs
                 - (costs @ b.shares)[:, None]
                 - a.shares @ costs
                 + a.shares @ costs @ b.shares
-                + a.to_mean[:, None]  # type: ignore[index]
+                + a.to_mean[:, None]
                 + b.to_mean
             )
             costs = np.maximum(costs, 0.0)
@@ -324,13 +328,14 @@ class DynamicTimeWarping(FrameWarping):
         return Warp(math.sqrt(sums[-1, -1] / sum(costs.shape)), first, second)
 
 
-def _shares_of_length(within: ndarray) -> ndarray:
+def _shares_of_length(within: Array) -> Array:
     """Return the weight of each frame in the mean of a motion along its length."""
     lengths = np.sqrt(np.maximum(np.diagonal(within, 1), 0.0))
     if not lengths.any():
         return np.full(len(within), 1.0 / len(within))
     shares = np.pad(lengths, (0, 1)) + np.pad(lengths, (1, 0))
-    return shares / shares.sum()
+    sum_to_one: Array = shares / shares.sum()
+    return sum_to_one
 
 
 @dataclass(frozen=True)
@@ -338,9 +343,9 @@ class _Steps:
     """A motion's frames, their squared distances, and lengths of the steps between `numbers`."""
 
     frames: Frames
-    within: ndarray
-    numbers: ndarray
-    lengths: ndarray
+    within: Array
+    numbers: Array
+    lengths: Array
 
 
 class VelocityTimeWarping(FrameWarping):
@@ -390,9 +395,7 @@ class VelocityTimeWarping(FrameWarping):
     def _precision(self) -> str:
         return "double"
 
-    def _travel(
-        self, space: AlignedSurfaces, motion: Motion, places: ndarray, name: str
-    ) -> ndarray:
+    def _travel(self, space: AlignedSurfaces, motion: Motion, places: Array, name: str) -> Array:
         return self.travel_weight * travelled_lengths(space, places)
 
     def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Steps:
@@ -412,7 +415,7 @@ class VelocityTimeWarping(FrameWarping):
         return Warp(math.sqrt(squared_back), places_back, b.numbers.astype(np.float64))
 
 
-def _match_steps(a: _Steps, b: _Steps, costs: ndarray) -> tuple[float, ndarray]:
+def _match_steps(a: _Steps, b: _Steps, costs: Array) -> tuple[float, Array]:
     """Return the squared distance from a to b, and the positions of a's frames on b."""
     rows = np.ascontiguousarray(costs[a.numbers])
     total, places = match_chords(rows, a.lengths, b.within)
