@@ -25,6 +25,7 @@ class Estimator:
 
     def get_params(self, deep: bool = True) -> dict[str, object]:
         """Return the parameters by name."""
+        # By name, as in scikit-learn's protocol.
         params = {name: getattr(self, name) for name in inspect.signature(type(self)).parameters}
         if deep:
             for name, value in list(params.items()):

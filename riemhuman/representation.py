@@ -21,6 +21,7 @@ _MISSING = object()
 
 def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
     """Return the call that makes an object, with numbers and what differs from its default."""
+    # Arguments are found by name, as users have classes of their own.
     shown = []
     for name, parameter in inspect.signature(type(value)).parameters.items():
         kept: object = getattr(value, name if hasattr(value, name) else f"_{name}", _MISSING)
@@ -87,6 +88,7 @@ class Unchanging:
         super().__setattr__(name, value)
 
     def _is_fixed(self, name: str) -> bool:
+        # By name, for the arguments of classes that are not known here.
         return name in inspect.signature(type(self)).parameters
 
 

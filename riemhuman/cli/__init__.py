@@ -135,7 +135,7 @@ def _answer(options: argparse.Namespace) -> Answer:
     from riemhuman.io.outputs import files_together
 
     with files_together(options.files) as places:
-        vars(options).update(places)
+        vars(options).update(places)  # options are attributes named by `dest`
         answer = options.run(options)
         terminal.interruptions.check()
     vars(options).update(options.files)

@@ -40,7 +40,7 @@ def as_json(record: object) -> str:
 def _plain(value: object) -> JSONValue:
     """Return a value in types that JSON can hold."""
     if is_dataclass(value):
-        value = vars(value)
+        value = vars(value)  # its fields, which may hold further data classes
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if hasattr(value, "tolist"):

@@ -106,6 +106,7 @@ class Bodies:
                 f"ids must hold a different name for each of the {len(points)} surfaces; found "
                 f"{len(ids)} names, {len(set(ids))} of them different"
             )
+        # As the class is frozen; what was checked takes the place of what was given.
         vars(self).update(values, ids=ids)
 
     def __len__(self) -> int:

@@ -126,7 +126,7 @@ class RetargetedMotion(ModelMotion):
         betas : array_like, shape (B,)
         """
         performance = copy(self)
-        performance.__dict__.pop("_played", None)
+        performance.__dict__.pop("_played", None)  # kept of the person before
         performance._betas = real_array(betas, "betas", (self.model.n_betas,), batched=False)
         performance.model = self._unscaled
         performance._size = 1.0

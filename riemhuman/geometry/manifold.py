@@ -70,7 +70,7 @@ class Manifold(PointSpace):
     @property
     def is_equipped(self) -> bool:
         """Whether the manifold has a metric."""
-        return "metric" in vars(self)
+        return hasattr(self, "metric")
 
     def default_metric(self) -> MetricClass | None:
         """Return the class of the manifold's default metric, if there is one."""
@@ -104,7 +104,8 @@ class Manifold(PointSpace):
         equip : bool
         """
         space = copy(self)
-        vars(space).pop("metric", None)
+        if space.is_equipped:
+            del space.metric
         if equip and space.default_metric() is not None:
             space.equip_with_metric()
         return space

@@ -59,6 +59,7 @@ def describe(value: object, _depth: int = 0) -> JSONValue:
 
 def _parameters(value: object) -> JSONRecord:
     """Return the arguments of the constructor that an object keeps as attributes."""
+    # By name, since metrics and solvers may be of classes of a user's own.
     try:
         names = set(inspect.signature(type(value)).parameters)
     except (TypeError, ValueError):

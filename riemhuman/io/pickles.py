@@ -190,6 +190,7 @@ _STORAGES = {
     "BoolStorage": "b1",
 }
 _KINDS |= {name: name for name in _STORAGES}
+# Pickles call classes: here a class of its own for each kind, that does nothing.
 _MAKERS: dict[str, Callable[..., Unpickled]] = {
     name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()
 }

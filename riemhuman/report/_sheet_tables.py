@@ -93,6 +93,7 @@ def _values(sheets: Sheets, what: str) -> Rows:
         cells: list[Cell] = []
         for name in names:
             row = values.by_name.get(name)
+            # Tables are named after the fields of a row.
             known = {} if row is None else vars(row)
             cells.append(_number(known.get(what, float("nan"))))
         rows.append(cells)

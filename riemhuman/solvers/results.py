@@ -221,6 +221,7 @@ class Result(Record):
             The file, with its ending; an existing file is replaced, whole or not at all.
         """
         contents = self.contents()
+        # A class of somebody's own may forget what it inherits or adds.
         left_out = [field.name for field in fields(self) if field.name not in contents]
         if left_out:
             raise NotDefinedError(
@@ -251,6 +252,7 @@ class Result(Record):
 
     def _surfaces(self) -> Array | None:
         """Return the first array of the result as surfaces to draw, if it has their shape."""
+        # The first array of any result is what its solver was asked for.
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, ndarray) and value.ndim in (2, 3):

@@ -275,6 +275,7 @@ def _trial_class(solver: Any) -> Callable[[Any, RiemannianMetric, ndarray], _Tri
     solve = getattr(solver, "solve", None)
     if solve is None:
         raise ArgumentError(f"solver must have a method solve; {type(solver).__name__} has none")
+    # Strategies have no base class: names of arguments are what contracts differ in.
     names = list(inspect.signature(solve).parameters)[1:]
     for arguments, trial in _KINDS.values():
         if tuple(names[: len(arguments)]) == arguments:
