@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import operator
-
 import autograd.numpy as np
 from numpy import ndarray
 
@@ -169,10 +167,11 @@ class AlignedSurfaces(SurfaceSpace):
 
     def as_array(self, points: object, name: str = "points") -> object:
         if isinstance(points, (list, tuple)):
-            surfaces: list[object] = [
-                self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)
-            ]
-            return points if all(map(operator.is_, surfaces, points)) else np.stack(surfaces)  # type: ignore[arg-type]  # or NumPy refuses
+            arrays = [self.as_array(point, f"{name}[{k}]") for k, point in enumerate(points)]
+            pairs = zip(arrays, points, strict=True)
+            if any(array is not point for array, point in pairs):  # at least one is a mesh
+                return np.stack(arrays)  # type: ignore[arg-type]  # NumPy refuses what is no array
+            return points
         if not hasattr(points, "faces") and not hasattr(points, "cells"):
             return points
         vertices, faces = as_arrays(points)

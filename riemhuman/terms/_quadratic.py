@@ -42,7 +42,7 @@ from riemhuman.surfaces.template import Template
 # Below this many triangles times surfaces, threads cost more than they gain.
 _WORTH_THREADS = 20_000
 
-Slopes = tuple[float, Array, Array]
+ValueAndSlopes = tuple[float, Array, Array]
 
 
 def by_vertex(surfaces: Points) -> Array:
@@ -70,7 +70,7 @@ class QuadraticTerm(ABC):
         return self.squared_norms_and_slopes(vectors, surfaces)[0]
 
     @abstractmethod
-    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         """Return the sum of the squared norms of deformations at surfaces, and its slopes."""
 
 
@@ -133,10 +133,10 @@ class FirstOrderTerm(QuadraticTerm):
         surface.add_blocks(blocks, f, self.template.faces, self._forms(first))
         return self.template.assembler.assemble(blocks)
 
-    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         faces, areas, weights = self.template.faces, self.template.face_areas, tuple(self.weights)
 
-        def run(first: int, last: int) -> Slopes:
+        def run(first: int, last: int) -> ValueAndSlopes:
             slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
             value = _first_order_norms(
                 surfaces, faces, vectors, areas, weights, first, last, slopes
@@ -315,7 +315,7 @@ class ZerothOrderTerm(QuadraticTerm):
         masses = vertex_areas(f, self.template, self._averages)
         return csr_array(kron(diags_array(self.weight * masses), eye_array(3)))
 
-    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         densities = self.weight * surface.dot(vectors, vectors)
         sums = _vertex_sums(surfaces, self.template, by_areas=densities)
         value = sums.infinite + float(onp.sum(sums.areas * densities))
@@ -520,7 +520,7 @@ class SecondOrderTerm(QuadraticTerm):
     def squared_norms(self, vectors: TangentVectors, surfaces: Points) -> float:
         return self._laplacians(vectors, surfaces)[0]
 
-    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         value, z = self._laplacians(vectors, surfaces)
         # Those of 2 zᵀL h − Σ |z|² A/w, where z = w/A L h is held.
         by_areas = -surface.dot(z, z) / self.weight
@@ -611,7 +611,7 @@ class NormalPartTerm(QuadraticTerm):
         projection = csr_array(blocks)
         return projection @ self.term.matrix(f) @ projection
 
-    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> Slopes:
+    def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         sums = _vertex_sums(surfaces, self.template)
         lengths = onp.linalg.norm(sums.normals, axis=-1, keepdims=True)
         cancelled = (lengths[..., 0] <= 3.0 * _CANCELLED * sums.areas) & (sums.areas > 0.0)
