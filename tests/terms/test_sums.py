@@ -282,6 +282,27 @@ def test_what_is_too_small_for_single_precision_counts_as_rounding():
     assert exact - kept <= rounding[0] < 1e-15
 
 
+TINY = 2.0**-80 * np.array([[1.0], [2.0]])  # exact in single precision, but not the squares
+UNIT = np.ones((2, 1))
+
+
+@pytest.mark.parametrize(
+    ("term", "fields"),
+    [
+        (EbinTerm(lam=0.3), (0.0 * UNIT, UNIT, TINY)),
+        (NormalTerm(), (np.stack([UNIT, TINY, 0.0 * UNIT], axis=2),)),
+        (RootNormalTerm(), (np.stack([TINY, 0.0 * UNIT, 0.0 * UNIT], axis=2),)),
+    ],
+    ids=["cone", "normals", "flat"],
+)
+def test_squares_that_are_too_small_for_single_precision_count_as_rounding(term, fields):
+    tables = TablesOfTerms([term], np.ones(1), lambda _, precision: made[precision])
+    made = {p: features_of_fields(term, fields, np.ones(1), p) for p in PRECISIONS}
+    exact, single = (tables.squared_distances(made[p], made[p])[0, 1] for p in ("double", "single"))
+    assert 0.0 == single < exact
+    assert np.sqrt(exact) <= tables.rounding(made["single"]).sum()
+
+
 # The compiled sums over pairs, against NumPy.
 
 each_precision = pytest.mark.parametrize("precision", ["single", "double"])
