@@ -31,14 +31,13 @@ def leave_out_lost_limbs(
     shown, settings = find_shown_parts(fitted, scan), fitted.task.body.settings
     if is_refused or not (shown.lost & fitted.task.visible).any():
         return fitted, shown
-    distances = _distances_from(fitted)
-    near = np.mean(distances < settings.trust.near_metres)
-    if near < settings.trust.least_near_of_limb:
+    if not _explains_scan(fitted):
         return fitted, shown  # the limb may be where points are far from the body
     without = _fit_without(fitted, shown.lost)
     # If the limb is in the scan after all, its points are now far from the body.
     farther = settings.retries.farther_without_limbs
-    if _distances_from(without).mean() > farther * distances.mean():
+    is_farther = _distances_from(without).mean() > farther * _distances_from(fitted).mean()
+    if is_farther or not _explains_scan(without):
         return fitted, shown
     return without, find_shown_parts(without, scan)
 
@@ -52,6 +51,13 @@ def _fit_without(fitted: BodyFit, lost: np.ndarray) -> BodyFit:
     scales = task.body.settings.dense.scales
     pose = fit_closest(samples, fitted.fit.pose, task.prior, task.scan, scales)
     return replace(fitted, task=task, fit=leave_model(task, pose))
+
+
+def _explains_scan(fitted: BodyFit) -> bool:
+    """Return whether so much of a scan is near a body that no limb of the scan is elsewhere."""
+    settings = fitted.task.body.settings.trust
+    share = np.mean(_distances_from(fitted) < settings.near_metres)
+    return bool(share >= settings.least_near_of_limb)
 
 
 def _distances_from(fitted: BodyFit) -> np.ndarray:

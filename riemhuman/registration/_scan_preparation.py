@@ -110,7 +110,7 @@ class PreparedScan:
         cosines = np.einsum("nx,nx->n", mean_normals, normals)
         heights = np.einsum("nx,nx->n", gaps, mean_normals)
         along = np.linalg.norm(gaps - heights[:, np.newaxis] * mean_normals, axis=1)
-        allowed = self._room_between(places, near[:, 0], mean_normals)
+        allowed = self._allowed_along(places, near[:, 0], mean_normals)
         allowed *= np.clip(4.0 * cosines - 3.0, 0.0, 1.0)  # on the same side of the body
         distances = np.hypot(heights, np.maximum(along - allowed, 0.0))
         lengths = np.stack([np.linalg.norm(gaps, axis=1), distances])
@@ -123,12 +123,13 @@ class PreparedScan:
             weights[below], reliable[below], distances[below] = 1.0, 1.0, depths[below]
         return Matches(gaps, mean_normals, weights, distances, reliable)
 
-    def _room_between(
+    def _allowed_along(
         self, places: np.ndarray, nearest: np.ndarray, normals: np.ndarray
     ) -> np.ndarray:
         """Return how far along the surface matches may be: between sparse points, all are far.
 
-        Beyond the border of what the scan shows, its points are on one side only: no room is there.
+        Beyond the border of what the scan shows, its points are on one side only, and matches
+        must be near.
         """
         allowed = np.clip(
             self.spacing[nearest] - self.settings.matching.dense_metres,

@@ -100,10 +100,16 @@ def without(model, body, joints, points):
     return points[~np.isin(owners, sorted(lost))]
 
 
-def limb_parts(registration, seed):
-    """Yield the parts of all limbs of registered scans, and of bodies deliberately wrong."""
-    rng = np.random.default_rng([seed, 49])
-    for kind, points, truth, places in scans_of_limbs(registration.model, seed):
+def limb_parts(registration, seed, numbers=None):
+    """Yield the parts of all limbs of registered scans, and of bodies deliberately wrong.
+
+    `numbers` are those of the scans, all by None.
+    """
+    scans = scans_of_limbs(registration.model, seed)
+    for number, (kind, points, truth, places) in enumerate(scans):
+        if numbers is not None and number not in numbers:
+            continue
+        rng = np.random.default_rng([seed, 49, number])
         task = task_of(registration, points)
         first = register_scan(task)
         yield from _parts_of((kind, ""), first, truth, places)
