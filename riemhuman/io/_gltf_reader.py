@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 import struct
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -17,6 +16,7 @@ import numpy as np
 
 from riemhuman.arrays import JSONRecord, JSONValue
 from riemhuman.errors import FileFormatError
+from riemhuman.io.files import json_value
 
 _Json = JSONRecord
 
@@ -73,7 +73,7 @@ def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
         start += 8 + size
     if b"JSON" not in parts:
         raise FileFormatError("the GLB file has no JSON part")
-    document = json.loads(parts[b"JSON"])
+    document = json_value(parts[b"JSON"])
     if not isinstance(document, dict):
         raise FileFormatError("the JSON part of the GLB file is not an object")
     return document, parts.get(b"BIN\0")

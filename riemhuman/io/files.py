@@ -6,6 +6,7 @@ or the new one. Only regular files are read: a device or a pipe may never end.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import secrets
@@ -16,6 +17,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from riemhuman.arrays import JSONValue
 from riemhuman.errors import (
     ArgumentTypeError,
     FileError,
@@ -101,6 +103,13 @@ def read_text(file: Path) -> str:
     except (UnicodeDecodeError, MemoryError) as error:
         raise_lack_of_memory(file, error)
         raise FileFormatError(f"{file} is not text in UTF-8: {error}") from error
+
+
+def json_value(text: str | bytes) -> JSONValue:
+    """Return the value of a document of JSON, or raise a ValueError, also for nested brackets."""
+    with suppress(RecursionError):
+        return json.loads(text)
+    raise ValueError("brackets nest too deep")
 
 
 def short_message(error: BaseException) -> str:

@@ -27,6 +27,7 @@ from riemhuman.io.files import (
     convert_errors,
     file_path,
     format_errors,
+    json_value,
     lock_file,
     read_bytes,
     write_text,
@@ -150,7 +151,7 @@ class JobFolder:
     def _manifest(self) -> JSONRecord:
         file = self.path / MANIFEST
         with format_errors(file, "the manifest of a job"):
-            manifest = json.loads(read_bytes(file))
+            manifest = json_value(read_bytes(file))
             if not isinstance(manifest, dict) or not isinstance(manifest.get("layout"), dict):
                 raise FileFormatError("not the manifest of a job: it holds no layout")
             return manifest

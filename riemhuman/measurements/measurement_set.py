@@ -20,7 +20,7 @@ from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.io.files import file_path, memory_errors, read_bytes, write_text
+from riemhuman.io.files import file_path, json_value, memory_errors, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
@@ -338,7 +338,7 @@ class MeasurementSet:
         surface, file = _surface_of(template), file_path(path)
         try:
             with memory_errors(file):
-                record = json.loads(read_bytes(file))
+                record = json_value(read_bytes(file))
             if (record["n_vertices"], record["n_faces"]) != (surface.n_vertices, surface.n_faces):
                 raise ArgumentError(
                     f"it is for {record['n_vertices']} vertices and {record['n_faces']} triangles; "
@@ -360,7 +360,7 @@ class MeasurementSet:
             )
         except (
             *(LookupError, TypeError, ValueError, AttributeError),
-            *(OverflowError, RecursionError),  # of absurd numbers, and of brackets in brackets
+            OverflowError,  # of absurd numbers
         ) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise FileFormatError(f"{file} does not hold measurements: {reason}") from error

@@ -16,6 +16,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError, OutOfMem
 from riemhuman.io.files import (
     atomic_file,
     format_errors,
+    json_value,
     lock_file,
     read_bytes,
     read_text,
@@ -114,6 +115,20 @@ def test_only_regular_files_are_read(tmp_path):
     with pytest.raises(FileError, match="it is a device or a pipe"):
         rh.io.is_registered_scan(tmp_path / "pipe.ply")
     assert len(short_message(ValueError("x" * 9999))) == 300
+
+
+def test_brackets_that_nest_too_deep_are_refused(tmp_path):
+    """Before Python's stack ends, as in every reader of JSON."""
+    text = "[" * 50_000 + "]" * 50_000
+    with pytest.raises(FileFormatError, match=r"a\.json: damaged, or not a .* nest too deep") as refused:
+        read_nested(tmp_path / "a.json", text)
+    assert not isinstance(refused.value.__cause__.__context__, RecursionError)
+    assert json_value('{"a": [1, "b"]}') == {"a": [1, "b"]}
+
+
+def read_nested(file, text):
+    with format_errors(file, "a document"):
+        json_value(text)
 
 
 def test_a_lock_is_for_one_process(tmp_path):

@@ -28,6 +28,7 @@ def own():
     return Measurements(load_open_model("coarse"))
 
 
+@pytest.mark.slow
 def test_sixteen_of_people_outside_the_model(own):
     """Natural people have a surface that no shape coefficient describes."""
     bodies = load_open_bodies("coarse", "natural", people=11)
@@ -80,6 +81,7 @@ TALL = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 
 TALL["waist girth (omphalion)"] = 1.08
 
 
+@pytest.mark.everyday("wanted0-woman")
 @pytest.mark.parametrize(
     ("wanted", "sex"), [(TALL, "woman"), ({"stature": 1.8, "body mass": 80.0}, "man")]
 )
