@@ -59,6 +59,7 @@ class TestDynamicTimeWarping:
         plain = rh.motions.DynamicTimeWarping(space.metric)
         assert plain.dist(a, moved) > 1.1 * plain.dist(a, b)
 
+    @pytest.mark.everyday("pose", "shape")
     @pytest.mark.parametrize("name", ["pose", "rotations", "shape"])
     def test_features_in_single_precision_lose_nothing(self, space, motions, name):
         """Frames of one motion that hardly differ are computed again in double precision."""
