@@ -120,7 +120,7 @@ def test_only_regular_files_are_read(tmp_path):
 def test_brackets_that_nest_too_deep_are_refused(tmp_path):
     """Before Python's stack ends, as in every reader of JSON."""
     text = "[" * 50_000 + "]" * 50_000
-    with pytest.raises(FileFormatError, match=r"a\.json: damaged, or not a .* nest too deep") as refused:
+    with pytest.raises(FileFormatError, match=r"a\.json: damaged.* nest too deep") as refused:
         read_nested(tmp_path / "a.json", text)
     assert not isinstance(refused.value.__cause__.__context__, RecursionError)
     assert json_value('{"a": [1, "b"]}') == {"a": [1, "b"]}
