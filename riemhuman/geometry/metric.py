@@ -22,7 +22,7 @@ from riemhuman.errors import (
     OutsideManifoldError,
 )
 from riemhuman.geometry.metric_tensor import MetricTensor
-from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.surface import differential
 from riemhuman.memory import enough_memory
@@ -575,7 +575,8 @@ class ScalarProductMetric(RiemannianMetric):
 
     @property
     def bulk(self) -> Bulk:
-        return SumOfFactors([(lambda points: points, self.scale, self.underlying_metric.bulk)])
+        factor = Factor(lambda points: points, self.scale, self.underlying_metric.bulk)
+        return SumOfFactors([factor])
 
     @property
     def complementary_metric(self) -> RiemannianMetric | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -22,6 +22,7 @@ __all__ = [
     "MEMORY",
     "PRECISIONS",
     "Bulk",
+    "Factor",
     "Features",
     "PairByPair",
     "SumOfFactors",
@@ -96,40 +97,49 @@ class PairByPair(Bulk):
         return squared
 
 
-class SumOfFactors(Bulk):
-    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
+class Factor(NamedTuple):
+    """A factor of a product: the map of points to its component, its weight and its bulk."""
 
-    def __init__(self, parts: Sequence[tuple[Callable[[Array], Array], float, Bulk]]) -> None:
-        self._parts = tuple(parts)
-        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
+    component: Callable[[Points], Array]
+    weight: float
+    bulk: Bulk
+
+
+class SumOfFactors(Bulk):
+    """Distances of a product, by the weighted sum of the tables of its factors."""
+
+    def __init__(self, factors: Sequence[Factor]) -> None:
+        self._factors = tuple(factors)
+        self.n_arrays = sum(factor.bulk.n_arrays for factor in factors)
 
     def features(self, points: Points, precision: str) -> Features:
-        return tuple(
-            feature
-            for component, _, bulk in self._parts
-            for feature in bulk.features(component(points), precision)
-        )
+        features: Features = ()
+        for factor in self._factors:
+            features += factor.bulk.features(factor.component(points), precision)
+        return features
 
     def rounding(self, features: Features) -> Array:
-        parts = self._split(features)
-        return np.sqrt(sum(weight * bulk.rounding(part) ** 2 for weight, bulk, part in parts))
+        squared = np.zeros(())
+        for factor, part in zip(self._factors, self._split(features), strict=True):
+            squared = squared + factor.weight * factor.bulk.rounding(part) ** 2
+        return np.sqrt(squared)
 
     def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
-        parts_a = list(self._split(a))
-        parts_b = parts_a if b is a else list(self._split(b))
-        return sum(
-            (
-                w * bulk.squared_distances(part_a, part_b, n_threads)
-                for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
-            ),
-            start=np.zeros(()),
-        )
+        parts_a = self._split(a)
+        # One object stands for distances within a set, in the factors as well.
+        parts_b = parts_a if b is a else self._split(b)
+        total = np.zeros(())
+        for factor, part_a, part_b in zip(self._factors, parts_a, parts_b, strict=True):
+            total = total + factor.weight * factor.bulk.squared_distances(part_a, part_b, n_threads)
+        return total
 
-    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
-        start = 0
-        for _, weight, bulk in self._parts:
-            yield weight, bulk, features[start : start + bulk.n_arrays]
-            start += bulk.n_arrays
+    def _split(self, features: Features) -> list[Features]:
+        """Return the features of every factor."""
+        parts, start = [], 0
+        for factor in self._factors:
+            parts.append(features[start : start + factor.bulk.n_arrays])
+            start += factor.bulk.n_arrays
+        return parts
 
 
 class PointsOfOneShape(Protocol):

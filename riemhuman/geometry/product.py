@@ -14,7 +14,7 @@ from riemhuman.checks import Rng, generator, joint_shape, metric_weight, real_ar
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.geometry.strategies import Solvers
 
@@ -206,7 +206,7 @@ class ProductMetric(RiemannianMetric):
     def bulk(self) -> Bulk:
         return SumOfFactors(
             [
-                (partial(self.space.component, index=k), weight, factor.metric.bulk)
+                Factor(partial(self.space.component, index=k), weight, factor.metric.bulk)
                 for k, factor, weight in self._weighted_factors()
             ]
         )
@@ -345,7 +345,7 @@ class PullbackMetric(RiemannianMetric):
         def image(points: Points) -> Array:
             return self.map(self.space.check_point(points, "points"))
 
-        return SumOfFactors([(image, 1.0, self.target_metric.bulk)])
+        return SumOfFactors([Factor(image, 1.0, self.target_metric.bulk)])
 
     def _squared_segments(self, path: Points) -> Array:
         return self.target_metric._squared_segments(self.map(path))

@@ -15,7 +15,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
 from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.product import PullbackMetric
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
@@ -248,7 +248,7 @@ class AreaMetric(SmoothedMetric):
                 row[:] = self._averages(ratios)
             return self._smoothed(averages)
 
-        return SumOfFactors([(fields, 1.0, self.target_metric.bulk)])
+        return SumOfFactors([Factor(fields, 1.0, self.target_metric.bulk)])
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         return np.sqrt(self.space.template.vertex_heat.masses) * self.log_areas(points)

@@ -12,7 +12,7 @@ from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
-from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
@@ -204,7 +204,7 @@ class RateDependentMetric(RiemannianMetric):
     def bulk(self) -> Bulk:
         return SumOfFactors(
             [
-                (partial(np.take, indices=t, axis=1), weight, self.metric.bulk)
+                Factor(partial(np.take, indices=t, axis=1), weight, self.metric.bulk)
                 for t, weight in enumerate(self.time_weights)
             ]
         )
