@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy import ndarray
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
@@ -49,10 +49,10 @@ Strip = tuple[Integers, tuple[AroundPoint, AroundPoint]]
 Adjacency = tuple[Triangles, Triangles]
 """Triangles and their neighbours."""
 
-Path = tuple[ndarray, ndarray, ndarray, ndarray, ndarray]
+Path = tuple[Integers, Integers, Integers, NDArray[np.complex128], Array]
 """Strip, edges, bends, places of edges in the plane, and crossings of a path, or of two."""
 
-Funnel = tuple[ndarray, ndarray]
+Funnel = tuple[Integers, NDArray[np.complex128]]
 """Limits of the view from a bend, and three complex numbers."""
 
 
@@ -60,9 +60,9 @@ Funnel = tuple[ndarray, ndarray]
 class Mesh:
     """Vertices, triangles and adjacency of a template, and what is computed from them once."""
 
-    vertices: ndarray
-    faces: ndarray
-    neighbours: ndarray
+    vertices: Array
+    faces: Triangles
+    neighbours: Integers
     cutters: dict[tuple[tuple[str, ...], tuple[str, ...]], Cutter] = field(default_factory=dict)
     places: dict[str | tuple[tuple[str, float], ...], SurfacePoint] = field(default_factory=dict)
     _strips: dict[tuple[tuple[float, ...], ...], Strip] = field(default_factory=dict)
@@ -120,7 +120,7 @@ class Mesh:
 
     def _triangles_between(
         self, start: SurfacePoint, end: SurfacePoint, ends: tuple[AroundPoint, AroundPoint]
-    ) -> ndarray:
+    ) -> Integers:
         (of_start, _), (of_end, _) = ends
         common = np.intersect1d(of_start, of_end)
         if len(common):
@@ -150,8 +150,9 @@ class Mesh:
             raise ArgumentError(
                 "a path along the surface must begin and end on one connected component"
             )
-        strip = np.array(strip_from_end[::-1])
-        return strip[np.append(True, np.diff(strip) != 0)]
+        strip: Integers = np.array(strip_from_end[::-1])
+        distinct: Integers = strip[np.append(True, np.diff(strip) != 0)]
+        return distinct
 
 
 def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Lines:
@@ -168,8 +169,8 @@ def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mes
     funnel = np.empty(2, np.int64), np.empty(3, np.complex128)
     adjacency = mesh.faces, mesh.neighbours
     corners = mesh.faces[[start[0], end[0]]]
-    vertices_of_lines: list[ndarray] = []
-    weights_of_lines: list[ndarray] = []
+    vertices_of_lines: list[Integers] = []
+    weights_of_lines: list[Array] = []
     for f in np.require(values_of(surfaces), np.float64, ["C", "W"]):
         strips[0, : len(strip)] = strip
         path, n = _straighten(f, adjacency, ends, len(strip), paths, funnel)
@@ -189,7 +190,7 @@ def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mes
     bodies = np.repeat(np.arange(len(counts)), counts)
     points = weighted_vertices(surfaces, bodies[:, None], vertices, weights)
 
-    def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
+    def pull(upstream: Array, numbers: Integers, slopes: VertexSlopes) -> None:
         of_vertices = weights[numbers][..., np.newaxis] * upstream[:, np.newaxis]
         slopes.add(bodies[numbers, np.newaxis], vertices[numbers], of_vertices)
 
@@ -237,7 +238,7 @@ def _straighten(
 
 
 @compiled
-def _index_of(numbers: ndarray, number: int) -> int:
+def _index_of(numbers: Integers, number: int) -> int:
     for k in range(len(numbers)):
         if numbers[k] == number:
             return k
@@ -254,7 +255,7 @@ def _product(f: Array, origin: int, a: int, b: int) -> float:
 
 
 @compiled
-def _trim(strip: ndarray, size: int, ends: tuple[AroundPoint, AroundPoint]) -> int:
+def _trim(strip: Integers, size: int, ends: tuple[AroundPoint, AroundPoint]) -> int:
     """Remove triangles that a strip leaves, or enters, where the path ends; return the size."""
     # From within the edge by which the path leaves a triangle, the funnel would have no direction.
     (about_start, _), (about_end, _) = ends
@@ -275,7 +276,7 @@ def _unfold(
     ends: tuple[AroundPoint, AroundPoint],
     path: Path,
     size: int,
-    corners: ndarray,
+    corners: NDArray[np.complex128],
 ) -> bool:
     """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1."""
     # Columns of `sides` are their places in the complex plane, between both ends of the path.
@@ -376,7 +377,7 @@ def _cross_edges(path: Path, size: int, n_bends: int) -> float:
 
 
 @compiled
-def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new: ndarray) -> int:
+def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new: Integers) -> int:
     """Write a strip rerouted around the other side of a vertex; 0 if that has a boundary."""
     faces, neighbours = mesh
     strip, edges, _, _, _ = path

@@ -17,8 +17,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy import ndarray
 from scipy.linalg import cholesky, solve_triangular
+
+from riemhuman.arrays import Array, Booleans
 
 # The search ends when the model predicts a gain below this, in the unit of half a sum of squares of
 # residuals with unit variance.
@@ -34,8 +35,8 @@ _MOST_HALVINGS = 12
 
 
 def least_squares_with_kinks(
-    linearisation: Callable[[ndarray], tuple[ndarray, ndarray]], start: ndarray, max_steps: int
-) -> tuple[ndarray, float, bool]:
+    linearisation: Callable[[Array], tuple[Array, Array]], start: Array, max_steps: int
+) -> tuple[Array, float, bool]:
     """Return where half the sum of squares is least, that sum, and whether the search converged.
 
     The linearisation is the residuals at a point, NaN where there are none, and their derivatives.
@@ -68,18 +69,18 @@ def least_squares_with_kinks(
     return z, cost, False
 
 
-def _quadratic(values: ndarray, rows: ndarray) -> tuple[float, ndarray, ndarray]:
+def _quadratic(values: Array, rows: Array) -> tuple[float, Array, Array]:
     """Return half the sum of squares, its gradient, and the Gauss–Newton matrix."""
     return 0.5 * float(values @ values), rows.T @ values, rows.T @ rows
 
 
 def _step(
-    bundle: list[tuple[ndarray, float, ndarray]],
-    z: ndarray,
+    bundle: list[tuple[Array, float, Array]],
+    z: Array,
     cost: float,
-    matrix: ndarray,
-    root: ndarray,
-) -> tuple[ndarray, float]:
+    matrix: Array,
+    root: Array,
+) -> tuple[Array, float]:
     """Return the best step that the bundle predicts, and its gain."""
     points = np.array([point for point, _, _ in bundle])
     costs = np.array([point_cost for _, point_cost, _ in bundle])
@@ -95,7 +96,7 @@ def _step(
     return -solve_triangular(root, mean), 0.5 * float(mean @ mean) + float(errors @ weights)
 
 
-def _weights_of_least_gain(products: ndarray, errors: ndarray) -> ndarray:
+def _weights_of_least_gain(products: Array, errors: Array) -> Array:
     """Return positive weights w with sum one for which wᵀ Q w / 2 + e·w is least.
 
     The method of active sets, as of Lawson and Hanson for least squares: weights become free one by
@@ -119,10 +120,11 @@ def _weights_of_least_gain(products: ndarray, errors: ndarray) -> ndarray:
         if slopes.min() > -tolerance:
             break
         free[slopes.argmin()] = True
-    return weights / weights.sum()
+    sum_to_one: Array = weights / weights.sum()
+    return sum_to_one
 
 
-def _best_free(products: ndarray, errors: ndarray, free: ndarray) -> tuple[ndarray, float]:
+def _best_free(products: Array, errors: Array, free: Booleans) -> tuple[Array, float]:
     """Return the best weights of any sign with sum one, zero where not free, and their slope."""
     n_free = int(free.sum())
     scale = float(np.abs(products[free][:, free]).max()) or 1.0

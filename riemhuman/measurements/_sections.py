@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import autograd.numpy as np
 import numpy as onp
 from autograd.extend import defvjp, defvjp_argnums, primitive
-from numpy import ndarray
+from numpy.typing import NDArray
 
-from riemhuman.arrays import Array, Integers
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.checks import values_of
 from riemhuman.kernels.compilation import compiled
 from riemhuman.measurements._vertex_slopes import Pull, VertexSlopes, fixed
@@ -39,11 +39,11 @@ OPEN = -3
 Places = Integers | tuple[Integers, Integers]
 """Indices of an axis, or of two."""
 
-Cutter = tuple[ndarray, ndarray, ndarray, ndarray]
+Cutter = tuple[Triangles, Integers, NDArray[onp.uint8], Integers]
 """Triangles, their neighbours, their roles, and the numbers of those where a section may start."""
 
 
-PullOfPoints = Callable[[ndarray, Integers, VertexSlopes], None]
+PullOfPoints = Callable[[Array, Integers, VertexSlopes], None]
 """Adds the derivatives by vertices, given those by the points of a line with some numbers."""
 
 
@@ -52,11 +52,11 @@ class Lines:
     """A line on each of n surfaces, or none: points in order, and the surface of each."""
 
     points: Array  # (k, 3), differentiable by autograd
-    bodies: ndarray  # (k,)
-    statuses: ndarray  # (n,) 0, or why there is none
+    bodies: Integers  # (k,)
+    statuses: Integers  # (n,) 0, or why there is none
     pull: PullOfPoints
 
-    def select(self, choose: Callable[[Array, onp.integer], Integers]) -> Lines:
+    def select(self, choose: Callable[[Array, onp.intp], Integers]) -> Lines:
         """Return other lines through the points that a function of each line's points chooses."""
         values = values_of(self.points)
         chosen_points = []
@@ -66,7 +66,7 @@ class Lines:
             chosen_points.append(first + choose(values[first:last], body))
         numbers = onp.concatenate([*chosen_points, onp.empty(0, onp.int64)])
 
-        def pull(upstream: ndarray, which: Integers, slopes: VertexSlopes) -> None:
+        def pull(upstream: Array, which: Integers, slopes: VertexSlopes) -> None:
             self.pull(upstream, numbers[which], slopes)
 
         return Lines(self.points[numbers], self.bodies[numbers], self.statuses, pull)
@@ -75,10 +75,10 @@ class Lines:
         """Return lines that end at their first points."""
         return self.select(lambda points, _: _circular(onp.arange(len(points))))
 
-    def hulls(self, normals: ndarray) -> Lines:
+    def hulls(self, normals: Array) -> Lines:
         """Return the convex hulls of lines in planes with these normals, shape (n, 3), closed."""
 
-        def around(points: Array, body: onp.integer) -> Integers:
+        def around(points: Array, body: onp.intp) -> Integers:
             # Coordinates other than that of the normal's largest entry, in cyclic order.
             x, y = [[1, 2], [2, 0], [0, 1]][onp.abs(normals[body]).argmax()]
             numbers = onp.empty(len(points), onp.int64)
@@ -101,14 +101,14 @@ class Lines:
         """Return the extents of the lines along unit vectors, shape (n, 3), as straight lines."""
         axes, is_line = values_of(directions), self.statuses == 0
 
-        def ends(points: Array, body: onp.integer) -> Integers:
+        def ends(points: Array, body: onp.intp) -> Integers:
             along = points @ axes[body]
             return onp.array([along.argmin(), along.argmax()])
 
         outer = self.select(ends)
         first = onp.arange(0, len(outer.bodies), 2)
 
-        def pull_axes(upstream: ndarray, slopes: VertexSlopes) -> None:
+        def pull_axes(upstream: Array, slopes: VertexSlopes) -> None:
             pull_directions(_add_at(axes, onp.flatnonzero(is_line), upstream), slopes)
 
         line = straight_lines(
@@ -124,19 +124,19 @@ class Lines:
         return Lines(line.points, outer.bodies, self.statuses, line.pull)
 
 
-def _steps(points: ndarray, bodies: ndarray) -> tuple[ndarray, ndarray]:
+def _steps(points: Array, bodies: Integers) -> tuple[Array, Array]:
     """Return the steps along lines, and their lengths: from line to line, none."""
     steps = (points[1:] - points[:-1]) * (bodies[1:] == bodies[:-1])[:, None]
     return steps, onp.sqrt(onp.einsum("kx,kx->k", steps, steps))
 
 
 @primitive
-def _total_lengths(points: Array, bodies: ndarray, statuses: ndarray) -> Array:
+def _total_lengths(points: Array, bodies: Integers, statuses: Integers) -> Array:
     totals = onp.bincount(bodies[1:], _steps(points, bodies)[1], len(statuses))
     return onp.where(statuses == 0, totals, onp.nan)
 
 
-def _slopes_of_lengths(points: ndarray, bodies: ndarray, upstream: ndarray) -> ndarray:
+def _slopes_of_lengths(points: Array, bodies: Integers, upstream: Array) -> Array:
     steps, lengths = _steps(points, bodies)
     # Points coincide where a plane meets a vertex: a root of zero has no derivative.
     pull = steps * (upstream[bodies[1:]] / onp.where(lengths, lengths, 1.0))[:, None]
@@ -147,8 +147,8 @@ def _slopes_of_lengths(points: ndarray, bodies: ndarray, upstream: ndarray) -> n
 
 
 def _traced_lengths(
-    _: Array, points: Array, bodies: ndarray, statuses: ndarray
-) -> Callable[[ndarray], ndarray]:
+    _: Array, points: Array, bodies: Integers, statuses: Integers
+) -> Callable[[Array], Array]:
     return lambda upstream: _slopes_of_lengths(points, bodies, upstream)
 
 
@@ -157,13 +157,14 @@ defvjp(_total_lengths, _traced_lengths, argnums=(0,))
 
 @primitive
 def weighted_vertices(
-    surfaces: Array, bodies: ndarray, vertices: ndarray, weights: ndarray
+    surfaces: Array, bodies: Integers, vertices: Integers, weights: Array
 ) -> Array:
     """Return sums of vertices of bodies with weights, over the last axis of all three."""
-    return (weights[..., None, :] @ surfaces[bodies, vertices])[..., 0, :]
+    sums: Array = (weights[..., None, :] @ surfaces[bodies, vertices])[..., 0, :]
+    return sums
 
 
-def _add_at(like: ndarray, places: Places, slopes: ndarray) -> ndarray:
+def _add_at(like: Array, places: Places, slopes: Array) -> Array:
     """Return slopes added up at places of an array of zeros."""
     total = onp.zeros_like(like)
     onp.add.at(total, places, slopes)
@@ -171,9 +172,9 @@ def _add_at(like: ndarray, places: Places, slopes: ndarray) -> ndarray:
 
 
 def _traced_vertices(
-    _: Array, surfaces: Array, bodies: ndarray, vertices: ndarray, weights: ndarray
-) -> Callable[[ndarray], ndarray]:
-    def pull_back(upstream: ndarray) -> ndarray:
+    _: Array, surfaces: Array, bodies: Integers, vertices: Integers, weights: Array
+) -> Callable[[Array], Array]:
+    def pull_back(upstream: Array) -> Array:
         slopes = weights[..., None] * upstream[..., None, :]
         return _add_at(surfaces, (bodies, vertices), slopes)
 
@@ -188,19 +189,20 @@ def _crossings(
     surfaces: Array,
     origins: Array,
     normals: Array,
-    heights: ndarray,
-    bodies: ndarray,
-    edges: ndarray,
+    heights: Array,
+    bodies: Integers,
+    edges: Integers,
 ) -> Array:
     """Return where planes cross edges, between vertices at these heights above the planes."""
     (a, b), (above, below) = edges, heights
     start, t = surfaces[bodies, a], (above / (above - below))[:, None]
-    return start + t * (surfaces[bodies, b] - start)
+    crossings: Array = start + t * (surfaces[bodies, b] - start)
+    return crossings
 
 
 def _slopes_of_crossings(
-    upstream: ndarray, steps: ndarray, from_origins: ndarray, normals: ndarray, heights: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
+    upstream: Array, steps: Array, from_origins: Array, normals: Array, heights: Array
+) -> tuple[Array, Array, Array]:
     """Return derivatives by the ends of edges, (2, k, 3), by origins and by normals, (k, 3)."""
     above, below = heights
     shares = onp.stack([-below, above]) / (above - below)
@@ -216,13 +218,14 @@ def _traced_crossings(
     _: object,
 ) -> Callable[[Array], tuple[Array, ...]]:
     surfaces, origins, normals, heights, bodies, edges = arguments
+    planes = surfaces, origins, normals
     places: tuple[Places, ...] = (bodies, edges), bodies, bodies
 
-    def pull_back(upstream: ndarray) -> tuple[ndarray, ...]:
+    def pull_back(upstream: Array) -> tuple[Array, ...]:
         starts, ends = surfaces[bodies, edges]
         plane = points - origins[bodies], normals[bodies]
         slopes = _slopes_of_crossings(upstream, ends - starts, *plane, heights)
-        return tuple(_add_at(arguments[k], places[k], slopes[k]) for k in argnums)
+        return tuple(_add_at(planes[k], places[k], slopes[k]) for k in argnums)
 
     return pull_back
 
@@ -230,7 +233,7 @@ def _traced_crossings(
 defvjp_argnums(_crossings, _traced_crossings)
 
 
-def _circular(numbers: ndarray) -> ndarray:
+def _circular(numbers: Integers) -> Integers:
     return onp.append(numbers, numbers[:1])
 
 
@@ -247,7 +250,7 @@ def straight_lines(
         end = a + np.sum(step * axes, axis=-1, keepdims=True) * axes
     points = np.reshape(np.concatenate([a, end], axis=1), (-1, 3))
 
-    def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
+    def pull(upstream: Array, numbers: Integers, slopes: VertexSlopes) -> None:
         of_a, of_end = _add_at(points, numbers, upstream).reshape(-1, 2, 3).swapaxes(0, 1)
         of_b = of_end
         if axes is not None:
@@ -284,7 +287,7 @@ def section(
     edges, heights = (onp.concatenate([part[k] for part in parts]).T for k in range(2))
     points = _crossings(surfaces, origins, normals, heights, bodies, edges)
 
-    def pull(upstream: ndarray, numbers: Integers, slopes: VertexSlopes) -> None:
+    def pull(upstream: Array, numbers: Integers, slopes: VertexSlopes) -> None:
         cut, of_bodies = edges[:, numbers], bodies[numbers]
         starts, ends = f[of_bodies, cut]
         plane = points[numbers] - o[of_bodies], n[of_bodies]
@@ -298,7 +301,7 @@ def section(
     return Lines(points, bodies, statuses, pull)
 
 
-def neighbours_of(faces: ndarray) -> ndarray:
+def neighbours_of(faces: Triangles) -> Integers:
     """Return the triangle beyond the edge from corner k to k + 1; -1 if none or more than one."""
     edges = onp.sort(onp.stack([faces, onp.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     _, numbers, counts = onp.unique(
@@ -313,11 +316,12 @@ def neighbours_of(faces: ndarray) -> ndarray:
 
 
 @compiled
-def _height(f: ndarray, vertex: int, o: ndarray, n: ndarray) -> float:
+def _height(f: Array, vertex: int, o: Array, n: Array) -> float:
     """Return how high a vertex lies above a plane."""
-    return (
+    height: float = (
         (f[vertex, 0] - o[0]) * n[0] + (f[vertex, 1] - o[1]) * n[1] + (f[vertex, 2] - o[2]) * n[2]
     )
+    return height
 
 
 @compiled
@@ -326,9 +330,9 @@ def _trace(
     o: Array,
     n: Array,
     mesh: Cutter,
-    edges: ndarray,
-    heights: ndarray,
-    is_measured: ndarray,
+    edges: Integers,
+    heights: Array,
+    is_measured: Booleans,
 ) -> int:
     """Find edges that the section nearest to o crosses, and how high their ends lie above it.
 
@@ -393,7 +397,7 @@ def side(a: complex, b: complex, c: complex) -> float:
 
 
 @compiled
-def _hull(points: ndarray, hull: ndarray) -> int:
+def _hull(points: NDArray[onp.complex128], hull: Integers) -> int:
     """Write the numbers of points on their convex hull, by wrapping a line; return how many."""
     here, size = 0, 0
     for k in range(len(points)):

@@ -30,12 +30,12 @@ from functools import cache
 from itertools import product
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
+from scipy import sparse
 from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
-from riemhuman.arrays import Array, JSONRecord
+from riemhuman.arrays import Array, Booleans, JSONRecord
 from riemhuman.checks import SUSPECTED_UNITS, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
@@ -116,8 +116,8 @@ class ProbableBody:
     See `model_from_measurements`.
     """
 
-    points: ndarray
-    betas: ndarray
+    points: Array
+    betas: Array
     values: dict[str, float]
     misses: dict[str, float]
     predicted: dict[str, float]
@@ -397,7 +397,7 @@ def predict(
     )
 
 
-def _log_density(deviations: ndarray, scale: ndarray) -> float:
+def _log_density(deviations: Array, scale: Array) -> float:
     """Return the logarithm of the density of Student's distribution in several dimensions."""
     # Like `scipy.stats.multivariate_t`, whose package takes half a second to import.
     n, root = len(deviations), np.linalg.cholesky(scale)
@@ -408,7 +408,7 @@ def _log_density(deviations: ndarray, scale: ndarray) -> float:
 
 
 def _contradictions(
-    known: Sequence[str], values: ndarray, noise: ndarray, sex: str
+    known: Sequence[str], values: Array, noise: Array, sex: str
 ) -> tuple[dict[str, float], tuple[str, ...], tuple[str, str, float] | None, float]:
     if not known:
         return {}, (), None, 1.0
@@ -438,7 +438,7 @@ def _contradictions(
     return dict(zip(known, scores.tolist(), strict=True)), contradictory, pair, rarity
 
 
-def _t_values(deviations: ndarray, covariance: ndarray) -> tuple[ndarray, ndarray]:
+def _t_values(deviations: Array, covariance: Array) -> tuple[Array, Array]:
     """Compare each value with its mean given the others: in t-values, and in its unit."""
     precision = np.linalg.inv(covariance)
     pull = precision @ deviations
@@ -483,14 +483,14 @@ def _remarks(
 class _Search:
     """Shape coefficients, their body, its distance from the mean adult, and the cost."""
 
-    betas: ndarray
-    points: ndarray
+    betas: Array
+    points: Array
     improbability: float
     cost: float  # half the sum that is minimised
     converged: bool
 
 
-def _mixture_of_adults(sexes: Mapping[str, float]) -> tuple[ndarray, ndarray]:
+def _mixture_of_adults(sexes: Mapping[str, float]) -> tuple[Array, Array]:
     """Return mean and covariance of shape coefficients of adults, by the shares of the sexes."""
     means, covariances = (
         np.array([load_json("adults.json")[sex][moment] for sex in sexes])
@@ -505,11 +505,11 @@ def _mixture_of_adults(sexes: Mapping[str, float]) -> tuple[ndarray, ndarray]:
 def _nearest_betas(
     measurements: Measurements,
     sexes: Mapping[str, float],
-    goals: ndarray,
-    spread: ndarray,
-    is_given: ndarray,
+    goals: Array,
+    spread: Array,
+    is_given: Booleans,
     max_iter: int,
-    start: ndarray | None = None,
+    start: Array | None = None,
 ) -> _Search:
     """Find the shape coefficients whose measurements are nearest to the goals, and their body."""
     from scipy.optimize import least_squares  # takes long to import
@@ -524,19 +524,20 @@ def _nearest_betas(
     middle, definitions = bodies[0], measurements.definitions
     directions = np.ascontiguousarray((bodies[1:] - middle).reshape(len(mean), -1).T)
 
-    def body(z: ndarray) -> ndarray:
-        return middle + (directions @ z).reshape(middle.shape)
+    def body(z: Array) -> Array:
+        surface: Array = middle + (directions @ z).reshape(middle.shape)
+        return surface
 
-    def compared(z: ndarray, values: ndarray) -> ndarray:
+    def compared(z: Array, values: Array) -> Array:
         # A predicted measurement that is not defined does not count; a given one refuses the step.
         measured = np.where(np.isnan(values) & ~is_given, goals, values)
         return np.concatenate([z, (measured - goals) / spread])
 
-    def residuals(z: ndarray) -> ndarray:
+    def residuals(z: Array) -> Array:
         values, _ = values_of_bodies(definitions, body(z)[np.newaxis], "space", gradient=False)
         return compared(z, values[0])
 
-    def linearisation(z: ndarray) -> tuple[ndarray, ndarray]:
+    def linearisation(z: Array) -> tuple[Array, Array]:
         values, slopes = values_and_slopes(definitions, body(z)[np.newaxis], "space")
         rows = slopes_along(slopes, directions)
         rows[np.isnan(values[0])] = 0.0
@@ -584,7 +585,7 @@ class NearestBody:
     See `nearest_body`.
     """
 
-    point: ndarray
+    point: Array
     distance: float
     before: dict[str, float]
     after: dict[str, float]
@@ -691,22 +692,22 @@ def nearest_body(
 
 
 def _newton_steps(
-    hessian: Array, gradient: ndarray, slopes: ndarray, missing: ndarray
-) -> tuple[list[ndarray], ndarray]:
+    hessian: sparse.csr_array, gradient: Array, slopes: Array, missing: Array
+) -> tuple[list[Array], Array]:
     """Return two steps that bring the missing change of values, and Lagrange's multipliers.
 
     The first also lowers the energy; the second only meets the values, which helps at a kink of a
     hull.
     """
     rows = slopes.reshape(len(missing), -1)
-    solved = SparseCholeskyFactor(hessian).inverse(
+    solved: Array = SparseCholeskyFactor(hessian).inverse(
         np.concatenate([rows, gradient.reshape(1, -1)]).T
     )
     by_rows, by_gradient = solved[:, :-1], solved[:, -1]
     gram = rows @ by_rows
     multipliers = -np.linalg.solve(gram, missing + rows @ by_gradient)
     lowering = -(by_gradient + by_rows @ multipliers)
-    return [lowering, by_rows @ np.linalg.solve(gram, missing)], multipliers
+    return [lowering, by_rows @ np.linalg.solve(gram, missing)], np.asarray(multipliers, np.float64)
 
 
 def _measured(measurements: Measurements, f: Array) -> tuple[Array, Array]:
@@ -715,5 +716,5 @@ def _measured(measurements: Measurements, f: Array) -> tuple[Array, Array]:
     return measured.values, measured.gradient
 
 
-def _met(values: ndarray, targets: ndarray, tolerance: float) -> ndarray:
+def _met(values: Array, targets: Array, tolerance: float) -> Booleans:
     return np.abs(values - targets) <= tolerance * np.abs(targets)

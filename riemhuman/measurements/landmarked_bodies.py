@@ -7,9 +7,8 @@ from functools import cached_property
 
 import autograd.numpy as np
 import numpy as onp
-from numpy import ndarray
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.bodies import joints_between
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
@@ -85,7 +84,7 @@ class LandmarkedBodies:
             self._positions[place] = weighted_vertices(self.surfaces, *combination)
         return self._positions[place]
 
-    def pull_place(self, place: Place, upstream: ndarray, slopes: VertexSlopes) -> None:
+    def pull_place(self, place: Place, upstream: Array, slopes: VertexSlopes) -> None:
         """Add the derivatives by vertices, given those by a place, shape (n, 3).
 
         Parameters
@@ -121,9 +120,7 @@ class LandmarkedBodies:
         """Return the vectors from the first place of an axis to the others."""
         return [self.place(end) - self.place(axis[0]) for end in axis[1:]]
 
-    def pull_axis(
-        self, axis: str | Sequence[Place], upstream: ndarray, slopes: VertexSlopes
-    ) -> None:
+    def pull_axis(self, axis: str | Sequence[Place], upstream: Array, slopes: VertexSlopes) -> None:
         """Add the derivatives by vertices, given those by an axis, shape (n, 3).
 
         Parameters
@@ -216,10 +213,11 @@ class LandmarkedBodies:
         return points[key]
 
     @cached_property
-    def lowest(self) -> ndarray:
+    def lowest(self) -> Integers:
         """Number of the lowest vertex of each body along the axis "up", shape (n, 1)."""
         up = values_of(self.axis("up"))[:, :, None]
-        return onp.matmul(values_of(self.surfaces), up).argmin(axis=1)
+        numbers: Integers = onp.matmul(values_of(self.surfaces), up).argmin(axis=1)
+        return numbers
 
     @cached_property
     def floor(self) -> Array:
@@ -280,7 +278,7 @@ class LandmarkedBodies:
         """Areas of all triangles, shape (n, F)."""
         return 0.5 * _norms(self._double_normals)[..., 0]
 
-    def areas(self, faces: ndarray) -> Array:
+    def areas(self, faces: Triangles) -> Array:
         """Return the sum of the areas of some triangles, shape (n,).
 
         Parameters
@@ -291,7 +289,7 @@ class LandmarkedBodies:
         a, b, c = (self.surfaces[:, corners] for corners in faces.T)
         return 0.5 * np.sum(_norms(_cross(b - a, c - a)), axis=(-2, -1))
 
-    def area_slopes(self, chosen: ndarray) -> ndarray:
+    def area_slopes(self, chosen: Booleans) -> Array:
         """Return the derivatives of the sum of the areas of some triangles, shape (n, V, 3).
 
         Parameters
@@ -329,19 +327,21 @@ def _norms(vectors: Array) -> Array:
     return np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
 
 
-def _pull_unit(vectors: ndarray, upstream: ndarray) -> ndarray:
+def _pull_unit(vectors: Array, upstream: Array) -> Array:
     """Return derivatives by vectors, given those by the unit vectors along them."""
     units = _unit(vectors)
-    return (upstream - _along(upstream, units) * units) / _norms(vectors)
+    slopes: Array = (upstream - _along(upstream, units) * units) / _norms(vectors)
+    return slopes
 
 
-def _along(a: ndarray, b: ndarray) -> ndarray:
-    return onp.sum(a * b, axis=-1, keepdims=True)
+def _along(a: Array, b: Array) -> Array:
+    products: Array = onp.sum(a * b, axis=-1, keepdims=True)
+    return products
 
 
 def _pull_frame(
-    bottom: ndarray, top: ndarray, right: ndarray, left: ndarray, upstream: ndarray
-) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    bottom: Array, top: Array, right: Array, left: Array, upstream: Array
+) -> tuple[Array, Array, Array, Array]:
     """Return derivatives by the landmarks of a frame, given those by its axes, (3, n, 3)."""
     up, width = _unit(top - bottom), left - right
     raw_side = width - _along(width, up) * up

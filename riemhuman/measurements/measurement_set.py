@@ -11,11 +11,10 @@ from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import Array, ArrayLike, JSONRecord
+from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, JSONRecord, Triangles
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets import load_open_model
@@ -72,8 +71,8 @@ class MeasurementSet:
 
     template: Template | BodyModel
     measurements: Sequence[Measurement]
-    landmarks: Mapping[str, tuple[ndarray, ndarray]] = field(default_factory=dict)
-    parts: Mapping[str, ndarray] = field(default_factory=dict)
+    landmarks: Mapping[str, tuple[Integers, Array]] = field(default_factory=dict)
+    parts: Mapping[str, Integers] = field(default_factory=dict)
     frame: Sequence[str] = ()
     axes: Array = field(default_factory=lambda: np.eye(3))
     standard_pose: Mapping[str, ArrayLike] = field(default_factory=dict)
@@ -98,7 +97,7 @@ class MeasurementSet:
         object.__setattr__(self, "measurements", tuple(self.measurements))
         self._check_names()
 
-    def _checked_landmark(self, name: str, mark: Sequence[ArrayLike]) -> tuple[ndarray, ndarray]:
+    def _checked_landmark(self, name: str, mark: Sequence[ArrayLike]) -> tuple[Integers, Array]:
         vertices = np.asarray(mark[0], dtype=np.int64)
         weights = np.asarray(mark[1], dtype=np.float64)
         if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > _WEIGHT_TOLERANCE:
@@ -163,12 +162,12 @@ class MeasurementSet:
         return _surface_of(self.template)
 
     @property
-    def vertices(self) -> ndarray:
+    def vertices(self) -> Array:
         """Vertices of the template, shape (V, 3)."""
         return _surface_of(self.template).vertices
 
     @property
-    def faces(self) -> ndarray:
+    def faces(self) -> Triangles:
         """Triangles, shape (F, 3)."""
         return _surface_of(self.template).faces
 
@@ -194,19 +193,19 @@ class MeasurementSet:
         return float(LandmarkedBodies(self, self.vertices[np.newaxis], "space").volumes[0])
 
     @cached_property
-    def axes_in_frame(self) -> ndarray:
+    def axes_in_frame(self) -> Array:
         """Axes of the template in the frame of its landmarks, shape (3, 3)."""
         marks = [self.landmarks[name] for name in self.frame]
         places = [weights @ self.vertices[vertices] for vertices, weights in marks]
         return axes_of_frame(*places).T @ self.axes
 
     @cached_property
-    def standard_pose_vector(self) -> ndarray:
+    def standard_pose_vector(self) -> Array:
         """Axis-angle vectors of all joints in the standard pose, shape (J, 3), radians."""
         names = self.model.joint_names if self.model else ()
         return np.array([self.standard_pose.get(name, np.zeros(3)) for name in names])
 
-    def in_parts(self, parts: tuple[str, ...]) -> ndarray:
+    def in_parts(self, parts: tuple[str, ...]) -> Booleans:
         """Return which triangles belong to some parts, shape (F,).
 
         Parameters
@@ -278,7 +277,7 @@ class MeasurementSet:
             template, self.measurements, landmarks, parts, self.frame, self.axes, standard_pose
         )
 
-    def correspondence_to(self, template: Template | BodyModel) -> tuple[ndarray, ndarray]:
+    def correspondence_to(self, template: Template | BodyModel) -> tuple[Integers, Array]:
         """Return the points of another template nearest to the vertices of this one.
 
         Parameters
@@ -370,22 +369,23 @@ def _surface_of(template: Template | BodyModel) -> Template:
     return template.template if isinstance(template, BodyModel) else template
 
 
-def _check_numbers(what: str, numbers: ndarray, count: int) -> None:
+def _check_numbers(what: str, numbers: Integers, count: int) -> None:
     wrong = numbers[(numbers < 0) | (numbers >= count)]
     if wrong.size:
         raise ArgumentError(f"{what} {wrong[0]}; there are {count}")
 
 
-def _as_runs(numbers: ndarray) -> list[list[int]]:
+def _as_runs(numbers: Integers) -> list[list[int]]:
     """Return whole numbers as the first and last of each run of consecutive ones."""
     ordered = np.unique(numbers)
     breaks = np.flatnonzero(np.diff(ordered) > 1)
     firsts = np.concatenate([ordered[:1], ordered[breaks + 1]])
     lasts = np.concatenate([ordered[breaks], ordered[-1:]])
-    return np.stack([firsts, lasts], axis=1).tolist()
+    runs: list[list[int]] = np.stack([firsts, lasts], axis=1).tolist()
+    return runs
 
 
-def _from_runs(runs: Sequence[Sequence[int]], count: int) -> ndarray:
+def _from_runs(runs: Sequence[Sequence[int]], count: int) -> Integers:
     for run in runs:
         _check_numbers("a part has triangle", np.array(run), count)
     ranges = [np.arange(first, last + 1) for first, last in runs]
@@ -428,7 +428,8 @@ def open_measurements(
 @cache
 def load_json(name: str) -> JSONRecord:
     """Return what a file of this subpackage's data holds."""
-    return json.loads((DATA / name).read_text(encoding="utf-8"))
+    record: JSONRecord = json.loads((DATA / name).read_text(encoding="utf-8"))
+    return record
 
 
 @cache

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike
@@ -70,12 +69,12 @@ class BodySizes:
     """
 
     names: tuple[str, ...]
-    values: ndarray
+    values: Array
     units: tuple[str, ...]
-    gradient: ndarray | None = None
+    gradient: Array | None = None
     why_missing: Mapping[tuple[int, str], str] = field(default_factory=dict)
 
-    def __getitem__(self, name: str) -> ndarray:
+    def __getitem__(self, name: str) -> Array:
         """Return the values of one measurement, shape (...)."""
         return self.values[..., self.names.index(nearest_name(name, "measurement", self.names))]
 
@@ -83,7 +82,7 @@ class BodySizes:
         n_bodies = int(np.prod(self.values.shape[:-1]))
         return f"<BodySizes: {len(self.names)} measurements of {n_bodies} bodies>"
 
-    def to_dict(self) -> dict[str, ndarray]:
+    def to_dict(self) -> dict[str, Array]:
         """Return the values by name, each of shape (...)."""
         return {name: self.values[..., k] for k, name in enumerate(self.names)}
 
@@ -244,7 +243,7 @@ class Measurements:
             slopes = slopes.reshape(*shape, *points.shape[-2:])
         return BodySizes(self.names, values.reshape(shape), self.units, slopes, why_missing)
 
-    def lines(self, surface: ArrayLike, *, axes: str = "body") -> dict[str, list[ndarray]]:
+    def lines(self, surface: ArrayLike, *, axes: str = "body") -> dict[str, list[Array]]:
         """Return the measurement lines of one body as it stands.
 
         Parameters
@@ -271,7 +270,7 @@ class Measurements:
             lines[measurement.name] = [np.asarray(line) for line in polylines]
         return lines
 
-    def _check_surface(self, surface: ndarray, name: str) -> None:
+    def _check_surface(self, surface: Array, name: str) -> None:
         """Raise an error if a body is inside out."""
         if self.definitions.is_closed:
             template_volume = self.definitions.volume
@@ -283,7 +282,7 @@ class Measurements:
                 )
 
     def _not_trusted(
-        self, surfaces: ndarray, trusted: ndarray, axes: str
+        self, surfaces: Array, trusted: Array, axes: str
     ) -> dict[tuple[int, str], str]:
         """Return reasons for measurements that depend too much on other vertices."""
         reasons = {}
@@ -298,9 +297,7 @@ class Measurements:
                 )
         return reasons
 
-    def _why_missing(
-        self, surfaces: ndarray, values: ndarray, axes: str
-    ) -> dict[tuple[int, str], str]:
+    def _why_missing(self, surfaces: Array, values: Array, axes: str) -> dict[tuple[int, str], str]:
         reasons = {}
         for number, which in np.argwhere(np.isnan(values)).tolist():
             measurement = self.definitions.measurements[which]
@@ -371,14 +368,14 @@ def values_of_bodies(
 
 def values_and_slopes(
     definitions: MeasurementSet, surfaces: Array, axes: str
-) -> tuple[ndarray, list[VertexSlopes]]:
+) -> tuple[Array, list[VertexSlopes]]:
     """Return values, shape (n, M), NaN if not defined, and derivatives; nothing is checked."""
     bodies = LandmarkedBodies(definitions, surfaces, axes)
     pairs = [measurement.value_and_slopes(bodies) for measurement in definitions.measurements]
     return np.stack([value for value, _ in pairs], axis=-1), [slopes for _, slopes in pairs]
 
 
-def in_standard_pose(definitions: MeasurementSet, points: ndarray) -> ndarray:
+def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
 
     The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
@@ -420,7 +417,7 @@ def in_standard_pose(definitions: MeasurementSet, points: ndarray) -> ndarray:
     return straight
 
 
-def _standard_pose_of(definitions: MeasurementSet, fitted: ndarray) -> ndarray:
+def _standard_pose_of(definitions: MeasurementSet, fitted: Array) -> Array:
     """Return the standard pose, with the uneven bends of a fitted spine between upright ends."""
     pose = definitions.standard_pose_vector.copy()
     assert definitions.model is not None
@@ -443,7 +440,7 @@ def _standard_pose_of(definitions: MeasurementSet, fitted: ndarray) -> ndarray:
     return pose
 
 
-def _checked_trust(trusted_vertices: ArrayLike, shape: tuple[int, ...]) -> ndarray:
+def _checked_trust(trusted_vertices: ArrayLike, shape: tuple[int, ...]) -> Array:
     trusted = np.asarray(trusted_vertices)
     if trusted.dtype != bool or trusted.shape not in (shape, shape[-1:]):
         raise ArgumentError(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry import AlignedSurfaces, AreaMetric
+from riemhuman.geometry import AlignedSurfaces, AreaMetric, RiemannianMetric
 from riemhuman.surfaces import Template
 
 
@@ -68,7 +67,7 @@ class PersonDistance:
         )
 
 
-def usual_distances(metric_of: Callable[[Template], Any]) -> UsualDistances:
+def usual_distances(metric_of: Callable[[Template], RiemannianMetric]) -> UsualDistances:
     """Return how far the coarse open bodies usually are from each other.
 
     Parameters
@@ -94,7 +93,7 @@ def usual_distances(metric_of: Callable[[Template], Any]) -> UsualDistances:
     )
 
 
-def person_distance(before: Any, after: Any, faces: ArrayLike) -> PersonDistance:
+def person_distance(before: ArrayLike, after: ArrayLike, faces: ArrayLike) -> PersonDistance:
     """Return how far apart two bodies with the same triangles are as people, in any poses.
 
     Parameters

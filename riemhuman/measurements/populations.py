@@ -13,10 +13,9 @@ from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
-from numpy import ndarray
 from scipy.special import ndtr, ndtri, softmax
 
-from riemhuman.arrays import ArrayLike, JSONRecord
+from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.checks import one_of, real_number
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
@@ -81,7 +80,7 @@ def percentiles(
 
 def average_adult(
     stature: float, sex: str = "adult", resolution: str = "full", *, pose: ArrayLike | None = None
-) -> ndarray:
+) -> Array:
     """Return the average body of a sex and stature.
 
     Its shape coefficients are predicted by linear regression of those of simulated adults on the
@@ -128,7 +127,7 @@ def average_adult(
     return np.asarray(model(_average_betas(predictor, shares), standing if pose is None else pose))
 
 
-def _average_betas(stature: float, shares: Mapping[str, float]) -> ndarray:
+def _average_betas(stature: float, shares: Mapping[str, float]) -> Array:
     """Return the shape coefficients that regression on the stature predicts."""
     betas = np.zeros(len(_adults()["woman"]["betas"][0]))
     for sex, share in shares.items():

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measuring import Measurements
@@ -29,7 +28,7 @@ def posture_angles(
     *,
     up: str = "y",
     trusted_vertices: ArrayLike | None = None,
-) -> dict[str, ndarray]:
+) -> dict[str, Array]:
     """Return angles that describe the posture of bodies, in degrees.
 
     Forward is the horizontal direction across the hips. Tilts are positive if the left side is
@@ -95,70 +94,74 @@ def _landmarks() -> list[str]:
 class _Stand:
     """Landmarks of bodies, and the directions up, forward and left, each of shape (..., 3)."""
 
-    places: Mapping[str, ndarray]
-    up: ndarray
-    forward: ndarray
-    left: ndarray
+    places: Mapping[str, Array]
+    up: Array
+    forward: Array
+    left: Array
 
     @classmethod
-    def of(cls, places: Mapping[str, ndarray], up: ndarray) -> _Stand:
+    def of(cls, places: Mapping[str, Array], up: Array) -> _Stand:
         across = places["left_trochanterion"] - places["right_trochanterion"]
         level = across - (across @ up)[..., np.newaxis] * up
         left = level / np.linalg.norm(level, axis=-1, keepdims=True)
         return cls(places, up, np.cross(left, up), left)
 
-    def middle(self, name: str) -> ndarray:
+    def middle(self, name: str) -> Array:
         return (self.places[f"left_{name}"] + self.places[f"right_{name}"]) / 2
 
-    def rise(self, steps: ndarray, along: ndarray) -> ndarray:
+    def rise(self, steps: Array, along: Array) -> Array:
         """Return how steeply vectors rise, seen against the plane of up and an axis, degrees."""
-        return np.degrees(np.arctan2(steps @ self.up, np.sum(steps * along, axis=-1)))
+        angles: Array = np.degrees(np.arctan2(steps @ self.up, np.sum(steps * along, axis=-1)))
+        return angles
 
-    def tilt(self, name: str) -> ndarray:
+    def tilt(self, name: str) -> Array:
         return self.rise(self.places[f"left_{name}"] - self.places[f"right_{name}"], self.left)
 
-    def lean(self, along: ndarray) -> ndarray:
+    def lean(self, along: Array) -> Array:
         """Return how far the trunk leans along an axis, degrees."""
         return 90.0 - self.rise(self._trunk(), along)
 
-    def head(self) -> ndarray:
+    def head(self) -> Array:
         return self.rise(self.middle("tragion") - self.places["cervicale"], self.forward)
 
-    def turn(self) -> ndarray:
+    def turn(self) -> Array:
         """Return how far the shoulders are turned against the hips, to the left, degrees."""
         across = self.places["left_acromion"] - self.places["right_acromion"]
         back = -np.sum(across * self.forward, axis=-1)
-        return np.degrees(np.arctan2(back, np.sum(across * self.left, axis=-1)))
+        angles: Array = np.degrees(np.arctan2(back, np.sum(across * self.left, axis=-1)))
+        return angles
 
-    def bend(self, side: str, names: tuple[str, str, str]) -> ndarray:
+    def bend(self, side: str, names: tuple[str, str, str]) -> Array:
         """Return the angle by which a limb is bent at the second of three landmarks, degrees."""
         first, second, third = (self.places[f"{side}_{name}"] for name in names)
         return _angle(second - first, third - second)
 
-    def abduction(self, side: str) -> ndarray:
+    def abduction(self, side: str) -> Array:
         arm = self.places[f"{side}_radiale"] - self.places[f"{side}_acromion"]
         return _angle(arm, -self._trunk())
 
-    def turn_out(self, side: str) -> ndarray:
+    def turn_out(self, side: str) -> Array:
         heel = (self.places[f"{side}_heel_inside"] + self.places[f"{side}_heel_outside"]) / 2
         inner_ball = self.places[f"{side}_first_metatarsal"]
         outer_ball = self.places[f"{side}_fifth_metatarsal"]
         foot = (inner_ball + outer_ball) / 2 - heel
         outward = np.sum(foot * self.left, axis=-1) * (1.0 if side == "left" else -1.0)
-        return np.degrees(np.arctan2(outward, np.sum(foot * self.forward, axis=-1)))
+        angles: Array = np.degrees(np.arctan2(outward, np.sum(foot * self.forward, axis=-1)))
+        return angles
 
-    def _trunk(self) -> ndarray:
+    def _trunk(self) -> Array:
         return np.asarray(self.places["cervicale"] - self.middle("trochanterion"))
 
 
-def _angle(first: ndarray, second: ndarray) -> ndarray:
+def _angle(first: Array, second: Array) -> Array:
     across = np.linalg.norm(np.cross(first, second), axis=-1)
-    return np.degrees(np.arctan2(across, np.sum(first * second, axis=-1)))
+    angles: Array = np.degrees(np.arctan2(across, np.sum(first * second, axis=-1)))
+    return angles
 
 
 _LEG = ("trochanterion", "lateral_epicondyle", "lateral_malleolus")
 _ARM = ("acromion", "radiale", "stylion")
-_ANGLES: Mapping[str, Callable[[_Stand], ndarray]] = {
+_ANGLES: Mapping[str, Callable[[_Stand], Array]] = {
     "head over neck": _Stand.head,
     "head tilt": lambda stand: stand.tilt("tragion"),
     "shoulder tilt": lambda stand: stand.tilt("acromion"),

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Booleans
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
@@ -54,28 +53,29 @@ class VisitComparison:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    before: ndarray
-    after: ndarray
-    noise: ndarray
-    points_before: ndarray
-    points_after: ndarray
-    area_changes: ndarray
-    area_noise: ndarray
-    displacements: ndarray
+    before: Array
+    after: Array
+    noise: Array
+    points_before: Array
+    points_after: Array
+    area_changes: Array
+    area_noise: Array
+    displacements: Array
     why_missing: Mapping[tuple[int, str], str]
 
     @property
-    def changes(self) -> ndarray:
+    def changes(self) -> Array:
         """Changes of the measurements, shape (M,)."""
         return self.after - self.before
 
     @property
-    def thresholds(self) -> ndarray:
+    def thresholds(self) -> Array:
         """Smallest significant change of each measurement, shape (M,): 2√2 times the noise."""
-        return _SIGNIFICANT * self.noise
+        thresholds: Array = _SIGNIFICANT * self.noise
+        return thresholds
 
     @property
-    def is_significant(self) -> ndarray:
+    def is_significant(self) -> Booleans:
         """Which changes of measurements exceed their thresholds, shape (M,)."""
         return np.abs(self.changes) > self.thresholds
 
@@ -85,9 +85,10 @@ class VisitComparison:
         return float(_CHANCE * np.isfinite(self.noise * self.changes).sum())
 
     @property
-    def areas_significant(self) -> ndarray:
+    def areas_significant(self) -> Booleans:
         """Which changes of area exceed two standard deviations of their noise, shape (F,)."""
-        return np.abs(self.area_changes) > _SIGNIFICANT * self.area_noise
+        significant: Booleans = np.abs(self.area_changes) > _SIGNIFICANT * self.area_noise
+        return significant
 
 
 def compare_visits(
@@ -152,7 +153,7 @@ def compare_visits(
     )
 
 
-def _noise_of_areas(definitions: MeasurementSet) -> ndarray:
+def _noise_of_areas(definitions: MeasurementSet) -> Array:
     """Return the noise of the logarithm of each triangle's area, NaN where it is unknown."""
     noise = np.full(len(definitions.faces), np.nan)
     for name, noise_of_part in load_json("noise_of_poses.json")["log_areas"].items():
@@ -161,7 +162,7 @@ def _noise_of_areas(definitions: MeasurementSet) -> ndarray:
     return noise
 
 
-def noise_of_measurements(names: Sequence[str]) -> ndarray:
+def noise_of_measurements(names: Sequence[str]) -> Array:
     """Return the noise of measurements over poses of one person, shape (M,), in their units.
 
     It is half of the change that 4.55 per cent of pairs of poses exceed, divided by √2, for
