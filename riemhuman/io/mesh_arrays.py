@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
 
-def check_mesh(vertices: object, faces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+def check_mesh(vertices: object, faces: object) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh."""
     shape = ("n_vertices", 3)
     points = np.asarray(real_array(vertices, "vertices", shape, batched=False, lengths=True))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 # More than eight arguments, because each keyword is one choice about the picture.
 def plot_body(
-    vertices: Any,
+    vertices: object,
     faces: ArrayLike | None = None,
     values: ArrayLike | None = None,
     *,
@@ -123,7 +123,7 @@ def _signed(value: float, _: object) -> str:
 
 # More than eight arguments, because each keyword is one choice about the picture.
 def plot_path(
-    path: ArrayLike | Sequence[Any],
+    path: ArrayLike | Sequence[object],
     faces: ArrayLike | None = None,
     values: ArrayLike | None = None,
     *,
@@ -175,8 +175,8 @@ def plot_path(
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> ax = rh.plots.plot_path(bodies.points[:6], bodies.template.faces, n_shown=3)
     """
-    path, faces = as_surfaces(path, faces)
-    surfaces = real_array(path, "path", ("n_times", "n_vertices", 3), batched=False)
+    given, given_faces = as_surfaces(path, faces)
+    surfaces = real_array(given, "path", ("n_times", "n_vertices", 3), batched=False)
     chosen = np.arange(len(surfaces))
     if n_shown is not None:
         n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
@@ -185,7 +185,7 @@ def plot_path(
         raise ArgumentError(
             f"labels must name each of the {len(surfaces)} surfaces; found {len(labels)}"
         )
-    triangles = check_mesh(surfaces[0], faces)[1]
+    triangles = check_mesh(surfaces[0], given_faces)[1]
     if ground and not one_floor:
         surfaces = surfaces - surfaces[..., 1].min(axis=1)[:, None, None] * [0.0, 1.0, 0.0]
     view = View() if view is None else view

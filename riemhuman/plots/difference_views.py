@@ -6,7 +6,7 @@ Both bodies are coloured, each compared with the other.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -64,8 +64,8 @@ class _Difference:
 
 
 def view_difference(
-    point_a: Any,
-    point_b: Any = None,
+    point_a: object,
+    point_b: object = None,
     faces: ArrayLike | None = None,
     *,
     names: tuple[str, str] = ("a", "b"),
@@ -143,8 +143,8 @@ def view_difference(
 
 
 def plot_difference(
-    point_a: Any,
-    point_b: Any = None,
+    point_a: object,
+    point_b: object = None,
     faces: ArrayLike | None = None,
     *,
     names: tuple[str, str] = ("a", "b"),
@@ -218,8 +218,8 @@ def _density(difference: _Difference, metric: ElasticMetric | None) -> ndarray:
 
 
 def _difference(
-    point_a: Any,
-    point_b: Any,
+    point_a: object,
+    point_b: object,
     faces: ArrayLike | None,
     measurements: Measurements | None,
     names: tuple[str, str],

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from colorsys import hls_to_rgb
 from contextlib import contextmanager
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -66,7 +66,7 @@ def figure_style() -> Iterator[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches that opens no window."""
-    module: Any = import_matplotlib("figure")
+    module = import_matplotlib("figure")
     return module.Figure(figsize=(width, height), layout="constrained")
 
 
@@ -78,7 +78,7 @@ def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
     if ax is not None:
         return ax
     try:
-        pyplot: Any = import_matplotlib("pyplot")
+        pyplot = import_matplotlib("pyplot")
         return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
     except ImportError:
         return new_figure(width, height).subplots()
@@ -86,7 +86,7 @@ def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
 
 def strip_figure(ax: Axes) -> Figure:
     """Return the figure of a film strip's axes, cut to the width of the strip."""
-    figure: Any = ax.figure
+    figure = ax.figure
     (_, right), (_, top) = ax.get_xlim(), ax.get_ylim()
     width, height = figure.get_size_inches()
     figure.set_size_inches(min(width, height * right / top), height)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import PointsLike
 from riemhuman.checks import Rng, class_indices, distance_matrix, generator, one_of, real_array
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError
@@ -57,7 +58,7 @@ _FRACTIONS = {
 
 def embed(
     distances: ArrayLike | RiemannianMetric,
-    bodies: Any = None,
+    bodies: Bodies | PointsLike | None = None,
     *,
     method: str = "t-sne",
     rng: Rng = 0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -171,12 +171,12 @@ def _text(value: float, unit: ReadableUnit, sign: str = "") -> str:
 
 def view_measurements(
     measurements: Measurements,
-    points: Any,
+    points: object,
     *,
     pose: str = "standard",
     name: str = "",
     title: str = "Measurements",
-    trusted_vertices: Any = None,
+    trusted_vertices: object = None,
     system: str = "cm",
 ) -> Viewer:
     """Return a page with a body, its measurements in a list, and their lines.
@@ -218,7 +218,7 @@ def view_measurements(
     )
 
 
-def _posed(measurements: Measurements, points: Any, pose: str) -> ndarray:
+def _posed(measurements: Measurements, points: object, pose: str) -> ndarray:
     """Return a checked body, in the standard pose or as it stands."""
     one_of(pose, "pose", _POSES)
     shape = (measurements.definitions.n_vertices, 3)
@@ -228,7 +228,7 @@ def _posed(measurements: Measurements, points: Any, pose: str) -> ndarray:
 
 def plot_measurements(
     measurements: Measurements,
-    points: Any,
+    points: object,
     *,
     pose: str = "standard",
     axes: str = "space",
@@ -383,7 +383,7 @@ def _write_table(
     for number, k in enumerate(group.members):
         unit = readable_unit(measured.units[k], system)
         text = _text(float(measured.values[0, k]), unit)
-        style: dict[str, Any] = {"va": "center", "fontsize": 8}
+        style: dict[str, object] = {"va": "center", "fontsize": 8}
         ax.text(0.07, number + 0.5, str(number + 1), ha="right", color=f"C{number % 10}", **style)
         name = measured.names[k]
         small = {**style, "fontsize": 8 if len(name) <= _LONG_NAME else 6.5}

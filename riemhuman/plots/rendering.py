@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -39,7 +38,7 @@ _MOST_SHOWN = 8  # surfaces in a strip
 _DEPTH_SHADE = 0.55  # darkness of the farthest points
 
 
-def as_surfaces(points: Any, faces: Any = None) -> tuple[Any, Any]:
+def as_surfaces(points: object, faces: ArrayLike | None = None) -> tuple[object, ArrayLike]:
     """Return surfaces and their triangles, from arrays or from one or several mesh objects."""
     if faces is not None:
         return points, faces
@@ -52,7 +51,7 @@ def as_surfaces(points: Any, faces: Any = None) -> tuple[Any, Any]:
 
 
 def render(
-    vertices: Any,
+    vertices: object,
     faces: ArrayLike | None = None,
     *,
     height: int = 400,

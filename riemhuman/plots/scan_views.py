@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -103,8 +103,8 @@ def _disc_radius(points: ndarray) -> float:
 
 
 def view_scan(
-    scan: Any,
-    points: Any = None,
+    scan: object,
+    points: object = None,
     faces: ArrayLike | None = None,
     *,
     unit: str | None = None,

@@ -10,7 +10,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -18,7 +17,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import JSONRecord
-from riemhuman.checks import real_array, real_number
+from riemhuman.checks import real_array, real_number, values_of
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
@@ -349,7 +348,7 @@ def view_path(
     """
     paths = path if isinstance(path, Mapping) else {"": path}
     frames: dict[str, ndarray | ModelMotion] = {}
-    triangles: Any = faces
+    triangles = faces
     for name, given in paths.items():
         if isinstance(given, Motion):
             triangles = given.faces if triangles is None else triangles
@@ -361,7 +360,7 @@ def view_path(
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
-    viewer = Viewer(triangles, choices, legend, title, description)
+    viewer = Viewer(values_of(triangles, "faces"), choices, legend, title, description)
     if frames_per_second is not None:
         if seconds is not None:
             raise ArgumentError("pass either seconds or frames_per_second; found both")
@@ -373,7 +372,7 @@ def view_path(
 
 
 def view_bodies(
-    points: ArrayLike | Sequence[object],
+    points: object,
     faces: ArrayLike | None = None,
     names: Sequence[str] | None = None,
     *,
@@ -401,7 +400,7 @@ def view_bodies(
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     names = [""] * len(surfaces) if names is None else names
     bodies = _labelled(names, surfaces, [SKIN] * len(surfaces))
-    return Viewer(triangles, {title: bodies}, title=title)
+    return Viewer(values_of(triangles, "faces"), {title: bodies}, title=title)
 
 
 def _labelled(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from functools import singledispatch
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +30,7 @@ _MOST_BODIES = 10
 
 
 @singledispatch
-def view(shown: Any, faces: ArrayLike | None = None) -> Viewer:
+def view(shown: object, faces: ArrayLike | None = None) -> Viewer:
     """Return an interactive view of any object that has surfaces.
 
     A notebook shows the view; ``.save("x.html")`` writes it as a page, ``.save("x.png")`` as a

@@ -128,7 +128,7 @@ def _shown(value: Any, form: str, scale: float = 1.0) -> str:
     return format(value, form).replace("-", "−") if form else str(value)
 
 
-def written(value: Any) -> Any:
+def written(value: object) -> object:
     """Return a value whose text has all digits; None if it is missing."""
     if is_missing(value):
         return None
@@ -143,7 +143,7 @@ def gap_format(units: str) -> dict[str, str | float]:
     return {"name": unit.name, "form": f".{unit.digits}f", "scale": unit.scale}
 
 
-def is_missing(value: Any) -> bool:
+def is_missing(value: object) -> bool:
     return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value)))
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, JSONRecord
+from riemhuman.bodies import BodyModel
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SRNFMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.plots import (
     ViewedBody,
     Viewer,
@@ -60,7 +62,6 @@ if TYPE_CHECKING:
 # Paths that the section on comparisons names.
 _LINEAR, _OURS = "linear", "ours (1, 1, 0)"
 _ROTATING = "rotating start"
-_parameters: Any = attrgetter("betas", "pose", "trans")  # of a model's fit
 # Weights a0, a1, b1, c1, d1 and a2.
 _SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
 _GEODESICS = {
@@ -269,13 +270,13 @@ def _comparison(report: Report, pair: Pair) -> Step:
             "sobolev": SobolevMetric(space, *_SOBOLEV_WEIGHTS),
             "ours": report.metric(PATH_WEIGHTS),
         }
-        solvers: dict[str, tuple[Any, str]] = {
+        solvers: dict[str, tuple[GeodesicSolver, str]] = {
             _LINEAR: (LinearPath(n_nodes), "ours"),
             _ROTATING: (PoissonPath(n_nodes), "ours"),
         }
         reference, model = None, report.bodies.model
         if model is not None:
-            path = ModelPath(model, n_nodes, parameters=lambda f: _parameters(model.fit(f)))
+            path = ModelPath(model, n_nodes, parameters=partial(_parameters, model))
             solvers["body model"] = (path, "ours")
             reference = path.solve(metrics["ours"], start, end).path
         known = compare_paths(metrics, start, end, solvers, reference)
@@ -427,3 +428,9 @@ def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
             textcoords="offset points", ha="right", va="center",
         )  # fmt: skip
     return figure
+
+
+def _parameters(model: BodyModel, surface: Array) -> tuple[Array, Array, Array]:
+    """Return the shape, the pose and the translation of a body."""
+    fit = model.fit(surface)
+    return fit.betas, fit.pose, fit.trans

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -22,6 +22,7 @@ from riemhuman.retrieval.benchmarks import (
     POSE_METRIC,
     SHAPE_METRIC,
     Described,
+    Representation,
     described_together,
     timed_distances,
 )
@@ -174,7 +175,7 @@ class Report:
             # Called only if the store lacks one of them, because spectra take long.
             return described_together(self.representations, self.bodies)
 
-        def compute(name: str, representation: Any) -> Computed:
+        def compute(name: str, representation: Representation) -> Computed:
             vectors = (
                 described().get(name) if hasattr(representation, "describe_together") else None
             )

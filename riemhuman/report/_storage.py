@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -81,7 +80,7 @@ class Step:
 class ResultStore:
     """Keeps the result of each step in a file, and reads it back while the inputs are the same."""
 
-    def __init__(self, folder: Path, common: Any, progress: Progress = nullcontext) -> None:
+    def __init__(self, folder: Path, common: JSONRecord, progress: Progress = nullcontext) -> None:
         self.steps: list[Step] = []
         # All results depend on `common`: the library's source, its dependencies and the bodies.
         self._folder, self._common, self._progress = folder, common, progress

@@ -6,7 +6,6 @@ import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -172,7 +171,7 @@ def _sheet(
 
 
 def _subject(
-    body: Any, argument: str, name: str, sex: str, visit: str
+    body: object, argument: str, name: str, sex: str, visit: str
 ) -> tuple[ndarray, SheetSubject]:
     """Return a body and what is known about it, from whatever holds it."""
     if isinstance(body, RegisteredScan):
@@ -196,7 +195,7 @@ def _subject(
     return subject.points, replace(subject, person=name, sex=sex, visit=visit, file="")
 
 
-def _measurements_of(model: Any, points: ndarray) -> Measurements:
+def _measurements_of(model: BodyModel | Measurements | None, points: ndarray) -> Measurements:
     if isinstance(model, Measurements):
         return model
     if model is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ _CMU_JOINTS = {"LHipJoint", "RHipJoint", "LowerBack", "lhipjoint", "rhipjoint", 
 _ADULT_LEG = 0.82
 
 
-def metres_in(unit: Any) -> float:
+def metres_in(unit: str | float) -> float:
     """Return the metres in a unit, which is a name or a number."""
     if isinstance(unit, str):
         name = _SPELLINGS.get(unit.strip().lower())
