@@ -45,6 +45,7 @@ from riemhuman.solvers import (
     BasisMean,
     BasisPath,
     LinearPath,
+    ModelParameters,
     ModelPath,
     PathComparison,
     PoissonPath,
@@ -430,7 +431,7 @@ def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
     return figure
 
 
-def _parameters(model: BodyModel, surface: Array) -> tuple[Array, Array, Array]:
+def _parameters(model: BodyModel, surface: Array) -> ModelParameters:
     """Return the shape, the pose and the translation of a body."""
     fit = model.fit(surface)
-    return fit.betas, fit.pose, fit.trans
+    return ModelParameters(fit.betas, fit.pose, fit.trans)
