@@ -10,8 +10,8 @@ from __future__ import annotations
 from itertools import combinations, pairwise
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import joints_to_root
 
 # Lengths of the branches of a pair have at least this ratio.
@@ -25,7 +25,7 @@ _ONE_PLACE = 0.02
 _FRAMES = 200
 
 
-def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
+def joints_by_tree(parents: Integers, positions: Array) -> dict[str, int]:
     """Return the joints by their names in the open model; none if the tree is not a person's."""
     frames = np.unique(np.linspace(0, len(positions) - 1, _FRAMES).astype(np.int64))
     positions = positions[frames]
@@ -50,9 +50,9 @@ def joints_by_tree(parents: ndarray, positions: ndarray) -> dict[str, int]:
 
 
 def _sided_joints(
-    positions: ndarray,
+    positions: Array,
     limbs: list[list[int]],
-    left: ndarray,
+    left: Array,
     roles: tuple[str, str, str],
     above: str = "",
     below: str = "",
@@ -68,7 +68,7 @@ def _sided_joints(
     return joints
 
 
-def bone_lengths(parents: ndarray, positions: ndarray) -> ndarray:
+def bone_lengths(parents: Integers, positions: Array) -> Array:
     """Return the median distance of each joint from its parent; 0 for a root."""
     lengths = np.zeros(len(parents))
     below = np.flatnonzero(parents >= 0)
@@ -77,7 +77,7 @@ def bone_lengths(parents: ndarray, positions: ndarray) -> ndarray:
     return lengths
 
 
-def _longest_path(parents: ndarray, lengths: ndarray, joint: int) -> list[int]:
+def _longest_path(parents: Integers, lengths: Array, joint: int) -> list[int]:
     """Return the joints from one to its farthest descendant."""
     best, best_length = [joint], 0.0
     for end in range(len(parents)):
@@ -90,7 +90,7 @@ def _longest_path(parents: ndarray, lengths: ndarray, joint: int) -> list[int]:
     return best
 
 
-def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, int]]:
+def _pairs_of_branches(parents: Integers, reaches: Array) -> list[tuple[int, int]]:
     """Return the two pairs of long branches that are alike, those nearer to the root first."""
     candidates: list[tuple[int, int]] = []
     for joint in range(len(parents)):
@@ -121,7 +121,7 @@ def _pairs_of_branches(parents: ndarray, reaches: ndarray) -> list[tuple[int, in
     return limbs
 
 
-def _limb(path: list[int], lengths: ndarray) -> list[int]:
+def _limb(path: list[int], lengths: Array) -> list[int]:
     """Return the joint above a limb, its three joints, and the one below; -1 where there is none.
 
     The joints of the limb are the ends of two long bones, one after the other.
@@ -147,7 +147,7 @@ def _limb(path: list[int], lengths: ndarray) -> list[int]:
     return [above, upper, lower, path[place], below]
 
 
-def _left_directions(positions: ndarray, legs: list[list[int]], arms: list[list[int]]) -> ndarray:
+def _left_directions(positions: Array, legs: list[list[int]], arms: list[list[int]]) -> Array:
     """Return the direction to the left of the body in all frames."""
     # The joints of a limb are those of `_limb`: above it, its three joints, and below it.
     hips, knees, ankles = (
@@ -166,7 +166,7 @@ def _left_directions(positions: ndarray, legs: list[list[int]], arms: list[list[
 
 
 def _neck_and_head(
-    parents: ndarray, paths: list[list[int]], lengths: ndarray, arms: tuple[int, int]
+    parents: Integers, paths: list[list[int]], lengths: Array, arms: tuple[int, int]
 ) -> dict[str, int]:
     """Return the neck and the head on the longest other branch above the arms."""
     branches = [

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import joints_between
 from riemhuman.kernels.rotations import exp, log
 from riemhuman.kernels.surface import unit_vectors as unit
@@ -32,7 +32,7 @@ _HINGE_SHARE = 0.1
 _UNLIKE = np.radians(30.0)
 
 
-def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> ndarray:
+def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> Array:
     """Return rotations of all joints in space that follow a recording, (n_frames, J, 3, 3)."""
     recorded = _recorded_rotations(source, figure)
     rotations = np.empty((len(source.positions), len(figure.rest), 3, 3))
@@ -49,8 +49,8 @@ def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> ndarray:
 
 
 def joint_positions(
-    source: RecordedSkeleton, figure: Figure, rotations: ndarray, scale: float
-) -> ndarray:
+    source: RecordedSkeleton, figure: Figure, rotations: Array, scale: float
+) -> Array:
     """Return the positions of joints, the middle of the hips where it was recorded."""
     positions = np.zeros(rotations.shape[:-1])
     for joint in figure.model.joint_order:
@@ -66,10 +66,10 @@ def joint_positions(
 def reach(
     source: RecordedSkeleton,
     figure: Figure,
-    rotations: ndarray,
+    rotations: Array,
     limb: tuple[str, ...],
-    to_end: ndarray,
-) -> ndarray:
+    to_end: Array,
+) -> Array:
     """Bend a limb so that its end comes as near to a place as its directions allow."""
     a = float(np.linalg.norm(figure.bone(limb[0], limb[1])))
     b = float(np.linalg.norm(figure.bone(limb[1], limb[2])))
@@ -93,12 +93,12 @@ def reach(
     return rotations
 
 
-def _direction(source: RecordedSkeleton, first: str, second: str) -> ndarray:
+def _direction(source: RecordedSkeleton, first: str, second: str) -> Array:
     """Return the recorded directions between two joints in all frames."""
     return unit(bone(source.positions, source.joints, first, second))
 
 
-def _recorded_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, ndarray]:
+def _recorded_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, Array]:
     """Return the rotations in space of joints that are recorded; others follow their parents."""
     axes = joint_axes(source, figure)
     parts = {name: source.rotation(name) @ axis for name, axis in axes.items()}
@@ -124,8 +124,8 @@ def _recorded_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, n
 
 
 def _straighten_trunk(
-    source: RecordedSkeleton, figure: Figure, rotations: ndarray, scale: float
-) -> ndarray:
+    source: RecordedSkeleton, figure: Figure, rotations: Array, scale: float
+) -> Array:
     """Rotate the spine until shoulders are above hips as recorded."""
     parents, joints = figure.model.parents, figure.joints
     spine = joints_between(parents, joints["pelvis"], joints["chest"])[1:-1]
@@ -142,7 +142,7 @@ def _straighten_trunk(
     return rotations
 
 
-def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, ndarray]:
+def _bent(to_end: Array, a: float, b: float, axis: Array) -> tuple[Array, Array]:
     """Return the directions of two bones of lengths a and b to an end, bent about an axis."""
     length = np.linalg.norm(to_end, axis=1, keepdims=True)
     length = np.clip(length, abs(a - b) + 1e-6, _STRETCHED * (a + b))
@@ -153,6 +153,6 @@ def _bent(to_end: ndarray, a: float, b: float, axis: ndarray) -> tuple[ndarray, 
     return joint / a, (length * towards - joint) / b
 
 
-def _interpolated(start: ndarray, end: ndarray, n: int) -> list[ndarray]:
+def _interpolated(start: Array, end: Array, n: int) -> list[Array]:
     """Return n rotations from one rotation to another, in each frame."""
     return [exp(share * log(start, end), start) for share in np.linspace(0.0, 1.0, n)]

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.retargeting.joint_names import BONES, SIDES, find_joints
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 from riemhuman.retargeting.skeletons import check_bones, has_bone, leg_length, middle
@@ -54,16 +54,16 @@ class RecordedSkeleton:
 
     joints: dict[str, int]
     carriers: dict[str, int]
-    rotations: ndarray
-    positions: ndarray
+    rotations: Array
+    positions: Array
     frames_per_second: float
     leg: float
-    is_valid: ndarray
-    still: ndarray
-    grounded: ndarray
-    flat: ndarray
+    is_valid: Booleans
+    still: Booleans
+    grounded: Booleans
+    flat: Booleans
 
-    def rotation(self, name: str) -> ndarray:
+    def rotation(self, name: str) -> Array:
         """Return the rotations in space of the bone that begins at a joint, (n_frames, 3, 3)."""
         return self.rotations[:, self.carriers[name]]
 
@@ -124,7 +124,7 @@ def read_skeleton(
     )
 
 
-def _carrier(positions: ndarray, parents: ndarray, end: int, leg: float) -> int:
+def _carrier(positions: Array, parents: Integers, end: int, leg: float) -> int:
     """Return the joint that carries a bone to its end: the last one in another place."""
     above = int(parents[end])
     while np.linalg.norm(positions[:, above] - positions[:, end], axis=1).max() < _ONE_PLACE * leg:
@@ -133,8 +133,8 @@ def _carrier(positions: ndarray, parents: ndarray, end: int, leg: float) -> int:
 
 
 def _uninterrupted_parts(
-    recording: SkeletonMotion, positions: ndarray, joints: Mapping[str, int], leg: float
-) -> ndarray:
+    recording: SkeletonMotion, positions: Array, joints: Mapping[str, int], leg: float
+) -> Integers:
     """Return the number of the part of each frame; parts are separated by impossible jumps."""
     hips = middle(positions, joints, "hip")
     steps = np.linalg.norm(np.diff(hips, axis=0), axis=1) / leg
@@ -149,7 +149,7 @@ def _uninterrupted_parts(
     return np.asarray(parts)
 
 
-def _is_on_one_floor(parts: ndarray, positions: ndarray, leg: float) -> ndarray:
+def _is_on_one_floor(parts: Integers, positions: Array, leg: float) -> Booleans:
     """Return whether frames are of parts on the floor of the longest one."""
     lowest = positions[..., 1].min(axis=1)
     numbers, counts = np.unique(parts, return_counts=True)
@@ -162,7 +162,7 @@ def _is_on_one_floor(parts: ndarray, positions: ndarray, leg: float) -> ndarray:
     return is_valid
 
 
-def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
+def _is_still(paths: Array, rate: float, leg: float) -> Booleans:
     """Return whether feet stand still, shape (n_frames, 2)."""
     from scipy.ndimage import uniform_filter1d  # takes long to import
 
@@ -175,8 +175,8 @@ def _is_still(paths: ndarray, rate: float, leg: float) -> ndarray:
 
 
 def _is_near_floor(
-    positions: ndarray, balls: list[int], still: ndarray, is_valid: ndarray, leg: float
-) -> ndarray:
+    positions: Array, balls: list[int], still: Booleans, is_valid: Booleans, leg: float
+) -> Booleans:
     """Return whether each foot is as low as when it stands, and near the lowest joint."""
     heights = positions[:, balls, 1]
     standing = heights[still] if still.any() else heights[is_valid]

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.retargeting._limbs import joint_positions, reach
 from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
 from riemhuman.retargeting.joint_axes import Figure
@@ -39,13 +39,11 @@ _RAISE_SECONDS = 0.2
 class Performance(NamedTuple):
     """Rotations and positions of the joints of a figure in space."""
 
-    rotations: ndarray
-    positions: ndarray
+    rotations: Array
+    positions: Array
 
 
-def stand(
-    source: RecordedSkeleton, figure: Figure, rotations: ndarray, scale: float
-) -> Performance:
+def stand(source: RecordedSkeleton, figure: Figure, rotations: Array, scale: float) -> Performance:
     """Return the performance with the body moved with its standing feet, and feet to the floor."""
     surface = figure.model(figure.betas)
     feet = [figure.joints[f"{side}_ankle"] for side in SIDES]
@@ -69,7 +67,7 @@ def stand(
     return Performance(rotations, positions)
 
 
-def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
+def _raised(depths: Array, source: RecordedSkeleton) -> Array:
     """Return how much a body is raised, smoothly, so that no part is below the floor."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d  # take long to import
 
@@ -84,7 +82,7 @@ def _raised(depths: ndarray, source: RecordedSkeleton) -> ndarray:
     return np.asarray(np.where(source.is_valid, smooth, heights))
 
 
-def _body_shift(source: RecordedSkeleton, shifts: ndarray) -> ndarray:
+def _body_shift(source: RecordedSkeleton, shifts: Array) -> Array:
     """Return the mean shift of the feet, above all of those that stand still."""
     from scipy.ndimage import uniform_filter1d  # takes long to import
 
@@ -92,12 +90,11 @@ def _body_shift(source: RecordedSkeleton, shifts: ndarray) -> ndarray:
     still = source.still.astype(np.float64)
     weights = _SWING + uniform_filter1d(still, width, axis=0, mode="nearest")
     shares = weights / weights.sum(axis=1, keepdims=True)
-    return np.sum(shares[..., None] * shifts, axis=1)[:, None]
+    shift: Array = np.sum(shares[..., None] * shifts, axis=1)[:, None]
+    return shift
 
 
-def _sole(
-    figure: Figure, surface: ndarray, rotations: ndarray, side: str
-) -> tuple[ndarray, ndarray]:
+def _sole(figure: Figure, surface: Array, rotations: Array, side: str) -> tuple[Array, Array]:
     """Return the height of a foot's lowest vertex, and its ball, relative to its ankle."""
     names = [f"{side}_{part}" for part in ("ankle", "toes")]
     foot = [figure.joints[name] for name in names if name in figure.joints]
@@ -118,10 +115,10 @@ def _footholds(
     source: RecordedSkeleton,
     figure: Figure,
     performance: Performance,
-    surface: ndarray,
-    lows: ndarray,
-    balls: ndarray,
-) -> ndarray:
+    surface: Array,
+    lows: Array,
+    balls: Array,
+) -> Array:
     """Return where ankles must be for still feet to stay in place with no sole below 0."""
     ankles = performance.positions[:, [figure.joints[f"{side}_ankle"] for side in SIDES]]
     heights = ankles[..., 1] + lows
@@ -137,7 +134,8 @@ def _footholds(
     for k, still in enumerate(source.still.T):
         shift = np.zeros_like(balls[:, k])
         shift[:, 1] = np.where(grounded[:, k], -apart[:, k], 0.0)
-        for standing in np.ma.clump_unmasked(np.ma.masked_array(frames, ~still)):
+        runs = np.ma.clump_unmasked(np.ma.masked_array(frames, ~still))  # type: ignore[no-untyped-call]  # of NumPy
+        for standing in runs:
             drift = (ankles[standing, k] + balls[standing, k])[:, [0, 2]]
             shift[standing, ::2] = drift.mean(axis=0) - drift
         size = np.linalg.norm(shift[:, ::2], axis=1, keepdims=True)
@@ -154,7 +152,7 @@ def _footholds(
     return targets
 
 
-def _lowest_points(figure: Figure, surface: ndarray, performance: Performance) -> ndarray:
+def _lowest_points(figure: Figure, surface: Array, performance: Performance) -> Array:
     """Return the height of the lowest vertex in every frame."""
     step = max(1, len(surface) // _BODY_VERTICES)
     vertices, weights = surface[::step], figure.model.weights[::step]

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.retargeting.joint_names import BONES, model_joints
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
@@ -36,13 +36,13 @@ class OwnPerson(NamedTuple):
     Metres are those in the file's unit; the person may be larger than the model's by `size`.
     """
 
-    betas: ndarray
+    betas: Array
     size: float
     metres: float
     joints: list[int]  # numbers of the model's joints in the file
 
 
-def recorded_person(positions: ndarray, joints: Mapping[str, int], model: BodyModel) -> ndarray:
+def recorded_person(positions: Array, joints: Mapping[str, int], model: BodyModel) -> Array:
     """Return the shape coefficients of a person whose bones have the recorded proportions."""
     from scipy.optimize import least_squares  # takes long to import
 
@@ -52,7 +52,7 @@ def recorded_person(positions: ndarray, joints: Mapping[str, int], model: BodyMo
     changes = np.tensordot(model.joint_regressor, model.shapedirs, axes=1)
     mean_leg = leg_length(mean, joint_numbers)
 
-    def residuals(betas: ndarray) -> ndarray:
+    def residuals(betas: Array) -> Array:
         rest = mean + changes @ betas
         leg = leg_length(rest, joint_numbers)
         apart = np.linalg.norm(bones(rest, joint_numbers, _LENGTHS), axis=1) / leg - recorded
@@ -114,7 +114,7 @@ def own_person(recording: SkeletonMotion, model: BodyModel) -> OwnPerson | None:
     return None
 
 
-def model_of_size(model: BodyModel, betas: ndarray, rest: ndarray) -> BodyModel:
+def model_of_size(model: BodyModel, betas: Array, rest: Array) -> BodyModel:
     """Return a model scaled so that a person of it has these joints in the rest pose."""
     joints = model.joints(betas)
     size = float(np.sum(rest * joints) / np.sum(joints**2))
@@ -123,17 +123,19 @@ def model_of_size(model: BodyModel, betas: ndarray, rest: ndarray) -> BodyModel:
 
 
 def _fitted_bones(
-    recorded_bones: ndarray, mean_bones: ndarray, bone_changes: ndarray
-) -> tuple[float, ndarray]:
+    recorded_bones: Array, mean_bones: Array, bone_changes: Array
+) -> tuple[float, Array]:
     """Return size 1, and the coefficients with bones nearest to the recorded ones."""
-    return 1.0, np.linalg.lstsq(bone_changes, recorded_bones - mean_bones[:, 0], rcond=None)[0]
+    differences = recorded_bones - mean_bones[:, 0]
+    changes = np.linalg.lstsq(bone_changes, differences, rcond=None)[0]
+    return 1.0, np.asarray(changes, np.float64)
 
 
 def _fitted_scaled_bones(
-    recorded_bones: ndarray, mean_bones: ndarray, bone_changes: ndarray
-) -> tuple[float, ndarray]:
+    recorded_bones: Array, mean_bones: Array, bone_changes: Array
+) -> tuple[float, Array]:
     """Return the size, and the coefficients, with bones nearest to the recorded ones."""
     columns = np.hstack([mean_bones, bone_changes])
     products = np.linalg.lstsq(columns, recorded_bones, rcond=None)[0]
     size = float(products[0]) or 1.0
-    return size, products[1:] / size
+    return size, np.asarray(products[1:] / size, np.float64)

@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.rotations import nearest_rotations, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
@@ -54,22 +54,22 @@ class Figure:
     """A person of a model in the rest pose, with the frames of the trunk: up, left, forward."""
 
     model: BodyModel
-    betas: ndarray
+    betas: Array
     joints: dict[str, int]
-    rest: ndarray
+    rest: Array
     leg: float
-    frame: ndarray
+    frame: Array
 
-    def bone(self, first: str, second: str) -> ndarray:
+    def bone(self, first: str, second: str) -> Array:
         """Return the vector between two joints in the rest pose."""
         return bone(self.rest, self.joints, first, second)
 
-    def forward(self) -> ndarray:
+    def forward(self) -> Array:
         """Return the direction to the front of the body."""
         return -self.frame[:, 2]
 
 
-def make_figure(model: BodyModel, betas: ndarray) -> Figure:
+def make_figure(model: BodyModel, betas: Array) -> Figure:
     """Return a person of a model; the columns of its frame point up, to the left and backward."""
     joints, rest = model_joints(model), model.joints(betas)
     across = bone(rest, joints, "right_hip", "left_hip")
@@ -77,7 +77,7 @@ def make_figure(model: BodyModel, betas: ndarray) -> Figure:
     return Figure(model, betas, joints, rest, leg_length(rest, joints), axes)
 
 
-def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, ndarray]:
+def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, Array]:
     """Return the constant rotations of parts, by names of joints, shape (3, 3) each.
 
     The part of the model is rotated in space by R(t) C, where R(t) is the recorded rotation.
@@ -106,20 +106,22 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, ndarray]:
     return axes
 
 
-def mean_axes(rotations: ndarray, targets: ndarray, weights: ndarray) -> ndarray:
+def mean_axes(rotations: Array, targets: Array, weights: Array | Booleans) -> Array:
     """Return the rotation C for which rotations times C are nearest to the targets on average."""
     products = transpose(rotations) @ targets
     total = np.einsum("n,nij->ij", weights, products) / weights.sum()
     return np.asarray(nearest_rotations(total))
 
 
-def _mean_vector(rotations: ndarray, vectors: ndarray, weights: ndarray | None = None) -> ndarray:
+def _mean_vector(
+    rotations: Array, vectors: Array, weights: Array | Booleans | None = None
+) -> Array:
     """Return the mean of vectors in space in the axes of a joint, by default of equal weights."""
     local = np.einsum("nji,nj->ni", rotations, vectors)
     return np.asarray(np.average(local, axis=0, weights=weights))
 
 
-def _upright_weights(source: RecordedSkeleton) -> ndarray:
+def _upright_weights(source: RecordedSkeleton) -> Array:
     """Return weights of frames, the larger the more thighs and trunk are in one line."""
     back = unit(trunk(source.positions, source.joints))
     straight = np.ones(len(back))
@@ -129,14 +131,14 @@ def _upright_weights(source: RecordedSkeleton) -> ndarray:
     return np.asarray(source.is_valid * (_BENT_POSTURE + straight))
 
 
-def _lowered_arms(source: RecordedSkeleton, side: str) -> ndarray:
+def _lowered_arms(source: RecordedSkeleton, side: str) -> Array:
     """Return weights of frames, the larger the lower an arm is."""
     back = unit(trunk(source.positions, source.joints))
     arm = unit(bone(source.positions, source.joints, f"{side}_shoulder", f"{side}_elbow"))
     return np.asarray(_BENT_POSTURE + np.clip(0.3 - np.sum(arm * back, axis=1), 0.0, 1.0))
 
 
-def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> ndarray:
+def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> Array:
     """Return the rotations of pelvis or chest in space that positions of joints show."""
     if name == "pelvis":
         recorded = pelvis_frame(source.positions, source.joints)
@@ -146,8 +148,8 @@ def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> ndar
 
 
 def _axes_of_limb(
-    source: RecordedSkeleton, figure: Figure, limb: tuple[str, ...], above: ndarray
-) -> dict[str, ndarray]:
+    source: RecordedSkeleton, figure: Figure, limb: tuple[str, ...], above: Array
+) -> dict[str, Array]:
     """Return the axes of both bones of a limb, below a part that is rotated in space."""
     hinge = figure_hinge(figure, limb)
     upper, lower = (
@@ -177,7 +179,7 @@ def _axes_of_limb(
     return axes
 
 
-def _bending_axis(rotations: ndarray, bends: ndarray, is_valid: ndarray) -> ndarray | None:
+def _bending_axis(rotations: Array, bends: Array, is_valid: Booleans) -> Array | None:
     """Return the axis in which a knee or elbow bends, in the axes of one of its bones."""
     sines = is_valid * np.linalg.norm(bends, axis=1)
     # Squares weight the frames in which the joint bends most.
@@ -187,7 +189,7 @@ def _bending_axis(rotations: ndarray, bends: ndarray, is_valid: ndarray) -> ndar
     return unit(mean)
 
 
-def figure_hinge(figure: Figure, limb: tuple[str, ...]) -> ndarray:
+def figure_hinge(figure: Figure, limb: tuple[str, ...]) -> Array:
     """Return the axis in which a knee or elbow of the model bends, in the rest pose."""
     upper, lower = unit(figure.bone(*limb[:2])), unit(figure.bone(*limb[1:]))
     axis = np.cross(upper, lower)
@@ -202,8 +204,8 @@ def figure_hinge(figure: Figure, limb: tuple[str, ...]) -> ndarray:
 
 
 def _axes_of_foot(
-    source: RecordedSkeleton, figure: Figure, side: str, axes: Mapping[str, ndarray]
-) -> dict[str, ndarray]:
+    source: RecordedSkeleton, figure: Figure, side: str, axes: Mapping[str, Array]
+) -> dict[str, Array]:
     """Return the axes of a foot and its toes."""
     knee, ankle, toes = (f"{side}_{part}" for part in ("knee", "ankle", "toes"))
     rotations = source.rotation(ankle)

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
 from riemhuman.errors import ArgumentError
@@ -59,9 +59,9 @@ _MOST_NAMES = 40
 
 def find_joints(
     names: Sequence[str],
-    parents: ndarray,
+    parents: Integers,
     table: Mapping[str, str] | None = None,
-    positions: ndarray | None = None,
+    positions: Array | None = None,
 ) -> dict[str, int]:
     """Return the numbers of a skeleton's joints by their names in the open model.
 
@@ -107,7 +107,7 @@ def _assigned_joints(names: Sequence[str], table: Mapping[str, str]) -> dict[str
 
 
 def _named_joints(
-    names: Sequence[str], parents: ndarray, assigned: Mapping[str, int]
+    names: Sequence[str], parents: Integers, assigned: Mapping[str, int]
 ) -> dict[str, int]:
     """Return the joints given by the user, and those found by name."""
     joints = dict(assigned)
@@ -139,7 +139,7 @@ def _named_joints(
     return joints
 
 
-def _drop_misplaced(parents: ndarray, joints: dict[str, int], above: str, below: str) -> None:
+def _drop_misplaced(parents: Integers, joints: dict[str, int], above: str, below: str) -> None:
     """Forget a joint that is not above another."""
     if {above, below} <= joints.keys():
         path = joints_to_root(parents, joints[below])[1:]
@@ -147,7 +147,7 @@ def _drop_misplaced(parents: ndarray, joints: dict[str, int], above: str, below:
             del joints[above]
 
 
-def _problem(names: Sequence[str], parents: ndarray, joints: Mapping[str, int]) -> str:
+def _problem(names: Sequence[str], parents: Integers, joints: Mapping[str, int]) -> str:
     """Return what is wrong with the joints of the limbs, or an empty text."""
     missing = [role for limb in LIMBS for role in limb if role not in joints]
     if missing:
@@ -171,7 +171,7 @@ def _problem(names: Sequence[str], parents: ndarray, joints: Mapping[str, int]) 
     return "joints: hips and shoulders must be in one tree of joints"
 
 
-def _branchings(parents: ndarray, joints: Mapping[str, int]) -> dict[str, int]:
+def _branchings(parents: Integers, joints: Mapping[str, int]) -> dict[str, int]:
     """Return the joints from which both legs and both arms hang; -1 where there are none."""
     branchings = {}
     for role, part in (("pelvis", "hip"), ("chest", "shoulder")):

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.rotations import log, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
@@ -67,26 +67,26 @@ class RetargetingErrors(Record):
     """
 
     bones: tuple[tuple[str, str], ...]
-    directions: ndarray
+    directions: Array
     joints: tuple[str, ...]
-    positions: ndarray
+    positions: Array
     parts: tuple[str, ...]
-    rotations: ndarray
+    rotations: Array
     scale: float
 
 
 class Performed(NamedTuple):
     """What a person does: pose vectors and translations, and how far from the recording."""
 
-    poses: ndarray
-    translations: ndarray
+    poses: Array
+    translations: Array
     errors: RetargetingErrors
 
 
 def perform(
     recording: SkeletonMotion,
     model: BodyModel,
-    betas: ndarray,
+    betas: Array,
     joints: Mapping[str, int] | None,
     up: str | None,
 ) -> Performed:
@@ -111,7 +111,7 @@ def perform(
     return Performed(poses, translations, errors)
 
 
-def _model_parameters(figure: Figure, performance: Performance) -> tuple[ndarray, ndarray]:
+def _model_parameters(figure: Figure, performance: Performance) -> tuple[Array, Array]:
     """Return the pose vectors and the translations of a performance."""
     parents, rotations = figure.model.parents, performance.rotations
     local = rotations.copy()
@@ -144,11 +144,11 @@ def _errors(
 
 
 def _bones_and_places(
-    positions: ndarray,
+    positions: Array,
     joints: Mapping[str, int],
     pairs: Sequence[tuple[str, str]],
     names: Sequence[str],
-) -> tuple[ndarray, ndarray]:
+) -> tuple[Array, Array]:
     """Return vectors between joints, and the places of joints relative to the hips."""
     places = positions[:, [joints[name] for name in names]]
     return bones(positions, joints, pairs), places - middle(positions, joints, "hip")[:, None]
@@ -156,7 +156,7 @@ def _bones_and_places(
 
 def _part_errors(
     source: RecordedSkeleton, figure: Figure, performance: Performance
-) -> tuple[tuple[str, ...], ndarray]:
+) -> tuple[tuple[str, ...], Array]:
     """Return the parts of the trunk, and the angles of their rotations to the recorded ones."""
     angles = []
     for line in ("hip", "shoulder"):
@@ -172,12 +172,13 @@ def _part_errors(
     return ("pelvis", "chest", "head"), np.stack(angles, axis=1)
 
 
-def _angles(first: ndarray, second: ndarray) -> ndarray:
+def _angles(first: Array, second: Array) -> Array:
     """Return the angles between rotations, degrees."""
-    return np.degrees(np.linalg.norm(log(first, second), axis=-1))
+    angles: Array = np.degrees(np.linalg.norm(log(first, second), axis=-1))
+    return angles
 
 
-def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performance) -> ndarray:
+def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performance) -> Array:
     """Return how far joints are from where recorded directions lead with the figure's bones."""
     joints = figure.joints
     hips = middle(performance.positions, joints, "hip")
@@ -211,7 +212,7 @@ def _feet_point_backward(source: RecordedSkeleton) -> bool:
 
 
 def _warn_of_errors(
-    name: str, source: RecordedSkeleton, errors: RetargetingErrors, misplaced: ndarray
+    name: str, source: RecordedSkeleton, errors: RetargetingErrors, misplaced: Array
 ) -> None:
     """Warn if the body is far from the recording in the mean over the frames.
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import Record
@@ -43,10 +44,10 @@ class SkeletonMotion(Record):
     """
 
     joint_names: tuple[str, ...]
-    parents: np.ndarray
-    offsets: np.ndarray
-    rotations: np.ndarray
-    translations: np.ndarray
+    parents: Integers
+    offsets: Array
+    rotations: Array
+    translations: Array
     frames_per_second: float
     name: str = ""
     unit: str | float | None = None
@@ -55,7 +56,7 @@ class SkeletonMotion(Record):
         return len(self.rotations)
 
     @cached_property
-    def global_rotations(self) -> np.ndarray:
+    def global_rotations(self) -> Array:
         """Rotation matrices of the joints in space, shape (n_frames, J, 3, 3)."""
         rotations = self.rotations.copy()
         for joint, parent in enumerate(self.parents):
@@ -64,7 +65,7 @@ class SkeletonMotion(Record):
         return rotations
 
     @cached_property
-    def positions(self) -> np.ndarray:
+    def positions(self) -> Array:
         """Positions of the joints in space, shape (n_frames, J, 3)."""
         positions = self.translations.copy()
         for joint, parent in enumerate(self.parents):
@@ -76,7 +77,7 @@ class SkeletonMotion(Record):
         return positions
 
 
-def nearest_frames(n_frames: int, recorded_rate: float, frames_per_second: float) -> np.ndarray:
+def nearest_frames(n_frames: int, recorded_rate: float, frames_per_second: float) -> Integers:
     """Return the frames nearest in time to those at a lower frame rate."""
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     if rate > recorded_rate * (1.0 + 1e-6):
@@ -86,4 +87,5 @@ def nearest_frames(n_frames: int, recorded_rate: float, frames_per_second: float
         )
     count = int((n_frames - 1) * rate / recorded_rate + 1e-9) + 1
     numbers = np.rint(np.arange(count) * (recorded_rate / rate)).astype(np.int64)
-    return np.minimum(numbers, n_frames - 1)
+    nearest: Integers = np.minimum(numbers, n_frames - 1)
+    return nearest

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.retargeting.joint_names import BONES, SIDES
@@ -19,37 +19,37 @@ _COLLAPSED = 1e-3
 _SPINE_SHARE, _MOST_SPINE = 0.25, np.radians(20.0)
 
 
-def middle(positions: ndarray, joints: Mapping[str, int], part: str) -> ndarray:
+def middle(positions: Array, joints: Mapping[str, int], part: str) -> Array:
     """Return the middle between a joint's left and right positions."""
     left, right = (joints[f"{side}_{part}"] for side in SIDES)
     return np.asarray(0.5 * (positions[..., left, :] + positions[..., right, :]))
 
 
-def trunk(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+def trunk(positions: Array, joints: Mapping[str, int]) -> Array:
     """Return the vectors from the middle of the hips to the middle of the shoulders."""
     return middle(positions, joints, "shoulder") - middle(positions, joints, "hip")
 
 
-def bone(positions: ndarray, joints: Mapping[str, int], first: str, second: str) -> ndarray:
+def bone(positions: Array, joints: Mapping[str, int], first: str, second: str) -> Array:
     """Return the vectors between two joints."""
     return np.asarray(positions[..., joints[second], :] - positions[..., joints[first], :])
 
 
 def bones(
-    positions: ndarray, joints: Mapping[str, int], pairs: Sequence[tuple[str, str]] = BONES
-) -> ndarray:
+    positions: Array, joints: Mapping[str, int], pairs: Sequence[tuple[str, str]] = BONES
+) -> Array:
     """Return the vectors between pairs of joints, and along the trunk."""
     vectors = [bone(positions, joints, *pair) for pair in pairs]
     return np.stack([*vectors, trunk(positions, joints)], axis=-2)
 
 
-def body_frame(positions: ndarray, joints: Mapping[str, int], part: str) -> ndarray:
+def body_frame(positions: Array, joints: Mapping[str, int], part: str) -> Array:
     """Return the axes of pelvis ("hip") or chest ("shoulder"): to the left, and along the trunk."""
     line = bone(positions, joints, f"right_{part}", f"left_{part}")
     return frame(line, trunk(positions, joints))
 
 
-def pelvis_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+def pelvis_frame(positions: Array, joints: Mapping[str, int]) -> Array:
     """Return the axes of the pelvis, which leans less than the trunk where that bends forward."""
     axes = body_frame(positions, joints, "hip")
     left, up, ahead = np.moveaxis(axes, -1, 0)
@@ -63,13 +63,13 @@ def pelvis_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
     return frame(left, upright)
 
 
-def leg_length(positions: ndarray, joints: Mapping[str, int]) -> float:
+def leg_length(positions: Array, joints: Mapping[str, int]) -> float:
     """Return the mean length of the legs, of bones with their median lengths over frames."""
     lengths = [np.linalg.norm(bone(positions, joints, *pair), axis=-1) for pair in BONES[:4]]
     return float(sum(np.median(length) for length in lengths)) / 2.0
 
 
-def check_bones(positions: ndarray, joints: Mapping[str, int], names: Sequence[str]) -> None:
+def check_bones(positions: Array, joints: Mapping[str, int], names: Sequence[str]) -> None:
     """Raise an error that names the joints at the ends of a bone without a length."""
     pairs = (*BONES, ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
     lengths = np.median(np.linalg.norm(bones(positions, joints, pairs), axis=-1), axis=0)
@@ -84,7 +84,7 @@ def check_bones(positions: ndarray, joints: Mapping[str, int], names: Sequence[s
         raise ArgumentError("joints: the shoulders are in the same place as the hips")
 
 
-def has_bone(positions: ndarray, joints: Mapping[str, int], first: str, second: str) -> bool:
+def has_bone(positions: Array, joints: Mapping[str, int], first: str, second: str) -> bool:
     """Return whether two joints are known, and apart."""
     if not {first, second} <= joints.keys():
         return False
@@ -92,14 +92,14 @@ def has_bone(positions: ndarray, joints: Mapping[str, int], first: str, second: 
     return bool(length > _COLLAPSED * leg_length(positions, joints))
 
 
-def frame(first: ndarray, second: ndarray) -> ndarray:
+def frame(first: Array, second: Array) -> Array:
     """Return rotation matrices with columns along a vector, towards another, and across both."""
     first, second = np.broadcast_arrays(unit(first), second)
     second = unit(second - np.sum(second * first, axis=-1, keepdims=True) * first)
     return np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
-def shortest(start: ndarray, end: ndarray) -> ndarray:
+def shortest(start: Array, end: Array) -> Array:
     """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
     start, end = np.broadcast_arrays(start, end)
     # Between opposite vectors it is half a turn about any axis across them.
@@ -107,9 +107,10 @@ def shortest(start: ndarray, end: ndarray) -> ndarray:
     cosines = np.sum(start * end, axis=-1, keepdims=True)
     quaternions = np.concatenate([across, 1.0 + cosines], axis=-1)
     rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix()
-    return rotations.reshape(*start.shape, 3)
+    matrices: Array = rotations.reshape(*start.shape, 3)
+    return matrices
 
 
-def turned_towards(rotations: ndarray, rest: ndarray, directions: ndarray) -> ndarray:
+def turned_towards(rotations: Array, rest: Array, directions: Array) -> Array:
     """Turn rotations the shortest way until they take a vector at rest to directions."""
     return shortest(rotations @ unit(rest), directions) @ rotations

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
@@ -44,7 +45,7 @@ def is_smpl(model: BodyModel) -> bool:
     return model.n_joints in LAYOUTS and tuple(model.parents[:N_BODY]) == SMPL_PARENTS
 
 
-def poses_of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
+def poses_of_model(poses: Array, n_joints: int) -> Array:
     """Return the rotations of a model's joints from those of a file's joints."""
     parts, start = {}, 0
     for part in LAYOUTS[poses.shape[1]]:
@@ -55,8 +56,8 @@ def poses_of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
 
 
 def upright_parameters(
-    model: BodyModel, betas: np.ndarray, poses: np.ndarray, translations: np.ndarray, up: str
-) -> tuple[np.ndarray, np.ndarray]:
+    model: BodyModel, betas: Array, poses: Array, translations: Array, up: str
+) -> tuple[Array, Array]:
     """Return poses of a model, and translations, that put its bodies y up instead of along `up`.
 
     Poses rotate the root about itself, but a rotation of space also moves it.
@@ -68,20 +69,20 @@ def upright_parameters(
     return turned, make_upright(translations + root, up=up) - root
 
 
-def smpl_offsets() -> np.ndarray:
+def smpl_offsets() -> Array:
     """Return SMPL's joints relative to their parents in about the mean person, the root at 0."""
     offsets = 0.01 * np.array(_BODY_OFFSETS, dtype=np.float64)
     offsets[0] = 0.0
     return offsets
 
 
-def smpl_root() -> np.ndarray:
+def smpl_root() -> Array:
     """Return the root in SMPL's rest pose of about the mean person, which translations omit."""
     return 0.01 * np.array(_BODY_OFFSETS[0], dtype=np.float64)
 
 
 def smpl_skeleton(
-    poses: np.ndarray, translations: np.ndarray, rate: float, name: str, up: str
+    poses: Array, translations: Array, rate: float, name: str, up: str
 ) -> SkeletonMotion:
     """Return the joints of SMPL's body in poses (T, joints, 3).
 
@@ -132,9 +133,7 @@ def _leg_scale(motion: SkeletonMotion, up: str) -> float:
     return scale
 
 
-def smpl_upward_axes(
-    poses: np.ndarray, translations: np.ndarray, convention: Convention
-) -> tuple[str, str]:
+def smpl_upward_axes(poses: Array, translations: Array, convention: Convention) -> tuple[str, str]:
     """Return the axis that points up, and another one if it may be that as well, or ""."""
     frames = np.unique(np.linspace(0, len(poses) - 1, _FRAMES_OF_FLOOR).astype(np.int64))
     places = translations[frames] + smpl_root()

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.surface import unit_vectors as unit
 
 _AXES = {"x": (0, 1), "y": (1, 1), "z": (2, 1), "-x": (0, -1), "-y": (1, -1), "-z": (2, -1)}
@@ -65,10 +65,10 @@ VIDEO = Convention("y", {"-y": 0.5, "z": 1.5}, move=True)
 
 
 def upward_axis(
-    positions: ndarray,
-    directions: ndarray,
+    positions: Array,
+    directions: Array,
     leg: float,
-    rest_direction: ndarray | None = None,
+    rest_direction: Array | None = None,
     convention: Convention = BVH,
 ) -> tuple[str, str]:
     """Return the axis that points up, and another one if it may be that as well, or "".
@@ -122,7 +122,7 @@ class _Evidence(NamedTuple):
 
 
 def _evidence_for(
-    heights: ndarray, cosines: ndarray, rest_cosine: float | None, convention: Convention
+    heights: Array, cosines: Array, rest_cosine: float | None, convention: Convention
 ) -> _Evidence:
     """Return the evidence for an axis, from coordinates along it.
 
@@ -164,7 +164,7 @@ def _floor_evidence(floor: float, supported: float, convention: Convention) -> f
     return _BED if floor <= _HIGHEST_BED else _BED * supported
 
 
-def rest_directions(parents: ndarray, offsets: ndarray, joints: Mapping[str, int]) -> ndarray:
+def rest_directions(parents: Integers, offsets: Array, joints: Mapping[str, int]) -> Array:
     """Return the direction from ankles to shoulders in a rest pose, shape (3,)."""
     rest = offsets.copy()
     rest[parents < 0] = 0.0
