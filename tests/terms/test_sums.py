@@ -271,6 +271,9 @@ def test_range_of_single_precision():
     vectors = np.array([[0.95e15], [-1.05e15]])
     _, rounding = VectorSpace((1,)).metric.features(vectors, "single")
     assert np.isinf(rounding).tolist() == [False, True]
+    roots = np.array([[[np.nan, 0.0, 0.0]], [[1.0, 0.0, 0.0]]])
+    _, rounding = features_of_fields(RootNormalTerm(), (roots,), np.ones(1), "single")
+    assert np.isinf(rounding).tolist() == [True, False]
 
 
 def test_what_is_too_small_for_single_precision_counts_as_rounding():
