@@ -269,6 +269,11 @@ class ShareOfAll(FlatTerm):
         return (first.areas / anp.sum(first.areas, axis=-1, keepdims=True))[..., None]
 
 
+class NearlyLocal(FlatTerm):
+    def field(self, first):
+        return first.areas[..., None] + 1e-6 * anp.sum(first.areas, axis=-1)[..., None, None]
+
+
 class WithoutTuple(Term):
     def fields(self, first):
         return first.areas
@@ -294,6 +299,7 @@ class Summed(WithoutTuple):
         (WithoutLastAxis, r"fields of WithoutLastAxis must have shape \(..., F, n\);.*\(2, 3\)$"),
         (OneForAll, r"fields of OneForAll must have shape \(..., F, n\);.*\(2, 3\)$"),
         (ShareOfAll, "fields of ShareOfAll must be computed triangle by triangle"),
+        (NearlyLocal, "fields of NearlyLocal must be computed triangle by triangle"),
         (Summed, r"squared_dist of Summed must return shape \(..., F\).*found \(2,\)"),
     ],
 )
