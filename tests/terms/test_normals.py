@@ -84,3 +84,11 @@ def test_the_pair_function_is_the_definition(term, n_components, factor, angle):
         for n, slope, other in ((a, slopes[0], by_first[k]), (b, slopes[1], by_second[k])):
             change = factor * np.array(slope)[:n_components] - other
             np.testing.assert_allclose(change - (change @ n) * n, 0.0, atol=1e-10)
+
+
+def test_slopes_of_squared_angles_where_vectors_coincide_or_are_opposite():
+    """Of p and q, the squared lengths of difference and sum; none in q if that is 0."""
+    coincident = [grad(normals.squared_arc, k)(0.0, 4.0) for k in (0, 1)]
+    opposite = [grad(normals.squared_arc, k)(4.0, 0.0) for k in (0, 1)]
+    assert coincident == [1.0, 0.0]
+    assert opposite == [0.0, 0.0]
