@@ -69,6 +69,7 @@ def bodies():
     return rh.datasets.load_open_bodies("coarse")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited")
 def test_too_little_memory_is_said_at_every_door():
     finished = subprocess.run(

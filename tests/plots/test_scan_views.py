@@ -49,6 +49,7 @@ def registered(body):
     )
 
 
+@pytest.mark.slow
 def test_larger_scans_are_thinned_and_the_page_says_so():
     finer = BODY, FACES
     for _ in range(3):
