@@ -1,13 +1,6 @@
 """Body measurements: girths, lengths, heights, breadths and volumes, and bodies from them."""
 
-from riemhuman.measurements.bodies_from_measurements import (
-    NearestBody,
-    PredictedMeasurements,
-    ProbableBody,
-    model_from_measurements,
-    nearest_body,
-    predict_measurements,
-)
+from riemhuman.measurements.bodies_from_measurements import ProbableBody, model_from_measurements
 from riemhuman.measurements.definitions import (
     Area,
     Breadth,
@@ -23,6 +16,7 @@ from riemhuman.measurements.definitions import (
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
+from riemhuman.measurements.nearest_bodies import NearestBody, nearest_body
 from riemhuman.measurements.people import (
     PersonDistance,
     UsualDistances,
@@ -31,6 +25,10 @@ from riemhuman.measurements.people import (
 )
 from riemhuman.measurements.populations import average_adult, percentiles
 from riemhuman.measurements.posture import posture_angles
+from riemhuman.measurements.predicted_measurements import (
+    PredictedMeasurements,
+    predict_measurements,
+)
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.measurements.visits import (
     VisitComparison,

@@ -19,9 +19,9 @@ from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.checks import one_of, real_number
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
-from riemhuman.measurements.bodies_from_measurements import SEXES
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
+from riemhuman.measurements.predicted_measurements import SEXES
 
 _STATURE = "stature"
 # Standard deviations of the logarithm of stature beyond which there are hardly any adults.

@@ -1,19 +1,17 @@
-"""Bodies from measurements: they have them, and are the most probable or the nearest."""
+"""Bodies from measurements: they have them, and are the most probable."""
 
 import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import (
     Measurements,
     in_standard_pose,
     model_from_measurements,
-    nearest_body,
     predict_measurements,
 )
-from riemhuman.measurements.bodies_from_measurements import adults, predict
+from riemhuman.measurements.predicted_measurements import adults, predict
 
 SIXTEEN = (
     ["stature", "cervical height", "chest girth", "under-bust girth", "waist girth", "hip girth"]
@@ -106,6 +104,23 @@ def test_starts_have_a_coefficient_for_each_direction():
             model_from_measurements({"stature": 1.7}, resolution="coarse", start=start)
 
 
+def test_given_measurements_of_the_start_are_defined():
+    """Of a body that is turned inside out, no waist can be measured."""
+    start = np.full(32, -60.0)
+    with pytest.raises(ArgumentError, match="start must be a body whose given measurements are"):
+        model_from_measurements(TALL, "woman", resolution="coarse", start=start)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "cost"), [(FOUR, 106.3), (FOUR | {"inside leg height": 0.95}, 302.8)]
+)
+def test_no_gradient_of_a_distant_body_ends_the_search(wanted, cost):
+    """With signed errors of linearisations, the searches end 0.01 to 0.4 above these costs."""
+    person = model_from_measurements(wanted, "woman", resolution="coarse")
+    assert person.converged
+    assert person.cost < cost
+
+
 def test_the_full_model_from_the_coarse_body_ends_at_the_same_cost():
     wanted = {"stature": 1.8, "body mass": 80.0}
     coarse = model_from_measurements(wanted, "man", resolution="coarse")
@@ -142,31 +157,6 @@ def test_the_message_says_which_waist(woman_of_four):
     assert woman_of_four.message == "the values agree with each other"
 
 
-@pytest.mark.parametrize("sex", ["woman", "man"])
-def test_predictions_are_calibrated(sex):
-    """Of people drawn from the statistics, 90 per cent lie within the stated 90 per cent."""
-    names, entry = adults()["names"], adults()[sex]
-    rng = np.random.default_rng(0)
-    people = rng.multivariate_normal(entry["mean"], entry["covariance"], 400)
-    rows = [names.index(name) for name in FOUR]
-    found = [predict(dict(zip(FOUR, person[rows], strict=True)), sex) for person in people]
-    rest = [name for name in names if name not in FOUR]
-    mean, std = (
-        np.array([[getattr(one, kind)[name] for name in rest] for one in found])
-        for kind in ("mean", "std")
-    )
-    errors = people[:, [names.index(name) for name in rest]] - mean
-    within = (np.abs(errors) < 1.6449 * std).mean(axis=0)
-    assert abs(within.mean() - 0.9) < 0.01
-    assert within.min() > 0.83
-    assert np.mean([bool(one.contradictory) for one in found]) <= 0.01
-    assert np.mean([one.rarity < 0.001 for one in found]) <= 0.001
-    # No linear function of the given values explains more.
-    inputs = np.column_stack([np.ones(len(people)), people[:, rows]])
-    residuals = errors - inputs @ np.linalg.lstsq(inputs, errors, rcond=None)[0]
-    assert (errors.std(axis=0) < 1.05 * residuals.std(axis=0)).all()
-
-
 def test_predictions_need_no_body(woman_of_four):
     predicted = predict_measurements(FOUR, "woman")
     assert predicted.values == woman_of_four.predicted
@@ -181,15 +171,6 @@ def test_predictions_need_no_body(woman_of_four):
         predict_measurements({"stature": 170})
     with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
         predict_measurements({"waist grith": 0.8})
-
-
-def test_the_sex_is_inferred():
-    woman = predict(FOUR, "adult")
-    assert woman.sexes["woman"] > 0.9
-    same = predict(FOUR, "woman")
-    assert abs(woman.mean["neck girth"] - same.mean["neck girth"]) < 0.1 * same.std["neck girth"]
-    unknown = predict({"stature": 1.69}, "adult")
-    assert unknown.std["neck girth"] > 1.2 * predict({"stature": 1.69}, "man").std["neck girth"]
 
 
 def test_the_body_is_near_the_prediction(own, woman_of_four):
@@ -219,62 +200,3 @@ def test_wrong_values():
             model_from_measurements(*arguments)
     with pytest.raises(ArgumentError, match="there is no measurement 'stature'"):
         model_from_measurements({"waist girth": 0.8}, tolerances={"stature": 1.0})
-
-
-class TestNearestBody:
-    @pytest.fixture(scope="class")
-    @staticmethod
-    def body():
-        return load_open_bodies("coarse").points[0]
-
-    @pytest.fixture(scope="class")
-    @staticmethod
-    def few(own):
-        names = ["waist girth", "hip girth", "stature", "head girth"]
-        return Measurements(own.definitions, names)
-
-    @pytest.fixture(scope="class")
-    @staticmethod
-    def metric():
-        space = AlignedSurfaces(load_open_model("coarse").template)
-        return SobolevMetric(space, a0=1.0, a2=0.01)
-
-    @pytest.mark.parametrize("order", ["first", "second"])
-    def test_a_waist_of_five_centimetres_less(self, body, few, metric, order):
-        if order == "first":
-            metric = ElasticMetric(metric.space, a=1.0, lam=1.0, c=1.0)
-        waist = float(few.measure(body)["waist girth"]) - 0.05
-        result = nearest_body(few, metric, body, {"waist girth": waist})
-        assert result.converged
-        assert abs(result.after["waist girth"] - waist) < 1e-4
-        assert abs(result.changes["waist girth"] + 0.05) < 1e-4
-        assert abs(result.changes["head girth"]) < 5e-4
-        squared, slopes = metric.energy_and_gradient(np.stack([body, result.point]))
-        np.testing.assert_allclose(result.distance**2, squared, rtol=1e-9)
-        # At the nearest body, the gradient of the squared distance is a multiple of the waist's, as
-        # far as the hull of the waist has one.
-        slope = slopes[1].ravel()
-        waist_only = Measurements(few.definitions, ["waist girth"])
-        gradient = waist_only.measure(result.point, gradient=True).gradient[0].ravel()
-        multiplier = slope @ gradient / (gradient @ gradient)
-        assert np.linalg.norm(slope - multiplier * gradient) < 0.2 * np.linalg.norm(slope)
-
-    def test_requested_values_are_met_and_cost(self, body, few, metric):
-        now = few.measure(body)
-        wanted = {"waist girth": now["waist girth"] - 0.03, "hip girth": now["hip girth"]}
-        result = nearest_body(few, metric, body, wanted)
-        assert abs(result.changes["hip girth"]) < 2e-4
-        free = nearest_body(few, metric, body, {"waist girth": wanted["waist girth"]})
-        assert free.distance < result.distance
-        same = nearest_body(few, metric, body, {"stature": now["stature"]})
-        assert same.distance < 1e-8
-        np.testing.assert_allclose(same.point, body, atol=1e-8)
-
-    def test_wrong_arguments_and_too_few_steps(self, body, few, metric):
-        with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
-            nearest_body(few, metric, body, {"waist grith": 0.7})
-        with pytest.warns(ConvergenceWarning, match="not reached: waist girth"):
-            nearest_body(few, metric, body, {"waist girth": 0.4}, max_iter=1)
-        # On its way no step may lead to what is no body.
-        with pytest.warns(ConvergenceWarning, match="not reached: stature"):
-            nearest_body(few, metric, body, {"stature": -1.0}, max_iter=5)

@@ -31,7 +31,7 @@ from numpy import ndarray
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.measurements import Measurements, model_from_measurements, open_measurements
-from riemhuman.measurements import bodies_from_measurements as statistics
+from riemhuman.measurements import predicted_measurements as statistics
 from riemhuman.measurements.measurement_set import DATA
 
 _TABLES = {"woman": "women.csv", "man": "men.csv"}

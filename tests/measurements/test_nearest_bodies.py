@@ -1,0 +1,70 @@
+"""The nearest body with given measurements has them, and is the nearest."""
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric
+from riemhuman.measurements import Measurements, nearest_body
+
+
+@pytest.fixture(scope="module")
+def body():
+    return load_open_bodies("coarse").points[0]
+
+
+@pytest.fixture(scope="module")
+def few():
+    own = Measurements(load_open_model("coarse"))
+    names = ["waist girth", "hip girth", "stature", "head girth"]
+    return Measurements(own.definitions, names)
+
+
+@pytest.fixture(scope="module")
+def metric():
+    space = AlignedSurfaces(load_open_model("coarse").template)
+    return SobolevMetric(space, a0=1.0, a2=0.01)
+
+
+@pytest.mark.parametrize("order", ["first", "second"])
+def test_a_waist_of_five_centimetres_less(body, few, metric, order):
+    if order == "first":
+        metric = ElasticMetric(metric.space, a=1.0, lam=1.0, c=1.0)
+    waist = float(few.measure(body)["waist girth"]) - 0.05
+    result = nearest_body(few, metric, body, {"waist girth": waist})
+    assert result.converged
+    assert abs(result.after["waist girth"] - waist) < 1e-4
+    assert abs(result.changes["waist girth"] + 0.05) < 1e-4
+    assert abs(result.changes["head girth"]) < 5e-4
+    squared, slopes = metric.energy_and_gradient(np.stack([body, result.point]))
+    np.testing.assert_allclose(result.distance**2, squared, rtol=1e-9)
+    # At the nearest body, the gradient of the squared distance is a multiple of the waist's, as
+    # far as the hull of the waist has one.
+    slope = slopes[1].ravel()
+    waist_only = Measurements(few.definitions, ["waist girth"])
+    gradient = waist_only.measure(result.point, gradient=True).gradient[0].ravel()
+    multiplier = slope @ gradient / (gradient @ gradient)
+    assert np.linalg.norm(slope - multiplier * gradient) < 0.2 * np.linalg.norm(slope)
+
+
+def test_requested_values_are_met_and_cost(body, few, metric):
+    now = few.measure(body)
+    wanted = {"waist girth": now["waist girth"] - 0.03, "hip girth": now["hip girth"]}
+    result = nearest_body(few, metric, body, wanted)
+    assert abs(result.changes["hip girth"]) < 2e-4
+    free = nearest_body(few, metric, body, {"waist girth": wanted["waist girth"]})
+    assert free.distance < result.distance
+    same = nearest_body(few, metric, body, {"stature": now["stature"]})
+    assert same.distance < 1e-8
+    np.testing.assert_allclose(same.point, body, atol=1e-8)
+
+
+def test_wrong_arguments_and_too_few_steps(body, few, metric):
+    with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
+        nearest_body(few, metric, body, {"waist grith": 0.7})
+    with pytest.warns(ConvergenceWarning, match="not reached: waist girth"):
+        nearest_body(few, metric, body, {"waist girth": 0.4}, max_iter=1)
+    # On its way no step may lead to what is no body.
+    with pytest.warns(ConvergenceWarning, match="not reached: stature"):
+        nearest_body(few, metric, body, {"stature": -1.0}, max_iter=5)
