@@ -22,7 +22,13 @@ from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.template import Template
 
 _LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
-_FOLDING = {"elbow": "wrist", "knee": "ankle"}
+# Joints that bend, and those that end the bone below.
+_FOLDING = (
+    ("left_elbow", "left_wrist"),
+    ("right_elbow", "right_wrist"),
+    ("left_knee", "left_ankle"),
+    ("right_knee", "right_ankle"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +151,12 @@ def find_lost_limbs(
     shared = parts.shares(overlaps) > settings.shared_limb * parts.shares(matched)
     lost = [int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS]
     joints = model.joint_regressor @ points
-    for k, name in enumerate(names):
-        side, _, joint = name.partition("_")
-        for end in parts.numbers(f"{side}_{_FOLDING.get(joint)}"):
-            above, below = joints[k] - joints[model.parents[k]], joints[end] - joints[k]
-            if above @ below < settings.least_bent * np.linalg.norm(above) * np.linalg.norm(below):
-                lost.append(k)
+    for middle_name, end_name in _FOLDING:
+        limb = parts.numbers(middle_name, end_name)
+        if len(limb) < 2:
+            continue
+        middle, end = limb
+        above, below = joints[middle] - joints[model.parents[middle]], joints[end] - joints[middle]
+        if above @ below < settings.least_bent * np.linalg.norm(above) * np.linalg.norm(below):
+            lost.append(middle)
     return parts.vertices(lost)

@@ -170,7 +170,9 @@ def _parts_of(names, trace, truth, places):
     for k, name in enumerate(body.parts.names):
         chosen, (side, _, joint) = shown & (owners == k), name.partition("_")
         if joint in (*_TURNED, "wrist") and chosen.sum() > _LEAST_SHOWN * (owners == k).sum():
-            carriers = body.parts.numbers(name, f"{side}_{_CARRIED_BY.get(joint)}")
+            carriers = body.parts.numbers(name)
+            if joint in _CARRIED_BY:
+                carriers += body.parts.numbers(f"{side}_{_CARRIED_BY[joint]}")
             yield LimbPart(
                 *names,
                 name,
