@@ -2,7 +2,7 @@
 
 The model always has all limbs. One that the scan does not show is drawn to points of other parts,
 and draws the part above it out of place: an upper arm follows the forearm that is fitted to the
-trunk. In goes a fit of all limbs; out comes one without those that are lost, and what it shows.
+trunk, and is rotated about itself with it. In goes a fit of all limbs; out comes one without those that are lost, and what it shows.
 """
 
 from __future__ import annotations
@@ -10,14 +10,26 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._arms_and_hands import BodyFit
-from riemhuman.registration._dense_fit import fit_closest
+from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._dense_fit import DenseTask, fit_closest
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._shown_parts import ShownParts, find_shown_parts
 from riemhuman.surfaces.nearest_points import nearest_points
+
+# Joints of upper arms and thighs, and those of the limbs that they carry.
+_CARRIERS = (
+    ("left_shoulder", "left_elbow"),
+    ("right_shoulder", "right_elbow"),
+    ("left_hip", "left_knee"),
+    ("right_hip", "right_knee"),
+)
+_LEAST_TWIST = 1e-6
 
 
 def leave_out_lost_limbs(
@@ -47,10 +59,47 @@ def _fit_without(fitted: BodyFit, lost: np.ndarray) -> BodyFit:
     task, visible = fitted.task, fitted.task.visible & ~lost
     areas = task.samples.areas * visible[task.samples.numbers]
     samples = task.samples._replace(areas=areas / areas.sum())
-    task = replace(task, visible=visible, samples=samples)
-    scales = task.body.settings.dense.scales
-    pose = fit_closest(samples, fitted.fit.pose, task.prior, task.scan, scales)
+    # A scan hardly shows how what carries a lost limb is rotated about itself: the limb had said
+    # so alone, wherever it was.
+    local, expected = fitted.fit.pose.local.copy(), task.prior.local.copy()
+    for carrier, end in _find_carriers(task.body.parts, lost):
+        local[carrier] = expected[carrier] = _with_usual_twist(task, local, carrier, end)
+    task = replace(
+        task, visible=visible, samples=samples, prior=task.prior._replace(local=expected)
+    )
+    start, scales = fitted.fit.pose._replace(local=local), task.body.settings.dense.scales
+    pose = fit_closest(samples, start, task.prior, task.scan, scales)
     return replace(fitted, task=task, fit=leave_model(task, pose))
+
+
+def _find_carriers(parts: BodyParts, lost: np.ndarray) -> list[tuple[int, int]]:
+    """Return the joints of upper arms and thighs that carry lost limbs, and those of the limbs."""
+    carriers = []
+    for names in _CARRIERS:
+        joints = parts.numbers(*names)
+        if len(joints) == 2:
+            is_lost = [bool(lost[parts.owners == joint].any()) for joint in joints]
+            if is_lost == [False, True]:
+                carriers.append((joints[0], joints[1]))
+    return carriers
+
+
+def _with_usual_twist(task: DenseTask, local: np.ndarray, carrier: int, end: int) -> np.ndarray:
+    """Return a joint's rotation, twisted about its bone as in the start pose that is nearest."""
+    rest = task.samples.skeleton.rest_joints
+    bone = unit_vectors(rest[end] - rest[carrier])
+    direction = local[carrier] @ bone
+    nearest = max(
+        (pose[carrier] for pose in task.body.poses.values()),
+        key=lambda rotation: float(rotation @ bone @ direction),
+    )
+    change = Rotation.from_matrix(local[carrier].T @ nearest).as_quat()
+    # The twist of a rotation about an axis keeps only that part of its quaternion.
+    twist = np.append((change[:3] @ bone) * bone, change[3])
+    if np.linalg.norm(twist) < _LEAST_TWIST:  # half a turn the other way: no twist is nearest
+        return local[carrier]
+    twisted: np.ndarray = local[carrier] @ Rotation.from_quat(twist).as_matrix()
+    return twisted
 
 
 def _explains_scan(fitted: BodyFit) -> bool:

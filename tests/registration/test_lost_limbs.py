@@ -1,12 +1,17 @@
 """Limbs that a scan does not show leave those that it shows where they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from limbs_right_and_wrong import without
 from scanned_people import fit_body, task_of
 
 import riemhuman as rh
+from riemhuman.bodies import rotation_matrix
+from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration import simulated_scan
+from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._lost_limbs import leave_out_lost_limbs
 from riemhuman.registration._start_search import search_scan
 
@@ -46,3 +51,23 @@ def test_a_whole_body_stays_as_it_is(registration_from, model, bodies):
     whole, fitted, shown = fits_of(registration_from, model, bodies[30], ())
     assert fitted is whole
     assert not shown.lost.any()
+
+
+def test_an_upper_arm_without_forearm_is_not_twisted(registration_from, model, bodies):
+    """Rotated about its own axis, it fits as well; it is then as in the nearest start pose."""
+    whole, *_ = fits_of(registration_from, model, bodies[30], ("left_elbow",))
+    task, rest = whole.task, whole.task.samples.skeleton.rest_joints
+    shoulder, elbow = task.body.parts.numbers("left_shoulder", "left_elbow")
+    axis = unit_vectors(rest[elbow] - rest[shoulder])
+    local = whole.fit.pose.local.copy()
+    local[shoulder] = local[shoulder] @ rotation_matrix(np.radians(120.0) * axis)
+    task = replace(task, prior=task.prior._replace(local=local))
+    twisted = replace(whole, task=task, fit=leave_model(task, whole.fit.pose._replace(local=local)))
+    fitted, _ = leave_out_lost_limbs(twisted, task.scan, is_refused=False)
+    on_upper_arm = task.body.parts.owners == shoulder
+    errors = [
+        np.linalg.norm(body.fit.points - bodies[30], axis=1)[on_upper_arm].mean()
+        for body in (twisted, fitted)
+    ]
+    assert errors[0] > 0.05
+    assert errors[1] < 0.012
