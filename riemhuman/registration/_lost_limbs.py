@@ -2,7 +2,8 @@
 
 The model always has all limbs. One that the scan does not show is drawn to points of other parts,
 and draws the part above it out of place: an upper arm follows the forearm that is fitted to the
-trunk, and is rotated about itself with it. In goes a fit of all limbs; out comes one without those that are lost, and what it shows.
+trunk, and is rotated about itself with it. In goes a fit of all limbs; out comes one without those
+that are lost, and what the scan shows of it.
 """
 
 from __future__ import annotations
