@@ -285,6 +285,14 @@ def test_what_is_too_small_for_single_precision_counts_as_rounding():
     assert exact - kept <= rounding[0] < 1e-15
 
 
+def test_rounding_is_at_most_the_way_through_the_apex():
+    """However far rounding shears a triangle."""
+    one = np.ones((1, 1))
+    fields = 1e10 + 300.0 * one, one, one
+    _, rounding = features_of_fields(EbinTerm(lam=0.3), fields, np.ones(1), "single")
+    assert rounding[0] == pytest.approx(4.0 * np.sqrt(0.3) * (1.0 + 1.0))
+
+
 TINY = 2.0**-80 * np.array([[1.0], [2.0]])  # exact in single precision, but not the squares
 UNIT = np.ones((2, 1))
 
