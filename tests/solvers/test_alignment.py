@@ -10,6 +10,7 @@ from cases import name_of, surface_cases
 from scipy.spatial.transform import Rotation
 
 from riemhuman.geometry import ElasticMetric
+from riemhuman.kernels.drift import centroid
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,
@@ -23,6 +24,7 @@ from riemhuman.solvers import (
     SegmentEnergy,
     TangentPCA,
 )
+from riemhuman.solvers._alignment import align_ends
 from riemhuman.surfaces import DeformationBasis, procrustes
 
 BLIND = [case for case in surface_cases("dist") if "rotation" in case.invariant_under]
@@ -255,3 +257,19 @@ def test_the_energy_of_a_turned_path_is_that_of_its_segments():
     end = turned(end, 170.0, (0.0, 1.0, 0.0))
     result = PoissonPath(5).solve(metric, start, end)
     assert SegmentEnergy().value(metric, result.path) == pytest.approx(result.energy, rel=1e-12)
+
+
+@pytest.mark.parametrize(("degrees", "axis"), TURNS[1:])
+def test_paths_turned_back_move_evenly(degrees, axis):
+    """From centroid to centroid; aligned again, they are the same paths."""
+    metric = shape_metric()
+    start, end = bodies.body("resting"), turned(bodies.body("arm raised"), degrees, axis)
+    ends = align_ends(metric, start, end)
+    path = np.linspace(0.0, 1.0, 5)[:, None, None] * (ends.end - ends.start) + ends.start
+    back = ends.turned_back(path)
+    np.testing.assert_array_equal(back[[0, -1]], [start, end])
+    areas = metric.space.template.vertex_areas
+    centroids = centroid(back, areas)
+    even = np.linspace(centroids[0], centroids[-1], 5)
+    np.testing.assert_allclose(centroids, even, atol=1e-12)
+    np.testing.assert_allclose(ends.aligned(back), path, atol=1e-12)

@@ -70,6 +70,16 @@ def test_the_best_turned_path_and_its_rivals(seed):
         assert energy == pytest.approx(metric.energy(path), rel=1e-12)
 
 
+def test_small_parts_together_have_no_rival():
+    """One limb, and some triangles: only the limb is tried both ways."""
+    metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
+    start, end = bodies_in_motion.swung_arms(7)
+    best, rival = rotating_paths(metric, SegmentEnergy(), start, end, 5)
+    assert len(best.follows) == 2
+    assert best.follows[0] != rival.follows[0]
+    assert best.follows[1] == rival.follows[1]
+
+
 def test_a_triangle_without_area_has_no_rotation():
     template = sphere_template()
     metric = ElasticMetric(AlignedSurfaces(template, equip=False), 1.0, 1.0, 0.0)

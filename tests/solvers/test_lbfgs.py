@@ -198,3 +198,15 @@ def test_interruption_anywhere_keeps_the_best_point():
         assert np.all(np.diff(found.values) < 0)
         assert found.n_iterations == len(found.values) - 1
         assert found.value == function(found.x)[0] == found.values[-1]
+
+
+def test_a_search_ends_where_the_value_no_longer_changes():
+    """The gain of iterations before these hides that the last ones gain almost nothing."""
+    function, _ = problem()
+    earlier, start = np.full(1000, 1e6), np.zeros(60)
+    settings = {"max_iter": 500, "tolerance": 1e-4, "recent_decrease": 1e-3, "earlier": earlier}
+    found = minimize(function, start, lambda x: lambda g: 1e-4 * g, **settings)
+    assert found.message == "the value no longer changes"
+    gains = -np.diff(found.values)
+    assert found.n_iterations > 15
+    assert gains[-15:].sum() <= 1e-6 * found.value < gains[-16:].sum()

@@ -7,7 +7,7 @@ from cases import CASES, SECOND_HALF, cases_that, name_of
 from oracles import taylor_slope
 
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError
-from riemhuman.geometry import ElasticMetric
+from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,
@@ -19,6 +19,7 @@ from riemhuman.solvers import (
     path_distances,
 )
 from riemhuman.solvers.path_comparison import PairsOfPoints, distances_of_rows
+from riemhuman.solvers.paths import check_initial_path, check_path_from, linear_path
 
 SEGMENT, DIFFERENCE = SegmentEnergy(), FiniteDifferenceEnergy()
 
@@ -157,6 +158,18 @@ def test_points_of_a_table_are_named(metric, points):
     flat[2] *= [1.0, 0.0, 0.0]
     with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[2\]: .*area"):
         path_distances(PoissonPath(3), metric, flat)
+
+
+def test_paths_may_start_and_end_off_by_rounding():
+    metric, path = VectorSpace((2,)).metric, linear_path(np.ones(2), np.zeros(2), 3)
+    check_initial_path(metric, path[0] + 1e-12, path[-1] - 1e-12, 3, path)
+    check_path_from(metric, path, path[0] + 1e-12)
+    with pytest.raises(ArgumentError, match="by up to 1e-07"):
+        check_initial_path(metric, path[0] + 1e-7, path[-1], 3, path)
+    with pytest.raises(ArgumentError, match="by up to 1e-07"):
+        check_initial_path(metric, path[0], path[-1] - 1e-7, 3, path)
+    with pytest.raises(ArgumentError, match="it is off by 1e-07"):
+        check_path_from(metric, path, path[0] + 1e-7)
 
 
 def test_what_has_not_converged_is_said_once(metric, points):
