@@ -248,6 +248,16 @@ def test_derivatives_by_every_point_of_the_path():
     )
 
 
+def test_derivatives_by_translations():
+    """The whole geodesic moves with its start, and its end by a velocity that is the same."""
+    path = SOLVER.solve(METRIC, VELOCITIES[0], START).path
+    covectors = np.zeros_like(path)
+    covectors[-1] = [1.0, 2.0, 3.0]
+    slopes = SOLVER.derivatives(METRIC, path, VELOCITIES[0], covectors)
+    for slope in slopes:
+        np.testing.assert_allclose(slope.sum(axis=0), covectors[-1].sum(axis=0), rtol=1e-6)
+
+
 def test_unsolved_equations_are_said():
     path = SOLVER.solve(METRIC, VELOCITIES[0], START).path
     with pytest.warns(ConvergenceWarning, match="is not exact: .* not solved in 1 iterations"):
