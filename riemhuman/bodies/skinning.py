@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies._blending import SkinningWeights, move
-from riemhuman.checks import integer_array, real_array
+from riemhuman.checks import check_shape, integer_array, real_array, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.surfaces.template import Template
@@ -107,6 +107,9 @@ def joint_motions(
         joints = real_array(joints, "joints")
     if not hasattr(rotations, "dtype"):
         rotations = real_array(rotations, "rotations")
+    n_joints = len(parents)
+    _check_trailing(joints, "joints", (n_joints, 3))
+    _check_trailing(rotations, "rotations", (n_joints, 3, 3))
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
     joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
     rotations = rotations + np.zeros((*shape, 1, 1, 1), dtype=rotations.dtype)
@@ -120,7 +123,6 @@ def joint_motions(
             bone = positions[joint] - joints[..., parent, :]
             positions[joint] = positions[parent] + _apply(in_space[parent], bone)
             in_space[joint] = np.matmul(in_space[parent], in_space[joint])
-    n_joints = len(parents)
     return (
         np.stack([in_space[joint] for joint in range(n_joints)], axis=-3),
         np.stack([positions[joint] for joint in range(n_joints)], axis=-2),
@@ -151,6 +153,12 @@ def skin_surface(
     np.float64(-1.0)
     """
     table = weights if hasattr(weights, "dtype") else real_array(weights, "weights")
+    check_shape(values_of(table, "weights"), "weights", ("n_vertices", "n_joints"), batched=False)
+    n_vertices, n_joints = np.shape(table)
+    _check_trailing(surface, "surface", (n_vertices, 3))
+    _check_trailing(joints, "joints", (n_joints, 3))
+    _check_trailing(rotations, "rotations", (n_joints, 3, 3))
+    _check_trailing(positions, "positions", (n_joints, 3))
     return skin_by(SkinningWeights.of_table(table), surface, joints, rotations, positions)
 
 
@@ -339,6 +347,12 @@ def joints_between(parents: Integers, first: int, last: int) -> list[int]:
     >>> rh.bodies.joints_between([-1, 0, 1, 0], 2, 3)
     [2, 1, 0, 3]
     """
+    parents = integer_array(parents, "parents", ("n_joints",))
+    for name, joint in (("first", first), ("last", last)):
+        if not 0 <= whole_number(joint, name) < len(parents):
+            raise ArgumentError(
+                f"{name} must be a joint, from 0 to {len(parents) - 1}; found {joint}"
+            )
     from_first = joints_to_root(parents, first)
     from_last = joints_to_root(parents, last)
     shared = next(joint for joint in from_first if joint in from_last)
@@ -395,6 +409,10 @@ def parents_first(parents: Integers) -> tuple[int, ...]:
         cycle = sorted(set(range(len(parents))) - set(order))
         raise ArgumentError(f"kintree_table has a cycle: joints {cycle} never reach the root")
     return tuple(order)
+
+
+def _check_trailing(array: Array, name: str, shape: tuple[int, ...]) -> None:
+    check_shape(values_of(array, name), name, shape)
 
 
 def _apply(matrices: Array, vectors: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array
-from riemhuman.checks import length_of, real_array
+from riemhuman.checks import length_of, real_array, refuse_type
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.io.arrays import load_array, load_arrays
@@ -122,6 +122,8 @@ class LatentVectors(Record, Descriptor):
 
 
 def _as_ids(ids: Iterable[object]) -> tuple[str, ...]:
+    if not isinstance(ids, Iterable):
+        refuse_type(ids, "ids", "a sequence of texts or whole numbers")
     texts = []
     for number, value in enumerate(ids):
         if isinstance(value, bytes):

@@ -12,25 +12,51 @@ def check_mesh(vertices: object, faces: object) -> tuple[np.ndarray, np.ndarray]
     """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh."""
     shape = ("n_vertices", 3)
     points = np.asarray(real_array(vertices, "vertices", shape, batched=False, lengths=True))
-    triangles = integer_array(faces, "faces", ("n_faces", 3))
+    triangles = check_triangles(faces, len(points), "vertices")
     if len(triangles) == 0:
         raise ArgumentError("faces is empty; a mesh needs at least one triangle")
-    if triangles.min() < 0 or triangles.max() >= len(points):
-        check_faces(
-            np.any((triangles < 0) | (triangles >= len(points)), axis=1),
-            triangles,
-            f"refers to a vertex out of range; vertices holds {len(points)}, counted from 0",
-        )
     return points, triangles
+
+
+def check_triangles(
+    faces: ArrayLike, n_vertices: int | None = None, name_of_vertices: str = "points"
+) -> np.ndarray:
+    """Return faces (F, 3), int64; raise if they refer to other than so many vertices, if known."""
+    return _vertex_numbers(faces, "faces", 3, n_vertices, name_of_vertices)
+
+
+def check_edges(edges: ArrayLike, n_vertices: int) -> np.ndarray:
+    """Return edges (E, 2), int64; raise if they refer to other than so many points."""
+    return _vertex_numbers(edges, "edges", 2, n_vertices, "points")
+
+
+def _vertex_numbers(
+    array: ArrayLike, name: str, n_corners: int, n_vertices: int | None, name_of_vertices: str
+) -> np.ndarray:
+    numbers = integer_array(array, name, (f"n_{name}", n_corners))
+    end = np.iinfo(np.int64).max if n_vertices is None else n_vertices
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= end):
+        held = "" if n_vertices is None else f"{name_of_vertices} holds {n_vertices}, "
+        _refuse_rows(
+            np.any((numbers < 0) | (numbers >= end), axis=1),
+            numbers,
+            name,
+            f"refers to a vertex out of range; {held}counted from 0",
+        )
+    return numbers
 
 
 def check_faces(is_bad: np.ndarray, faces: np.ndarray, reason: str) -> None:
     """Raise an error that names the first bad triangle and counts the others."""
+    _refuse_rows(is_bad, faces, "faces", reason)
+
+
+def _refuse_rows(is_bad: np.ndarray, rows: np.ndarray, name: str, reason: str) -> None:
     if is_bad.any():
         first = int(is_bad.argmax())
         n_more = int(is_bad.sum()) - 1
         more = f" (and {n_more} more)" if n_more else ""
-        raise ArgumentError(f"faces[{first}] = {tuple(faces[first].tolist())}{more} {reason}")
+        raise ArgumentError(f"{name}[{first}] = {tuple(rows[first].tolist())}{more} {reason}")
 
 
 def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:

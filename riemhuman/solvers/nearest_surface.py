@@ -11,10 +11,11 @@ from autograd import value_and_grad
 from scipy.sparse import csr_array
 
 from riemhuman.arrays import Array, Booleans, Points, Triangles
-from riemhuman.checks import integer_array, real_array, real_number, weight_shares, whole_number
+from riemhuman.checks import real_array, real_number, weight_shares, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, ProductManifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
+from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.kernels.surface import (
     apply_operator,
     stacked_derivatives,
@@ -168,8 +169,9 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     r"""Return which triangles of a surface are inverted with respect to a reference.
 
     Let A be the mean of the deformation gradients of all triangles that share a corner with a given
-    one. A should take the normal n of the triangle to the direction of
-    :math:`\det(A)\, A^{-\top} n`; the triangle is inverted if its normal points the other way.
+    one, weighted by their areas on the reference and by how many corners they share. A should take
+    the normal n of the triangle to the direction of :math:`\det(A)\, A^{-\top} n`; the triangle is
+    inverted if its normal points the other way.
 
     Parameters
     ----------
@@ -190,7 +192,7 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     """
     reference = real_array(reference, "reference", ("n_vertices", 3), batched=False)
     points = real_array(points, "points", reference.shape)
-    faces = integer_array(faces, "faces", ("n_faces", 3))
+    faces = check_triangles(faces, len(reference))
     frames, unit = _frames(points, faces), _frames(reference, faces)
     areas = np.linalg.det(unit)
     if not np.all(areas > 0):

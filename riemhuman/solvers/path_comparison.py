@@ -10,7 +10,7 @@ from typing import NamedTuple, Self, overload
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points, PointsLike
-from riemhuman.checks import check_methods, check_strategy, real_array, refuse_type
+from riemhuman.checks import check_methods, check_strategy, length_of, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
@@ -415,12 +415,13 @@ def path_distances(
     array([[0., 5.],
            [5., 0.]])
     """
+    n_points = length_of(points, "points")
     pairs = PairsOfPoints(points)
     results = solve_pairs(
         solver, metric, pairs, n_jobs=n_jobs, progress=progress, name_of=pairs.name_of
     )
     rows = np.array([row_of_path(metric, result) for result in results])
-    return distances_of_rows(len(points), rows)
+    return distances_of_rows(n_points, rows)
 
 
 class PairsOfPoints(Sequence[tuple[object, object]]):

@@ -12,7 +12,14 @@ import numpy as np
 from autograd import value_and_grad
 
 from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
-from riemhuman.checks import check_strategy, path_array, real_array, values_of, whole_number
+from riemhuman.checks import (
+    check_strategy,
+    length_of,
+    path_array,
+    real_array,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
@@ -132,6 +139,7 @@ def solve_pairs(
     """
     check_strategy(solver, "solver")
     check_metric(metric)
+    length_of(pairs, "pairs")
     bar = ProgressBar(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
     results: list[PathResult] = []
     with warnings.catch_warnings(), single_threaded_libraries(), bar:

@@ -25,7 +25,14 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from riemhuman.arrays import Array, ArrayLike, Contents, Points
-from riemhuman.checks import check_basis, check_methods, one_of, real_number, whole_number
+from riemhuman.checks import (
+    check_basis,
+    check_methods,
+    one_of,
+    real_number,
+    refuse_type,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import SurfaceMetric
 from riemhuman.geometry.manifold import SurfaceSpace
@@ -130,6 +137,8 @@ class MotionTransfer:
                 'reference must be left out if transfer="pose": poses are transferred '
                 "unchanged, whatever the pose of the target"
             )
+        if not isinstance(motion, Iterable):
+            refuse_type(motion, "motion", "an array, or an iterable of surfaces")
         frames = (_one_surface(space, frame, f"motion[{k}]") for k, frame in enumerate(motion))
         first_frame = next(frames, None)
         if first_frame is None:

@@ -307,10 +307,11 @@ class DeformationBasis:
         deformations : array, shape (m, V, 3)
             More deformations; their projections onto the basis are subtracted.
         """
+        shape = ("n_deformations", "n_vertices", 3)
+        deformations = real_array(deformations, "deformations", shape, batched=False)
+        self.check_fits(deformations.shape[1])
         flat = self.flat
-        for deformation in deformations:
-            self.check_fits(len(deformation))
-            row = np.ravel(real_array(deformation, "deformation", (self.n_vertices, 3)))
+        for row in deformations.reshape(len(deformations), -1):
             outside = row - (flat @ row) @ flat
             if np.abs(outside).max() > _OUTSIDE * np.abs(row).max():
                 outside /= np.linalg.norm(outside)

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from riemhuman.arrays import Array, Integers, Points, Triangles
 from riemhuman.checks import real_array
+from riemhuman.io.mesh_arrays import check_edges, check_triangles
 from riemhuman.kernels.surface import triangle_corners
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
@@ -29,6 +30,7 @@ def triangle_areas(points: Points, faces: Triangles) -> Array:
     1.77
     """
     points = real_array(points, "points", ("n_vertices", 3))
+    faces = check_triangles(faces, points.shape[-2])
     corner_1, corner_2, corner_3 = triangle_corners(points, faces)
     area_vectors = np.cross(corner_2 - corner_1, corner_3 - corner_1)
     double_areas: Array = np.linalg.norm(area_vectors, axis=-1)
@@ -51,6 +53,7 @@ def edge_lengths(points: Points, edges: Integers) -> Array:
     (3600,)
     """
     points = real_array(points, "points", ("n_vertices", 3))
+    edges = check_edges(edges, points.shape[-2])
     sides = points[..., edges[:, 1], :] - points[..., edges[:, 0], :]
     lengths: Array = np.linalg.norm(sides, axis=-1)
     return lengths
@@ -73,6 +76,7 @@ def signed_volume(points: Points, faces: Triangles) -> Array:
     0.059
     """
     points = real_array(points, "points", ("n_vertices", 3))
+    faces = check_triangles(faces, points.shape[-2])
     if not is_closed(faces):
         return np.full(points.shape[:-2], np.nan)
     return _enclosed(points, faces)
@@ -103,6 +107,8 @@ def body_size(surface: Points, faces: Triangles | None) -> tuple[float, float]:
 def is_closed(faces: Triangles) -> bool:
     """Return whether every edge belongs to two triangles, which pass it in opposite directions.
 
+    Without triangles, nothing is closed.
+
     Parameters
     ----------
     faces : array of int, shape (F, 3)
@@ -113,6 +119,9 @@ def is_closed(faces: Triangles) -> bool:
     >>> rh.surfaces.is_closed(bodies.template.faces)
     True
     """
+    faces = check_triangles(faces)
+    if len(faces) == 0:
+        return False
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     n_vertices = int(faces.max()) + 1
     keys = sides[:, 0] * n_vertices + sides[:, 1]
@@ -138,6 +147,7 @@ def adjacent_triangles(faces: Triangles) -> tuple[Integers, Integers]:
     >>> pairs.tolist(), edges.tolist()
     ([[1, 0]], [[1, 2]])
     """
+    faces = check_triangles(faces)
     starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
     n_vertices = int(faces.max(initial=0)) + 1
     # One number per edge, because sorting pairs takes many times as long.

@@ -10,6 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Integers, Points, Triangles
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.threads import of_one_kind, slices
 
@@ -66,6 +69,11 @@ def nearest_points(queries: Array, points: Points, faces: Triangles) -> tuple[Su
     >>> faces = bodies.template.faces
     >>> points, distances = rh.surfaces.nearest_points(bodies[0] + 0.01, bodies[0], faces)
     """
+    queries = real_array(queries, "queries", ("n_queries", 3), batched=False)
+    points = real_array(points, "points", ("n_points", 3), batched=False)
+    faces = check_triangles(faces, len(points))
+    if len(faces) == 0:
+        raise ArgumentError("faces is empty; a surface needs at least one triangle")
     corners = points[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     reach = np.zeros(len(points))

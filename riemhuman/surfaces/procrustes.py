@@ -237,6 +237,7 @@ def make_upright(points: Points, unit: str | None = None, up: str | None = None)
     """
     one_of(unit, "unit", (None, *UNITS))
     one_of(up, "up", (None, *AXES))
+    points = real_array(points, "points", (3,), finite=False)
     if unit is not None:
         points = points / UNITS[unit]
     return points if up is None else points @ np.array(_ROTATIONS[up], dtype=float).T

@@ -5,9 +5,10 @@ import autograd.numpy as anp
 import numpy as np
 import pytest
 
-from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
+from riemhuman.bodies import joint_motions, joints_between, rotation_matrix, skin_surface
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError
 
 N_VERTICES, N_JOINTS = 11, 6
 PARENTS, ORDER = (-1, 0, 1, 1, 0, 4), (0, 1, 2, 3, 4, 5)
@@ -134,3 +135,19 @@ def test_derivatives_by_rotations_betas_and_translation_are_those_of_the_definit
     np.testing.assert_allclose(derivatives, expected, rtol=1e-10, atol=1e-12)
     single = skinning_derivatives(*arguments, real=np.float32)
     np.testing.assert_array_equal(single, derivatives.astype(np.float32))
+
+
+def test_arrays_of_other_joints_are_refused():
+    joints, still = np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1))
+    with pytest.raises(ArgumentError, match=r"joints must have shape \(..., 2, 3\)"):
+        joint_motions(joints[:1], still, [-1, 0], (0, 1))
+    with pytest.raises(ArgumentError, match=r"rotations must have shape \(..., 2, 3, 3\)"):
+        joint_motions(joints, joints, [-1, 0], (0, 1))
+    surface, weights = np.zeros((5, 3)), np.full((5, 2), 0.5)
+    with pytest.raises(ArgumentError, match=r"surface must have shape \(..., 5, 3\)"):
+        skin_surface(surface[:4], weights, joints, still, joints)
+    with pytest.raises(ArgumentError, match=r"positions must have shape \(..., 2, 3\)"):
+        skin_surface(surface, weights, joints, still, joints[:1])
+    for ends in ((0, 2), (-1, 1)):
+        with pytest.raises(ArgumentError, match="must be a joint, from 0 to 1"):
+            joints_between([-1, 0], *ends)

@@ -322,3 +322,29 @@ def with_bad_entry(number):
 def test_refusals_say_which(motions, error, message):
     with pytest.raises(error, match=message):
         list(frames_apart(motions, step=10))
+
+
+def test_what_is_nearly_in_the_basis_extends_it():
+    """The remainder is a few billionths: a first projection leaves rounding errors inside."""
+    rng = np.random.default_rng(0)
+    basis = DeformationBasis(rng.normal(size=(4, 30, 3)), orthonormalize=True)
+    inside = np.tensordot([3.0, -1.0, 2.0, 5.0], basis.vectors, axes=1)
+    extended = basis.extend((inside + 3e-9 * rng.normal(size=(30, 3)))[None])
+    assert len(extended) == 5
+    np.testing.assert_allclose(extended.flat @ extended.flat.T, np.eye(5), atol=1e-12)
+    with pytest.raises(ArgumentError, match="deformations must have shape"):
+        basis.extend(inside)
+
+
+def test_motions_on_demand_are_read_to_their_last_frame():
+    motion = np.random.default_rng(1).normal(size=(11, 6, 3))
+
+    class OnDemand:
+        def __len__(self):
+            return len(motion)
+
+        def __getitem__(self, number):
+            return motion[number]
+
+    pairs = [(start[0, 0], end[0, 0]) for start, end in frames_apart([OnDemand()], step=5)]
+    assert pairs == [(motion[0, 0, 0], motion[5, 0, 0]), (motion[5, 0, 0], motion[10, 0, 0])]

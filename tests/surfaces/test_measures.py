@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from cases import open_template, sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.surfaces.measures import (
     adjacent_triangles,
     edge_lengths,
@@ -65,3 +65,40 @@ def test_adjacent_triangles_share_their_edge():
     assert len(pairs) == 3 * len(faces) // 2
     for pair, edge in zip(pairs, edges, strict=True):
         assert all(set(edge) <= set(faces[triangle]) for triangle in pair)
+
+
+@pytest.mark.parametrize(
+    ("faces", "message"),
+    [
+        ([[0, 1, 9]], r"faces\[0\] = \(0, 1, 9\) refers to a vertex out of range; points holds 4"),
+        ([[0, 1, -1]], r"faces\[0\] = \(0, 1, -1\) refers to a vertex out of range"),
+        ([[0, 1]], r"faces must have shape \(n_faces, 3\)"),
+        ([[0.0, 1.0, 0.5]], "faces must be an array of whole numbers"),
+        (None, "faces must be an array of whole numbers"),
+    ],
+)
+def test_other_than_triangles_are_refused(faces, message):
+    points = np.eye(4, 3)
+    for measure in (triangle_areas, signed_volume):
+        with pytest.raises(RiemhumanError, match=message):
+            measure(points, faces)
+    if faces != [[0, 1, 9]]:  # how many vertices there are is not known
+        for property_of_faces in (is_closed, adjacent_triangles):
+            with pytest.raises(RiemhumanError, match=message.split(";")[0]):
+                property_of_faces(faces)
+
+
+def test_edges_out_of_range_are_refused():
+    with pytest.raises(ArgumentError, match=r"edges\[1\] = \(0, 4\) refers to a vertex"):
+        edge_lengths(np.eye(4, 3), [[0, 1], [0, 4]])
+
+
+def test_without_triangles_nothing_is_closed():
+    assert not is_closed(np.empty((0, 3), dtype=int))
+    assert np.isnan(signed_volume(np.eye(4, 3), np.empty((0, 3), dtype=int)))
+
+
+def test_lists_are_triangles_and_shared_edges_are_ascending():
+    assert triangle_areas(np.eye(4, 3), [[0, 1, 3]]).tolist() == [0.5]
+    _, edges = adjacent_triangles([[0, 2, 1], [2, 3, 1]])
+    assert edges.tolist() == [[1, 2]]

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import RiemhumanError
 from riemhuman.surfaces.nearest_points import nearest_points
 
 
@@ -62,3 +63,19 @@ def test_no_points_have_no_places():
     places, distances = nearest_points(np.empty((0, 3)), bodies[0], bodies.template.faces)
     assert places.barycentric.shape == (0, 3)
     assert distances.shape == (0,)
+
+
+def test_no_queries_points_or_triangles_are_refused():
+    points, faces = np.eye(3), [[0, 1, 2]]
+    found, distances = nearest_points(points, points, faces)
+    assert found.triangles.tolist() == [0, 0, 0]
+    np.testing.assert_allclose(distances, 0.0, atol=1e-12)
+    for arguments, message in (
+        ((np.zeros((5, 2)), points, faces), "queries must have shape"),
+        ((points * np.nan, points, faces), "queries holds 9 NaN or infinite entries"),
+        ((points, None, faces), "points must be an array"),
+        ((points, points, [[0, 1, 3]]), "refers to a vertex out of range"),
+        ((points, points, np.empty((0, 3), dtype=int)), "faces is empty"),
+    ):
+        with pytest.raises(RiemhumanError, match=message):
+            nearest_points(*arguments)

@@ -170,3 +170,15 @@ def test_rings_that_turn_once_around_are_cut_at_their_largest_steps(seed):
     for ring, step in zip(gaps, steps, strict=True):
         # The last step leads from the last triangle back to the first.
         np.testing.assert_array_equal(np.flatnonzero(ring > 1.0), [np.argmax(step)])
+
+
+def test_parts_come_by_their_area():
+    template = open_template()
+    highest, lowest = template.vertices[:, 1].argmax(), template.vertices[:, 1].argmin()
+    chosen = np.any(template.faces == highest, axis=1)
+    chosen[np.any(template.faces == lowest, axis=1).argmax()] = True
+    parts = template.interpolator.parts(chosen)
+    areas = [template.face_areas[part].sum() for part in parts]
+    assert len(areas) == 2
+    assert areas == sorted(areas, reverse=True)
+    np.testing.assert_array_equal(np.sort(np.concatenate(parts)), np.flatnonzero(chosen))

@@ -176,3 +176,21 @@ def test_units():
         make_upright(points, "feet")
     with pytest.raises(ArgumentError, match="up must be one of"):
         make_upright(points, up="w")
+
+
+def test_the_scale_of_a_mirrored_surface_is_the_best():
+    """Its weakest axis is reversed, so it counts against the others."""
+    rng = np.random.default_rng(3)
+    reference = rng.normal(size=(40, 3))
+    mirrored = reference * [1.0, 1.0, -1.0]
+    aligned = procrustes(mirrored, to=reference, scale=True)
+    target = reference - reference.mean(axis=0)
+    aligned = aligned - aligned.mean(axis=0)
+    # Where the scale is the best, the sum of squares does not change with it.
+    assert np.sum(aligned * (target - aligned)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_only_points_are_turned_upright():
+    with pytest.raises(ArgumentError, match="points must have shape"):
+        make_upright(np.zeros((4, 2)), "millimetres", up="z")
+    assert make_upright([[0.0, 0.0, 1700.0]], "millimetres", up="z").tolist() == [[0.0, 1.7, 0.0]]
