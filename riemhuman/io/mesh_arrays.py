@@ -19,19 +19,19 @@ def check_mesh(vertices: object, faces: object) -> tuple[np.ndarray, np.ndarray]
 
 
 def check_triangles(
-    faces: ArrayLike, n_vertices: int | None = None, name_of_vertices: str = "points"
+    faces: object, n_vertices: int | None = None, name_of_vertices: str = "points"
 ) -> np.ndarray:
     """Return faces (F, 3), int64; raise if they refer to other than so many vertices, if known."""
     return _vertex_numbers(faces, "faces", 3, n_vertices, name_of_vertices)
 
 
-def check_edges(edges: ArrayLike, n_vertices: int) -> np.ndarray:
+def check_edges(edges: object, n_vertices: int) -> np.ndarray:
     """Return edges (E, 2), int64; raise if they refer to other than so many points."""
     return _vertex_numbers(edges, "edges", 2, n_vertices, "points")
 
 
 def _vertex_numbers(
-    array: ArrayLike, name: str, n_corners: int, n_vertices: int | None, name_of_vertices: str
+    array: object, name: str, n_corners: int, n_vertices: int | None, name_of_vertices: str
 ) -> np.ndarray:
     numbers = integer_array(array, name, (f"n_{name}", n_corners))
     end = np.iinfo(np.int64).max if n_vertices is None else n_vertices
