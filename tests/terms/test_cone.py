@@ -10,7 +10,8 @@ from cases import open_template, sphere_template, surfaces
 from numba import njit
 from scipy.optimize import minimize
 
-from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
+from riemhuman.errors import NotDefinedError
+from riemhuman.geometry import AlignedSurfaces, GeneralElasticMetric, SurfaceMetric
 from riemhuman.kernels import surface
 from riemhuman.terms import (
     ConeTerm,
@@ -214,6 +215,17 @@ def test_single_precision_keeps_its_bound():
     assert np.all(rounding < 1e-4)
     slack = rounding[:, None] + rounding + 1e-6 * dists[0]
     assert np.all(np.abs(dists[0] - dists[1]) <= slack)
+
+
+def test_which_cones_have_a_space_of_fields():
+    """Without normals and stretching, areas alone are left, which make no manifold with exp."""
+    space = AlignedSurfaces(open_template())
+    for weights in ((1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (0.0, 1.0, 1.0)):
+        assert GeneralElasticMetric(space, *weights).has_target_metric
+    metric = GeneralElasticMetric(space, 0.0, 1.0, 0.0)
+    assert not metric.has_target_metric
+    with pytest.raises(NotDefinedError, match="the fields of ConeTerm have no manifold"):
+        _ = metric.target_metric
 
 
 # The pair function that all loops call.
