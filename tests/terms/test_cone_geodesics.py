@@ -170,6 +170,15 @@ def test_passing_beside_the_apex_is_legal():
         np.testing.assert_allclose(end, oracles.exact_exp(-8 * g + size * shear, g, 1.0), rtol=1e-4)
 
 
+@pytest.mark.parametrize("skew", [1.0, 1e2, 1e3, 1e4])
+def test_ways_straight_to_the_apex_meet_it_however_skewed(skew):
+    """Rounding errors of whitening grow with the square of x/y."""
+    y, x = np.random.default_rng(0).uniform(0.5, 1.0, (2, 100)) * [[1.0], [skew]]
+    g = surface.symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)
+    _, met_apex = ebin_matrices.exp(-2.0 * g, g, 1.0)
+    assert met_apex.all()
+
+
 def test_what_is_met_to_working_precision_is_within_eight_rounding_errors():
     """From the identity, on a cone of one radian for a unit of distance, nothing else rounds."""
     eps, shear = np.finfo(float).eps, np.array([[0.0, 1.0], [1.0, 0.0]])
