@@ -15,7 +15,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.kernels.threads import check_interrupt
-from riemhuman.solvers._alignment import align_ends
+from riemhuman.solvers._alignment import align_ends, ends_as_given
 from riemhuman.solvers.paths import (
     PathSolver,
     SegmentEnergy,
@@ -23,7 +23,7 @@ from riemhuman.solvers.paths import (
     known_path,
     linear_path,
 )
-from riemhuman.solvers.results import PathResult
+from riemhuman.solvers.results import PathResult, Result, interruptible
 
 # A part with this share of the area is a limb. Up to this many of the largest limbs are tried both
 # ways, each at the cost of one path; smaller parts, mostly a few triangles, are tried together.
@@ -64,10 +64,19 @@ class PoissonPath(PathSolver):
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        ends = align_ends(metric, start, end)
-        best = rotating_paths(metric, SegmentEnergy(), start, ends.end, self.n_nodes)[0]
-        path = ends.turned_back(best.path)
-        return known_path(metric, path, "interpolated deformation gradients")
+        ends = ends_as_given(start, end)
+        candidates: list[Array] = []
+
+        def best_so_far(inner: Result | None) -> PathResult:
+            paths = [linear_path(start, end, self.n_nodes), *map(ends.turned_back, candidates)]
+            return min((known_path(metric, path, "") for path in paths), key=lambda r: r.energy)
+
+        with interruptible(best_so_far):
+            ends = align_ends(metric, start, end)
+            energy, n_nodes = SegmentEnergy(), self.n_nodes
+            best = rotating_paths(metric, energy, start, ends.end, n_nodes, candidates)[0]
+            path = ends.turned_back(best.path)
+            return known_path(metric, path, "interpolated deformation gradients")
 
 
 class RotatingPath(NamedTuple):
@@ -208,6 +217,11 @@ class ModelPath(PathSolver):
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
+        straight = linear_path(start, end, self.n_nodes)
+        with interruptible(lambda inner: known_path(metric, straight, "")):
+            return self._between(metric, start, end)
+
+    def _between(self, metric: RiemannianMetric, start: Array, end: Array) -> PathResult:
         of_start = self._parameters(start, "start")
         of_end = self._parameters(end, "end")
         _check_same_shape("betas", of_start.betas, of_end.betas)

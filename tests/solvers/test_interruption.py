@@ -22,8 +22,11 @@ from riemhuman.solvers import (
     GradientDescentMean,
     Interrupted,
     LinearPath,
+    ModelParameters,
+    ModelPath,
     NearestSurface,
     PathStraightening,
+    PoissonPath,
     PoleLadder,
     SegmentEnergy,
     Status,
@@ -127,10 +130,26 @@ def path_from_path():
     return solver.solve(metric, *LIMBS)
 
 
+def path_of_poisson():
+    return PoissonPath(4).solve(ElasticMetric(bodies.space(), 1.0, 1.0, 0.1), *LIMBS)
+
+
+def path_of_model():
+    parameters = ModelParameters(np.zeros(1), np.zeros((1, 3)), np.zeros(3))
+
+    def posed(*given):
+        return np.stack([LIMBS[0], LIMBS[0], LIMBS[1], LIMBS[1]])
+
+    solver = ModelPath(posed, 4, parameters=lambda surface: parameters)
+    return solver.solve(ElasticMetric(bodies.space(), 1.0, 1.0, 0.1), *LIMBS)
+
+
 SOLVED = {
     "path": lambda: PathStraightening(4).solve(elastic(1.0, 1.0, 0.1), *SURFACES[:2]),
     "path of bodies": path_of_bodies,
     "path from a path": path_from_path,
+    "path of Poisson's equation": path_of_poisson,
+    "path of a model": path_of_model,
     "mean": lambda: BasisMean().solve(elastic(1.0, 1.0, 0.1), SURFACES),
     "median": lambda: BasisMean().solve(elastic(1.0, 1.0, 0.0), SURFACES, exponent=1),
     "means of batches": lambda: BasisMean().solve(elastic(1, 1, 0), [SURFACES[:2], SURFACES[2:]]),
