@@ -174,6 +174,16 @@ _SUBPACKAGES = (
 __all__ = [*_MODULE_OF_NAME, *_SUBPACKAGES]
 
 
+def _import(module: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except (ImportError, MemoryError, OSError) as error:
+        from riemhuman.memory import memory_to_import
+
+        with memory_to_import(module):
+            raise error
+
+
 def _load_default_solvers() -> DefaultSolvers:
     from riemhuman.solvers import defaults
 
@@ -194,9 +204,9 @@ if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
 
     def __getattr__(name: str) -> Any:
         if name in _MODULE_OF_NAME:
-            return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
+            return getattr(_import(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
         if name in _SUBPACKAGES:
-            return importlib.import_module(f"{__name__}.{name}")
+            return _import(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -15,6 +15,7 @@ from riemhuman.errors import OutOfMemoryError
 
 USE_LESS = "compare fewer bodies at a time, or coarser ones"
 """What to do about a lack of memory, where nothing better is known."""
+_FREE_SOME = "close other programs, or raise the limit of this one (ulimit -v)"
 
 # How C libraries report a lack of memory in errors other than `MemoryError`.
 _NO_MEMORY = re.compile(
@@ -62,9 +63,24 @@ def enough_memory(task: str, remedy: str = USE_LESS) -> Iterator[None]:
         raise _too_little(task, error.need, remedy) from error
     except MemoryError as error:
         raise too_little(task, error, remedy) from error
-    except RuntimeError as error:
-        if str(error) == "can't start new thread":  # no memory for its stack
+    except (ImportError, OSError, RuntimeError) as error:
+        # A thread does not start if there is no memory for its stack.
+        no_thread = str(error) == "can't start new thread"
+        if no_thread or lack_of_memory(error, ImportError, OSError) is not None:
             raise too_little(task, error, remedy) from error
+        raise
+
+
+@contextmanager
+def memory_to_import(name: str) -> Iterator[None]:
+    """Raise a lack of memory while a module is imported as an error that names the module."""
+    try:
+        yield
+    except OutOfMemoryError:
+        raise
+    except (ImportError, MemoryError, OSError) as error:
+        if lack_of_memory(error, ImportError, OSError) is not None:
+            raise too_little(f"the import of {name}", error, _FREE_SOME) from error
         raise
 
 

@@ -1,5 +1,6 @@
 """Too little memory is said before a computation where it is foreseen, and else when it happens."""
 
+import importlib
 import math
 import pickle
 import subprocess
@@ -10,7 +11,9 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.errors import OutOfMemoryError
+from riemhuman.kernels.compilation import Compiled
 from riemhuman.memory import available_memory, check_memory, enough_memory, size_text
+from riemhuman.optional import import_optional
 
 # Bytes that copies of the bodies do not fit into.
 _LEFT = 2**24
@@ -194,9 +197,10 @@ def test_the_outermost_task_says_what_to_do(monkeypatch):
         raise MemoryError("8.0 GiB")
 
     monkeypatch.setattr("riemhuman.bodies.body_model.skin_by", fail)
-    message = rf"too short for a body from measurements \({inner}\); ask for resolution"
-    with pytest.raises(OutOfMemoryError, match=message):
-        rh.measurements.model_from_measurements({"stature": 1.7}, resolution="coarse")
+    for resolution, advice in (("full", "ask for resolution="), ("coarse", "give fewer")):
+        message = rf"too short for a body from measurements \({inner}\); {advice}"
+        with pytest.raises(OutOfMemoryError, match=message):
+            rh.measurements.model_from_measurements({"stature": 1.7}, resolution=resolution)
 
 
 @pytest.mark.parametrize(
@@ -205,3 +209,31 @@ def test_the_outermost_task_says_what_to_do(monkeypatch):
 )
 def test_sizes(n_bytes, text):
     assert size_text(n_bytes) == text
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ImportError("libopenblas.so: failed to map segment from shared object"),
+        OSError("Could not load libllvmlite.so: cannot allocate memory in static TLS block"),
+    ],
+)
+def test_imports_say_a_lack_of_memory(monkeypatch, error):
+    """Neither an import that fails, nor a package that is not installed."""
+
+    def fail(*given):
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(importlib, "import_module", fail)
+        for load in (lambda: rh.__getattr__("plots"), lambda: import_optional("h5py", "data")):
+            with pytest.raises(OutOfMemoryError, match=r"short for the import of .*; close other"):
+                load()
+    with monkeypatch.context() as patch:
+        patch.setattr("riemhuman.kernels.compilation._njit", fail)
+        with pytest.raises(OutOfMemoryError, match=r"the import of numba \(.*; close other"):
+            _ = Compiled(len, {}).function
+    with pytest.raises(OutOfMemoryError, match="short for a mean"), enough_memory("a mean"):
+        raise error
+    with pytest.raises(ImportError, match="another"), enough_memory("a mean"):
+        raise ImportError("another")

@@ -16,6 +16,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, refuse_type
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.memory import enough_memory
 from riemhuman.retargeting.body_size import own_person, recorded_person, scaled_model
 from riemhuman.retargeting.joint_axes import make_figure
 from riemhuman.retargeting.joint_names import find_joints, model_joints
@@ -24,6 +25,9 @@ from riemhuman.retargeting.skeleton_motion import SkeletonMotion, nearest_frames
 from riemhuman.retargeting.skeletons import check_bones, leg_length
 from riemhuman.retargeting.units import guessed_unit, metres_in
 from riemhuman.surfaces.procrustes import AXES
+
+ASK_FOR_FEWER = "ask for fewer frames_per_second"
+"""What to do if a recording is too long for the memory."""
 
 _RECORDED = "recorded"
 _SCALES = ("adult", _RECORDED)
@@ -137,10 +141,12 @@ class RetargetedMotion(ModelMotion):
 
     @cached_property
     def _played(self) -> Performed:
-        up = self._up() if callable(self._up) else self._up
-        return perform(self.recording, self.model, self._betas, self._joints, up)
+        with enough_memory("the performance of this recording", ASK_FOR_FEWER):
+            up = self._up() if callable(self._up) else self._up
+            return perform(self.recording, self.model, self._betas, self._joints, up)
 
 
+@enough_memory("the performance of this recording", ASK_FOR_FEWER)
 def retarget(
     recording: SkeletonMotion,
     model: BodyModel | None = None,

@@ -18,6 +18,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
+from riemhuman.memory import memory_to_import
+
 FUSED = {"contract", "nsz"}
 """Value of `fastmath` for functions in loops over pairs: products may join sums."""
 
@@ -43,7 +45,8 @@ class Compiled:
     @functools.cached_property
     def function(self) -> Any:
         """The compiled function."""
-        return _njit(self.py_func, self._options)
+        with memory_to_import("numba"):
+            return _njit(self.py_func, self._options)
 
     @property
     def _numba_type_(self) -> Any:

@@ -99,7 +99,6 @@ class ProbableBody:
     message: str
 
 
-@enough_memory("a body from measurements", 'ask for resolution="coarse"')
 def model_from_measurements(
     values: Mapping[str, float],
     sex: str = "adult",
@@ -146,9 +145,22 @@ def model_from_measurements(
     one_of(sex, "sex", ("adult", *SEXES))
     one_of(resolution, "resolution", ("full", "coarse"))
     whole_number(max_iter, "max_iter", minimum=1)
+    remedy = 'ask for resolution="coarse"' if resolution == "full" else "give fewer measurements"
+    with enough_memory("a body from measurements", remedy):
+        given, errors = checked_values(values, tolerances)
+        return _probable_body(given, errors, sex, resolution, max_iter, start)
+
+
+def _probable_body(
+    given: dict[str, float],
+    errors: dict[str, float],
+    sex: str,
+    resolution: str,
+    max_iter: int,
+    start: ArrayLike | None,
+) -> ProbableBody:
     standing = open_measurements(resolution)
     assert standing is not None, "the open model has measurements"
-    given, errors = checked_values(values, tolerances)
     units = dict(zip(standing.names, Measurements(standing).units, strict=True))
     prediction = predict(given, sex, errors)
     sexes, goals = prediction.sexes, dict(given)
