@@ -18,6 +18,7 @@ __all__ = [
     "Booleans",
     "Callback",
     "Contents",
+    "DType",
     "FeatureRows",
     "Features",
     "Fields",
@@ -26,6 +27,7 @@ __all__ = [
     "JSONRecord",
     "JSONValue",
     "Labels",
+    "MemoryMap",
     "NamedArrays",
     "PairsLike",
     "Points",
@@ -98,6 +100,12 @@ PointsOrBatches: TypeAlias = NDArray[np.float64] | Iterable[NDArray[np.float64]]
 
 Values: TypeAlias = NDArray[Any]  # type: ignore[explicit-any]  # known once it was looked at
 """An array of a type that is not known yet, such as one that a user passes, or of a file."""
+
+MemoryMap: TypeAlias = np.memmap[Any, np.dtype[Any]]  # type: ignore[explicit-any]
+"""An array of a type that is not known yet, mapped into memory from its file."""
+
+DType: TypeAlias = np.dtype[Any]  # type: ignore[explicit-any]  # NumPy has no type of all types
+"""The type of an array's entries."""
 
 Labels: TypeAlias = ArrayLike | Iterable[object]
 """Class labels, which can be hashed."""

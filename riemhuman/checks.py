@@ -15,7 +15,7 @@ from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 import numpy as np
 from autograd.tracer import getval
 
-from riemhuman.arrays import Array, ArrayLike, Integers, Labels, Values
+from riemhuman.arrays import Array, ArrayLike, DType, Integers, Labels, Values
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
 from riemhuman.memory import too_little
 
@@ -488,7 +488,7 @@ def check_same_scale(
     )
 
 
-def _numpy_dtype(dtype: object) -> np.dtype | None:  # type: ignore[explicit-any]  # any of them
+def _numpy_dtype(dtype: object) -> DType | None:
     """Return NumPy's type of the same name as a type of another library, if any."""
     if dtype is None:
         return None

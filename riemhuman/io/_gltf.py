@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, JSONRecord, Triangles
 from riemhuman.checks import real_array, real_number, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes
@@ -46,7 +46,7 @@ class GlbBuffer:
     views: list[JSONRecord] = field(default_factory=list)
     accessors: list[JSONRecord] = field(default_factory=list)
 
-    def add(self, array: np.ndarray, target: int | None = None) -> int:
+    def add(self, array: Array, target: int | None = None) -> int:
         """Append an array, whose rows are entries, and return its number."""
         rows = array.reshape(len(array), -1)
         view: JSONRecord = {
@@ -135,12 +135,12 @@ def save_glb(
     write_bytes(file, _glb(points, triangles, seconds, name))
 
 
-def write_glb(vertices: np.ndarray, faces: np.ndarray) -> bytes:
+def write_glb(vertices: Array, faces: Triangles) -> bytes:
     """Return a still mesh as a GLB file."""
     return _glb(vertices[np.newaxis], faces, 1.0, "mesh")
 
 
-def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -> bytes:
+def _glb(points: Array, triangles: Triangles, seconds: float, name: str) -> bytes:
     offset = _offset(points)
     positions = (points - offset).astype("<f4")
     normals = unit_normals(points, triangles).astype("<f4")
@@ -189,15 +189,16 @@ def _glb(points: np.ndarray, triangles: np.ndarray, seconds: float, name: str) -
     return glb_file(document, buffer)
 
 
-def _offset(points: np.ndarray) -> list[float]:
+def _offset(points: Array) -> list[float]:
     """Return the place of surfaces far from the origin, where single precision is too coarse."""
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     if np.abs(points).max() <= _FAR * (high - low).max():
         return [0.0, 0.0, 0.0]
-    return np.round(0.5 * (low + high)).tolist()
+    middle: list[float] = np.round(0.5 * (low + high)).tolist()
+    return middle
 
 
-def unit_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def unit_normals(points: Array, faces: Triangles) -> Array:
     """Return normals of the vertices of all surfaces, pointing up where there is no area."""
     from riemhuman.kernels.surface import vertex_normals  # takes long, as autograd does
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import DType, JSONRecord, JSONValue, Triangles, Values
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import json_value
 
@@ -49,7 +49,7 @@ class _Vertices(NamedTuple):
     weights: tuple[int, ...]
 
 
-def read_glb(content: bytes) -> tuple[np.ndarray, np.ndarray]:
+def read_glb(content: bytes) -> tuple[Values, Values]:
     """Return the vertices and triangles of the meshes in a file's scene, placed by its nodes."""
     document, binary = _chunks(content)
     _check_extensions(document)
@@ -99,17 +99,17 @@ class _Reader:
         self._buffers: dict[int, bytes] = {}
         self._binary = binary
         self._parents = self._parents_of_nodes()
-        self._matrices: dict[int, np.ndarray] = {}
-        self._joints: dict[int, np.ndarray | None] = {}
+        self._matrices: dict[int, Values] = {}
+        self._joints: dict[int, Values | None] = {}
         self._n_rows = 0
         buffers = document.get("buffers", ())
         # Nothing that is read is larger than a small multiple of these.
         self._n_bytes = len(binary or b"") + sum(len(str(b.get("uri", ""))) for b in buffers)
 
-    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+    def mesh(self) -> tuple[Values, Values]:
         """Return vertices and triangles, primitive by primitive."""
-        vertices: list[np.ndarray] = []
-        faces: list[np.ndarray] = []
+        vertices: list[Values] = []
+        faces: list[Triangles] = []
         n_vertices = n_corners = n_others = 0
         for number in self._shown_nodes():
             node = self._item("nodes", number)
@@ -189,7 +189,7 @@ class _Reader:
                 yield number
             waiting += reversed(node.get("children", ()))
 
-    def _matrix(self, number: int) -> np.ndarray:
+    def _matrix(self, number: int) -> Values:
         """Return the matrix from a node to the scene."""
         way = [number]
         while way[-1] not in self._matrices and way[-1] in self._parents:
@@ -202,13 +202,13 @@ class _Reader:
                 self._matrices[below] = parent @ _local_matrix(self._item("nodes", below))
         return self._matrices[number]
 
-    def _joint_matrices(self, number: int) -> np.ndarray | None:
+    def _joint_matrices(self, number: int) -> Values | None:
         """Return the matrices of the joints of a skinned node, shape (J, 4, 4)."""
         if number not in self._joints:
             self._joints[number] = self._matrices_of_skin(number)
         return self._joints[number]
 
-    def _matrices_of_skin(self, number: int) -> np.ndarray | None:
+    def _matrices_of_skin(self, number: int) -> Values | None:
         node = self._item("nodes", number)
         if "skin" not in node:
             return None
@@ -246,7 +246,7 @@ class _Reader:
         targets = tuple(target.get("POSITION") for target in primitive.get("targets", ()))
         return _Vertices(attributes["POSITION"], targets, joints, weights)
 
-    def _placed(self, number: int, mesh: _Json, source: _Vertices, where: str) -> np.ndarray:
+    def _placed(self, number: int, mesh: _Json, source: _Vertices, where: str) -> Values:
         """Return positions in the scene, with morph targets, and a skin or the node's matrix."""
         node = self._item("nodes", number)
         positions = self._accessor(source.positions, "VEC3", where)
@@ -269,9 +269,7 @@ class _Reader:
             return positions
         return self._skinned(positions, joints, source, where)
 
-    def _skinned(
-        self, positions: np.ndarray, joints: np.ndarray, source: _Vertices, where: str
-    ) -> np.ndarray:
+    def _skinned(self, positions: Values, joints: Values, source: _Vertices, where: str) -> Values:
         """Return positions moved by the joints, linearly blended."""
         moved, total = np.zeros_like(positions), np.zeros((len(positions), 1))
         for numbers, shares in zip(source.joints, source.weights, strict=True):
@@ -290,7 +288,7 @@ class _Reader:
             raise FileFormatError(f"{where}: a vertex has no weight at any joint")
         return moved / total
 
-    def _triangles(self, primitive: _Json, n_vertices: int, where: str) -> np.ndarray:
+    def _triangles(self, primitive: _Json, n_vertices: int, where: str) -> Values:
         if "indices" in primitive:
             accessor = self._item("accessors", primitive["indices"])
             if accessor.get("componentType") not in (5121, 5123, 5125):
@@ -319,11 +317,10 @@ class _Reader:
             triangles = np.stack([first + 1, first + 2, 0 * first], axis=1)
         triangles = corners[triangles]
         # Strips are joined by triangles without area, which repeat a corner.
-        return triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+        with_area: Triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+        return with_area
 
-    def _accessor(
-        self, number: JSONValue, kind: str, where: str, *, whole: bool = False
-    ) -> np.ndarray:
+    def _accessor(self, number: JSONValue, kind: str, where: str, *, whole: bool = False) -> Values:
         """Return the numbers of an accessor, shape (count, width), as floats or int64."""
         accessor = self._item("accessors", number)
         component = accessor.get("componentType")
@@ -351,7 +348,7 @@ class _Reader:
             numbers = np.maximum(numbers / np.iinfo(dtype).max, -1.0)
         return numbers
 
-    def _with_sparse(self, values: np.ndarray, sparse: _Json, where: str) -> np.ndarray:
+    def _with_sparse(self, values: Values, sparse: _Json, where: str) -> Values:
         """Return values of which some rows are replaced."""
         count = sparse["count"]
         places = sparse["indices"]
@@ -374,9 +371,9 @@ class _Reader:
         offset: int,
         count: int,
         width: int,
-        dtype: np.dtype[np.generic],
+        dtype: DType,
         where: str,
-    ) -> np.ndarray:
+    ) -> Values:
         """Return rows of a buffer, shape (count, width), not copied."""
         view = self._item("bufferViews", number)
         buffer = self._buffer(view["buffer"], view)
@@ -419,7 +416,7 @@ class _Reader:
         return self._buffers[number]
 
 
-def _local_matrix(node: _Json) -> np.ndarray:
+def _local_matrix(node: _Json) -> Values:
     """Return the matrix from a node to its parent."""
     from scipy.spatial.transform import Rotation  # takes long
 

@@ -14,18 +14,18 @@ from array import array
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Triangles, Values
 from riemhuman.errors import FileFormatError
 from riemhuman.io.mesh_arrays import place_numbers, split_polygons
 
 if TYPE_CHECKING:
     import plyfile
 
-Mesh = tuple[ndarray, ndarray]
+Mesh: TypeAlias = tuple[Values, Values]
 
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
@@ -38,7 +38,7 @@ _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare",
 
 def read_ply(
     file: Path, content: bytes
-) -> tuple[ndarray, ndarray | None, ndarray | None, ndarray | None]:
+) -> tuple[Values, Values | None, Values | None, Values | None]:
     """Return vertices, and triangles, normals and the trusted vertices, if the file has them.
 
     The content of the file is checked first; plyfile then maps the file into memory.
@@ -91,7 +91,7 @@ def _check_counts(content: bytes) -> bytes:
     return header
 
 
-def _columns(data: plyfile.PlyData, names: tuple[str, ...]) -> ndarray | None:
+def _columns(data: plyfile.PlyData, names: tuple[str, ...]) -> Values | None:
     """Return properties of the vertices as columns; None if the vertices lack them."""
     if "vertex" not in data:
         return None
@@ -104,7 +104,7 @@ def _columns(data: plyfile.PlyData, names: tuple[str, ...]) -> ndarray | None:
         return np.stack([rows[name] for name in names], axis=1).astype(np.float64)
 
 
-def _faces(data: plyfile.PlyData) -> ndarray | None:
+def _faces(data: plyfile.PlyData) -> Values | None:
     if "face" not in data or len(data["face"].data) == 0:
         return None
     rows = data["face"].data
@@ -142,7 +142,7 @@ def _plain_obj(content: bytes) -> Mesh | None:
     return vertices, faces - 1
 
 
-def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> ndarray | None:
+def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> Values | None:
     """Return the numbers of lines of equal width, or None; of corners, the part before a slash."""
     if {len(line.split()) for line in lines} != {width}:
         return None
@@ -154,7 +154,7 @@ def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> ndarray | N
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # where a number ends within a word
         try:
-            numbers: ndarray = np.fromstring(text.decode(), dtype, sep=" ")
+            numbers: Values = np.fromstring(text.decode(), dtype, sep=" ")
         except (DeprecationWarning, ValueError):
             return None
     return numbers.reshape(-1, width) if numbers.size == width * len(lines) else None
@@ -306,7 +306,7 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
     return vertices, split_polygons(np.array(corners), np.array(lengths))
 
 
-def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None) -> bytes:
+def write_ply(vertices: Values, faces: Triangles, trusted: Values | None = None) -> bytes:
     import plyfile
 
     columns = dict(zip(_POSITION, vertices.T, strict=True))
@@ -324,14 +324,14 @@ def write_ply(vertices: ndarray, faces: ndarray, trusted: ndarray | None = None)
     return stream.getvalue()
 
 
-def write_obj(vertices: ndarray, faces: ndarray) -> bytes:
+def write_obj(vertices: Values, faces: Triangles) -> bytes:
     return _lines("v {!r} {!r} {!r}", vertices) + _lines("f {} {} {}", faces + 1)
 
 
-def write_off(vertices: ndarray, faces: ndarray) -> bytes:
+def write_off(vertices: Values, faces: Triangles) -> bytes:
     header = f"OFF\n{len(vertices)} {len(faces)} 0\n".encode()
     return header + _lines("{!r} {!r} {!r}", vertices) + _lines("3 {} {} {}", faces)
 
 
-def _lines(pattern: str, rows: ndarray) -> bytes:
+def _lines(pattern: str, rows: Values) -> bytes:
     return "".join(pattern.format(*row) + "\n" for row in rows.tolist()).encode()

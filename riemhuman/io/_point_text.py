@@ -7,8 +7,8 @@ import warnings
 from codecs import BOM_UTF8
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.errors import FileFormatError
 
 # What begins a comment, and what is a number in decimal notation with a point.
@@ -21,7 +21,7 @@ _SHOWN = 60  # characters of a line in messages
 _ADVICE = "write decimals with a point, and spaces, tabs or semicolons between numbers"
 
 
-def read_points_text(content: bytes) -> ndarray:
+def read_points_text(content: bytes) -> Array:
     """Return positions, and what follows them in other columns, shape (N, C)."""
     text = content.removeprefix(BOM_UTF8).decode("latin-1")
     lines = [_COMMENT.split(line, maxsplit=1)[0].strip() for line in text.splitlines()]
@@ -90,7 +90,7 @@ def _refuse_decimal_commas(rows: list[str]) -> None:
         raise FileFormatError(f"{rows[0][:_SHOWN]!r} is ambiguous: {_ADVICE}")
 
 
-def _numbers(rows: list[str], separator: str | None) -> ndarray:
+def _numbers(rows: list[str], separator: str | None) -> Array:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a file without points

@@ -16,6 +16,7 @@ from typing import IO, Literal, overload
 
 import numpy as np
 
+from riemhuman.arrays import DType, MemoryMap, Values
 from riemhuman.errors import ArgumentTypeError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
 
@@ -66,7 +67,7 @@ def save_arrays(
 
 def load_arrays(
     path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] | None = None
-) -> dict[str, np.ndarray]:
+) -> dict[str, Values]:
     """Read the named arrays of an .npz file.
 
     Parameters
@@ -108,7 +109,7 @@ def array_shapes(
 
 def first_headers(
     path: str | os.PathLike[str], most: int
-) -> tuple[list[str], dict[str, tuple[tuple[int, ...], np.dtype[np.generic]]]]:
+) -> tuple[list[str], dict[str, tuple[tuple[int, ...], DType]]]:
     """Return the names of all arrays of an .npz file, and shapes and types of the first ones."""
     with _open_archive(path) as (archive, members, limit):
         names = list(members)
@@ -144,7 +145,7 @@ def _open_archive(
 
 def _header(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int
-) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
+) -> tuple[tuple[int, ...], DType]:
     """Return the shape and type of an array that takes at most `limit` bytes of memory."""
     if member.compress_type not in _COMPRESSIONS:
         raise FileFormatError(
@@ -160,12 +161,10 @@ def _header(
 
 
 @overload
-def load_array(path: str | os.PathLike[str], *, mode: None = None) -> np.ndarray: ...
+def load_array(path: str | os.PathLike[str], *, mode: None = None) -> Values: ...
 @overload
-def load_array(path: str | os.PathLike[str], *, mode: Literal["r", "r+"]) -> np.memmap: ...
-def load_array(
-    path: str | os.PathLike[str], *, mode: Literal["r", "r+"] | None = None
-) -> np.ndarray:
+def load_array(path: str | os.PathLike[str], *, mode: Literal["r", "r+"]) -> MemoryMap: ...
+def load_array(path: str | os.PathLike[str], *, mode: Literal["r", "r+"] | None = None) -> Values:
     """Read the array of an .npy file, or map it into memory.
 
     Parameters
@@ -185,7 +184,7 @@ def load_array(
     with format_errors(file, "an .npy file of a plain array"):
         with file.open("rb") as stream:
             _read_header(stream, size)
-        array = np.load(file, mmap_mode=mode, allow_pickle=False)
+        array: Values = np.load(file, mmap_mode=mode, allow_pickle=False)
         check_characters(array)
         return array
 
@@ -195,14 +194,14 @@ def memory_limit(size: int) -> int:
     return _ALLOWANCE + _LARGEST_COMPRESSION * size
 
 
-def memory_size(shape: Sequence[int], dtype: np.dtype[np.generic]) -> int:
+def memory_size(shape: Sequence[int], dtype: DType) -> int:
     """Return how many bytes an array takes in memory, as double precision or as Python strings."""
     if dtype.kind in "SU":
         return math.prod(map(int, shape)) * (dtype.itemsize + _BYTES_OF_STRING)
     return math.prod(map(int, shape)) * max(dtype.itemsize, _BYTES_OF_NUMBER)
 
 
-def check_characters(array: np.ndarray) -> None:
+def check_characters(array: Values) -> None:
     """Raise an error if an array of text has code points beyond Unicode, which crash Python."""
     if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
         return
@@ -214,7 +213,7 @@ def check_characters(array: np.ndarray) -> None:
         )
 
 
-def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
+def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], DType]:
     """Return the shape and type of an array; check them against the size of its file."""
     start = io.BytesIO(stream.read(_LONGEST_HEADER))  # which may claim any length
     is_old = np.lib.format.read_magic(start) == (1, 0)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import JSONRecord, JSONValue, Values
 
 # Parameters that distances in closed form do not depend on.
 _SOLVERS = frozenset({"geodesic_solver", "exp_solver", "log_solver", "transport_solver", "solvers"})
@@ -19,7 +19,7 @@ _SOLVERS = frozenset({"geodesic_solver", "exp_solver", "log_solver", "transport_
 _DEPTH = 12
 
 
-def digest(array: np.ndarray) -> bytes:
+def digest(array: Values) -> bytes:
     """Return the SHA-256 digest of an array's bytes; its order in memory does not matter."""
     return hashlib.sha256(np.ascontiguousarray(array).data).digest()
 

@@ -20,7 +20,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import DType, JSONRecord, JSONValue, MemoryMap
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
@@ -39,7 +39,7 @@ _UNFINISHED = ".part"
 _BLOCK = 2**20  # bytes that are written at a time
 
 
-Index: TypeAlias = int | slice | tuple[int | slice, ...]
+Index: TypeAlias = "int | slice[int, int, None] | tuple[int | slice[int, int, None], ...]"
 """Where entries of a table lie."""
 
 
@@ -124,7 +124,7 @@ class JobFolder:
                     unfinished.unlink(missing_ok=True)
                     raise
 
-    def read(self, name: str) -> np.memmap:
+    def read(self, name: str) -> MemoryMap:
         """Return a table as a read-only memory map."""
         return load_array(self.path / name, mode="r")
 
@@ -157,7 +157,7 @@ class JobFolder:
             return manifest
 
 
-def _allocate(file: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> None:
+def _allocate(file: Path, shape: tuple[int, ...], dtype: DType) -> None:
     """Write a table of zeros."""
     descr = np.lib.format.dtype_to_descr(dtype)
     header = {"descr": descr, "fortran_order": False, "shape": tuple(shape)}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
-_Reader = TypeVar("_Reader", bound=Callable[..., object])
+Reader: TypeAlias = Callable[..., object]  # type: ignore[explicit-any]  # of its own arguments
+
+_Reader = TypeVar("_Reader", bound=Reader)
 
 YES = "yes"
 BY_MAP = "`TopologyMap`"
@@ -54,7 +56,7 @@ class FileKind:
     measured: str
     is_motion: bool = False
     written: tuple[str, ...] = ()
-    reader: Callable[..., object] | None = None
+    reader: Reader | None = None
 
 
 def reads(kind: FileKind) -> Callable[[_Reader], _Reader]:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles, Values
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
+Kept = TypeVar("Kept", bound=Values)
 
-def check_mesh(vertices: object, faces: object) -> tuple[np.ndarray, np.ndarray]:
+
+def check_mesh(vertices: object, faces: object) -> tuple[Array, Triangles]:
     """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh."""
     shape = ("n_vertices", 3)
     points = np.asarray(real_array(vertices, "vertices", shape, batched=False, lengths=True))
@@ -20,19 +25,19 @@ def check_mesh(vertices: object, faces: object) -> tuple[np.ndarray, np.ndarray]
 
 def check_triangles(
     faces: object, n_vertices: int | None = None, name_of_vertices: str = "points"
-) -> np.ndarray:
+) -> Triangles:
     """Return faces (F, 3), int64; raise if they refer to other than so many vertices, if known."""
     return _vertex_numbers(faces, "faces", 3, n_vertices, name_of_vertices)
 
 
-def check_edges(edges: object, n_vertices: int) -> np.ndarray:
+def check_edges(edges: object, n_vertices: int) -> Integers:
     """Return edges (E, 2), int64; raise if they refer to other than so many points."""
     return _vertex_numbers(edges, "edges", 2, n_vertices, "points")
 
 
 def _vertex_numbers(
     array: object, name: str, n_corners: int, n_vertices: int | None, name_of_vertices: str
-) -> np.ndarray:
+) -> Integers:
     numbers = integer_array(array, name, (f"n_{name}", n_corners))
     end = np.iinfo(np.int64).max if n_vertices is None else n_vertices
     if numbers.size and (numbers.min() < 0 or numbers.max() >= end):
@@ -46,12 +51,12 @@ def _vertex_numbers(
     return numbers
 
 
-def check_faces(is_bad: np.ndarray, faces: np.ndarray, reason: str) -> None:
+def check_faces(is_bad: Booleans, faces: Triangles, reason: str) -> None:
     """Raise an error that names the first bad triangle and counts the others."""
     _refuse_rows(is_bad, faces, "faces", reason)
 
 
-def _refuse_rows(is_bad: np.ndarray, rows: np.ndarray, name: str, reason: str) -> None:
+def _refuse_rows(is_bad: Booleans, rows: Integers, name: str, reason: str) -> None:
     if is_bad.any():
         first = int(is_bad.argmax())
         n_more = int(is_bad.sum()) - 1
@@ -59,7 +64,7 @@ def _refuse_rows(is_bad: np.ndarray, rows: np.ndarray, name: str, reason: str) -
         raise ArgumentError(f"{name}[{first}] = {tuple(rows[first].tolist())}{more} {reason}")
 
 
-def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:
+def face_difference(faces: Triangles, expected: Triangles) -> str | None:
     """Return a sentence on where a triangulation differs from the expected one; None if nowhere."""
     if faces.shape != expected.shape:
         return f"{len(faces)} triangles found, {len(expected)} expected"
@@ -77,12 +82,12 @@ def face_difference(faces: np.ndarray, expected: np.ndarray) -> str | None:
     )
 
 
-def _in_order(faces: np.ndarray) -> np.ndarray:
+def _in_order(faces: Triangles) -> Triangles:
     corners = np.sort(faces, axis=1)
     return corners[np.lexsort(corners.T)]
 
 
-def distinct_pairs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def distinct_pairs(pairs: Integers) -> tuple[Integers, Integers, Integers]:
     """Return the distinct rows of `pairs`, sorted; the number of each row among them; and counts.
 
     The numbers must not be negative: each pair is sorted as one number, because `numpy.unique`
@@ -94,7 +99,7 @@ def distinct_pairs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return np.stack(np.divmod(keys, size), axis=1), places.reshape(-1), counts
 
 
-def place_numbers(points: np.ndarray) -> np.ndarray:
+def place_numbers(points: Array) -> Integers:
     """Return a number for each point, from 0 on, the same where all coordinates are equal."""
     order = np.lexsort(points.T)
     is_new = np.any(np.diff(points[order], axis=0) != 0.0, axis=1)
@@ -103,13 +108,13 @@ def place_numbers(points: np.ndarray) -> np.ndarray:
     return numbers
 
 
-def read_only(array: np.ndarray) -> np.ndarray:
+def read_only(array: Kept) -> Kept:
     """Return the same array, which can no longer be written to."""
     array.setflags(write=False)
     return array
 
 
-def split_polygons(corners: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+def split_polygons(corners: Integers, lengths: Integers) -> Triangles:
     """Return the triangles (1, 2, 3), (1, 3, 4), … of polygons of `lengths` among `corners`."""
     short = np.flatnonzero(lengths < 3)
     if len(short):

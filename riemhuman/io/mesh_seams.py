@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only
@@ -55,10 +56,10 @@ class Seams:
     True
     """
 
-    joined_vertices: np.ndarray
-    originals: np.ndarray
-    faces: np.ndarray
-    edge_pairs: np.ndarray
+    joined_vertices: Integers
+    originals: Integers
+    faces: Triangles
+    edge_pairs: Integers
 
     def __bool__(self) -> bool:
         return self.n_copies > 0
@@ -72,11 +73,12 @@ class Seams:
         return len(self.joined_vertices) - len(self.originals)
 
     @property
-    def first_copies(self) -> np.ndarray:
+    def first_copies(self) -> Integers:
         """For every vertex of the mesh with seams, the first of its copies, shape (V,)."""
-        return self.originals[self.joined_vertices]
+        copies: Integers = self.originals[self.joined_vertices]
+        return copies
 
-    def join(self, points: ArrayLike) -> np.ndarray:
+    def join(self, points: ArrayLike) -> Array:
         """Return surfaces without the copies of vertices, shape (..., W, 3).
 
         Parameters
@@ -86,7 +88,7 @@ class Seams:
         points = real_array(points, "points", (len(self.joined_vertices), 3))
         return np.asarray(points)[..., self.originals, :]
 
-    def split(self, points: ArrayLike) -> np.ndarray:
+    def split(self, points: ArrayLike) -> Array:
         """Return surfaces with the copies of vertices, shape (..., V, 3).
 
         Parameters
@@ -136,7 +138,7 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     return _joined(triangles, points.shape[-2], pairs)
 
 
-def common_seams(seams: Seams, points: np.ndarray, faces: np.ndarray) -> Seams:
+def common_seams(seams: Seams, points: Array, faces: Triangles) -> Seams:
     """Return the seams that coincide in other surfaces, too, shape (..., V, 3)."""
     pairs = seams.edge_pairs
     for surface in points.reshape(-1, *points.shape[-2:]):
@@ -151,16 +153,17 @@ def check_seams(seams: str) -> str:
     return str(one_of(seams, "seams", SEAMS))
 
 
-def _border_edges(faces: np.ndarray) -> np.ndarray:
+def _border_edges(faces: Triangles) -> Integers:
     """Return the edges that belong to one triangle alone, in its direction, shape (B, 2)."""
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     keys = sides.min(axis=1) * (int(faces.max()) + 1) + sides.max(axis=1)
     order = np.argsort(keys)
     is_new = np.concatenate([[True], np.diff(keys[order]) != 0, [True]])
-    return sides[np.sort(order[is_new[1:] & is_new[:-1]])]
+    edges: Integers = sides[np.sort(order[is_new[1:] & is_new[:-1]])]
+    return edges
 
 
-def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:
+def _opposite_borders(points: Array, edges: Integers, tolerance: float) -> Integers:
     """Return pairs of border edges that about coincide in opposite directions, shape (P, 2, 2)."""
     exact, is_other = _exactly_opposite(points, edges)
     # Most seams coincide to the last digit, and a search among neighbours takes longer.
@@ -171,7 +174,7 @@ def _opposite_borders(points: np.ndarray, edges: np.ndarray, tolerance: float) -
     return np.stack([edges[first], edges[second, ::-1]], axis=1)
 
 
-def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _exactly_opposite(points: Array, edges: Integers) -> tuple[Integers, Booleans]:
     """Return the pairs of edges whose ends are at the same places, swapped, shape (P, 2).
 
     The second array says which edges may be paired with others: those whose ends differ, and of
@@ -197,7 +200,7 @@ def _exactly_opposite(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray
     return np.stack([first, second], axis=1)[first < second], is_other
 
 
-def _nearly_opposite(points: np.ndarray, edges: np.ndarray, tolerance: float) -> np.ndarray:
+def _nearly_opposite(points: Array, edges: Integers, tolerance: float) -> Integers:
     """Return the numbers of edges whose ends are near each other, swapped, shape (P, 2)."""
     from scipy.spatial import cKDTree  # takes long
 
@@ -219,12 +222,12 @@ def _nearly_opposite(points: np.ndarray, edges: np.ndarray, tolerance: float) ->
     return np.stack([first[is_nearest], second[is_nearest]], axis=1)
 
 
-def _is_coincident(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
+def _is_coincident(points: Array, pairs: Integers, tolerance: float) -> Booleans:
     """Return which pairs of edges coincide in a surface, up to the slack."""
     return _relative_gaps(points, pairs, tolerance) <= _SLACK
 
 
-def _relative_gaps(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> np.ndarray:
+def _relative_gaps(points: Array, pairs: Integers, tolerance: float) -> Array:
     """Return the distances between the corners of pairs of edges, in units of the largest ones."""
     if not len(pairs):
         return np.zeros(0)
@@ -235,17 +238,18 @@ def _relative_gaps(points: np.ndarray, pairs: np.ndarray, tolerance: float) -> n
     shorter = np.minimum(first_lengths, second_lengths)
     usual = _usual_length(points, pairs.reshape(-1, 2))
     largest = np.minimum(tolerance * usual, _LARGEST_GAP * shorter)
-    return gaps / np.maximum(largest, np.finfo(float).tiny)
+    relative: Array = gaps / np.maximum(largest, np.finfo(float).tiny)
+    return relative
 
 
-def _chains(edge_pairs: np.ndarray, n_vertices: int) -> np.ndarray:
+def _chains(edge_pairs: Integers, n_vertices: int) -> Integers:
     """Return the number of the chain of connected pairs that each pair belongs to, shape (P,)."""
     corners = edge_pairs.reshape(-1, 4)
     links = np.stack([corners[:, :3], corners[:, 1:]], axis=2).reshape(-1, 2)
     return _components(links, n_vertices)[corners[:, 0]]
 
 
-def _medians(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
+def _medians(values: Array, groups: Integers) -> Array:
     """Return the median of the group that each value belongs to."""
     from scipy import ndimage
 
@@ -253,7 +257,7 @@ def _medians(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
     return np.asarray(ndimage.median(values, numbers, np.arange(numbers.max() + 1)))[numbers]
 
 
-def _components(links: np.ndarray, n_vertices: int) -> np.ndarray:
+def _components(links: Integers, n_vertices: int) -> Integers:
     """Return the connected component of every vertex."""
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
@@ -262,11 +266,11 @@ def _components(links: np.ndarray, n_vertices: int) -> np.ndarray:
     return np.asarray(connected_components(matrix, directed=False)[1])
 
 
-def _usual_length(points: np.ndarray, edges: np.ndarray) -> float:
+def _usual_length(points: Array, edges: Integers) -> float:
     return float(np.median(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)))
 
 
-def _joined(faces: np.ndarray, n_vertices: int, edge_pairs: np.ndarray) -> Seams:
+def _joined(faces: Triangles, n_vertices: int, edge_pairs: Integers) -> Seams:
     """Return seams that make one vertex of the corners of edges that coincide."""
     links = np.swapaxes(edge_pairs, 1, 2).reshape(-1, 2)
     groups = _components(links, n_vertices)

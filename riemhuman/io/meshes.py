@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles, Values
 from riemhuman.checks import check_resolution, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
@@ -48,7 +48,7 @@ _MESHIO_SUFFIXES = (
 )
 
 
-def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[ndarray, ndarray]:
+def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[Array, Triangles]:
     """Read a triangle mesh from a file, in the file's order.
 
     By default, vertices and faces are neither merged, reordered nor dropped; normals, texture
@@ -95,7 +95,7 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[nda
     return vertices, faces
 
 
-def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, ndarray | None]:
+def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, Array | None]:
     r"""Read points from a file, with triangles and normals if it has any.
 
     Parameters
@@ -124,8 +124,8 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     file = _existing_file(path, POINT_SUFFIXES)
     suffix = file.suffix.lower()
     values = load_array(file) if suffix == ".npy" else None
-    faces: ndarray | None = None
-    normals: ndarray | None = None
+    faces: Triangles | None = None
+    normals: Array | None = None
     with format_errors(file, "a mesh or a table of points"):
         if values is not None:
             points, normals = _columns(values)
@@ -145,7 +145,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     return points, faces, normals
 
 
-def load_trusted(path: str | os.PathLike[str]) -> ndarray | None:
+def load_trusted(path: str | os.PathLike[str]) -> Booleans | None:
     """Return which vertices of a registered body are trusted, or None if its file does not say.
 
     Parameters
@@ -226,7 +226,7 @@ def save_mesh(
         write_bytes(file, _WRITERS[suffix](*mesh))
 
 
-def as_arrays(mesh: object) -> tuple[ndarray, ndarray]:
+def as_arrays(mesh: object) -> tuple[Array, Triangles]:
     """Return the vertices and triangles of a mesh object, in its order.
 
     Parameters
@@ -328,7 +328,7 @@ def _read_with_meshio(file: Path) -> Mesh:
         ) from error
 
 
-def _triangles_of_cells(cells: Iterable[meshio.CellBlock]) -> ndarray:
+def _triangles_of_cells(cells: Iterable[meshio.CellBlock]) -> Triangles:
     """Return the triangles of the surface cells of a meshio mesh, block by block."""
     polygons = [
         np.asarray(p) for block in cells if block.type in _SURFACE_CELLS for p in block.data
@@ -337,7 +337,7 @@ def _triangles_of_cells(cells: Iterable[meshio.CellBlock]) -> ndarray:
     return split_polygons(np.concatenate([np.zeros(0, np.int64), *polygons]), lengths)
 
 
-def _counted_triangles(faces: ndarray) -> ndarray:
+def _counted_triangles(faces: Integers) -> Triangles:
     """Return the triangles of polygons listed in one array, each after its number of corners."""
     starts, place = [], 0
     while place < len(faces):
@@ -350,7 +350,7 @@ def _counted_triangles(faces: ndarray) -> ndarray:
     return split_polygons(np.delete(faces, starts), faces[starts])
 
 
-def _columns(values: ndarray) -> tuple[ndarray, ndarray | None]:
+def _columns(values: Values) -> tuple[Array, Array | None]:
     """Return points, and normals if there are some, of an array with 3 columns or more."""
     if values.ndim != 2 or values.shape[1] < 3 or values.dtype.kind not in "fiu":
         raise FileFormatError(
@@ -369,7 +369,7 @@ _READERS: dict[str, Callable[[bytes], Mesh]] = {
     ".stl": formats.read_stl,
     ".glb": read_glb,
 }
-_WRITERS: dict[str, Callable[[ndarray, ndarray], bytes]] = {
+_WRITERS: dict[str, Callable[[Array, Triangles], bytes]] = {
     ".ply": formats.write_ply,
     ".obj": formats.write_obj,
     ".off": formats.write_off,

@@ -23,6 +23,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy import sparse
 
+from riemhuman.arrays import DType, Values
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_characters, check_fields, memory_limit
 from riemhuman.io.files import file_path, format_errors, read_bytes
@@ -46,7 +47,7 @@ _BYTES_OF_NUMBER = 8
 
 def load_pickled_arrays(
     path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] = ()
-) -> dict[str, np.ndarray | sparse.coo_array]:
+) -> dict[str, Values | sparse.coo_array]:
     """Read the named arrays of a pickled dictionary, of chumpy too, without running anything.
 
     Parameters
@@ -112,7 +113,7 @@ def pickled_tree(
             raise FileFormatError(f"holds a tensor of type {_describe(kind)}, which is not read")
         if key not in storages:
             raise FileFormatError(f"has no data {_describe(key)}, which a tensor needs")
-        record = _MAKERS["_storage"]()
+        record: _Record = _MAKERS["_storage"]()
         dtype = np.dtype(_STORAGES[kind]).newbyteorder("<" if is_little else ">")
         record.state = np.frombuffer(storages[key], dtype)
         if kind == "BFloat16Storage":  # the first half of a number in single precision
@@ -144,8 +145,10 @@ def _unpickle(
         return _Unpickler(io.BytesIO(content), storage, most_operations).load()
 
 
-Unpickled: TypeAlias = Any
-"""What a pickle holds: plain data and records, which readers check where they use them."""
+Unpickled: TypeAlias = Any  # type: ignore[explicit-any]  # readers check each value they use
+"""What a pickle holds: plain data and records."""
+
+Maker: TypeAlias = Callable[..., Unpickled]  # type: ignore[explicit-any]  # of any arguments
 
 
 class _Record:
@@ -191,7 +194,7 @@ _STORAGES = {
 }
 _KINDS |= {name: name for name in _STORAGES}
 # Pickles call classes: here a class of its own for each kind, that does nothing.
-_MAKERS: dict[str, Callable[..., Unpickled]] = {
+_MAKERS: dict[str, Maker] = {
     name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()
 }
 _MAKERS["_reconstructor"] = lambda kind, base, state: kind()  # as Python 2 made objects
@@ -237,7 +240,7 @@ class _Unpickler(pickle._Unpickler):
             raise FileFormatError("needs data that the file does not hold")
         return self._storage(identifier)
 
-    def find_class(self, module: str, name: str) -> Callable[..., Unpickled]:
+    def find_class(self, module: str, name: str) -> Maker:
         if name not in _MAKERS:
             raise FileFormatError(
                 f"asks for {_describe(f'{module}.{name}')}, which is refused: body models may "
@@ -297,7 +300,7 @@ def _kind(value: object) -> str:
     return value.kind if isinstance(value, _Record) else ""
 
 
-def _value(value: Unpickled, depth: int = 0) -> np.ndarray | sparse.coo_array:
+def _value(value: Unpickled, depth: int = 0) -> Values | sparse.coo_array:
     """Return an array, a sparse matrix, a chumpy object, a number, a text or a list as an array."""
     kind = _kind(value)
     if kind in ("array", "buffer", "scalar"):
@@ -347,7 +350,7 @@ class _Tree:
         return stored if isinstance(stored, (str, int, float)) else None
 
 
-def _tensor(record: _Record, most_bytes: int) -> np.ndarray:
+def _tensor(record: _Record, most_bytes: int) -> Values:
     """Return the array of a tensor, whose entries may be those of a storage in any order."""
     storage, offset, shape, strides = record.arguments[:4]
     if _kind(storage) != "storage":
@@ -368,7 +371,7 @@ def _tensor(record: _Record, most_bytes: int) -> np.ndarray:
     return np.lib.stride_tricks.as_strided(numbers[offset:], shape, steps, writeable=False)
 
 
-def _array(record: _Record) -> np.ndarray:
+def _array(record: _Record) -> Values:
     """Return an array of the recorded bytes, which cannot be written to."""
     order: Unpickled = "C"
     if record.kind == "array":
@@ -388,7 +391,7 @@ def _array(record: _Record) -> np.ndarray:
     return array
 
 
-def _dtype(record: Unpickled) -> np.dtype[np.generic]:
+def _dtype(record: Unpickled) -> DType:
     code = record.arguments[0] if _kind(record) == "dtype" else record
     if not isinstance(code, str) or not _DTYPES.fullmatch(code):
         raise FileFormatError(
@@ -397,7 +400,7 @@ def _dtype(record: Unpickled) -> np.dtype[np.generic]:
     return np.dtype(code).newbyteorder(record.state[1] if record.state else "=")
 
 
-def _chumpy(state: dict[str, Unpickled], kind: str, depth: int) -> np.ndarray:
+def _chumpy(state: dict[str, Unpickled], kind: str, depth: int) -> Values:
     """Return the value of a chumpy object, which may be a selection from another."""
     if depth == _DEEPEST_CHUMPY:
         raise FileFormatError(f"holds more than {_DEEPEST_CHUMPY} chumpy objects in another")
@@ -408,7 +411,8 @@ def _chumpy(state: dict[str, Unpickled], kind: str, depth: int) -> np.ndarray:
         raise FileFormatError("holds a chumpy Select from an array that holds no numbers")
     shape = state.get("preferred_shape")
     selected = source[indices]
-    return selected if shape is None else selected.reshape(_value(shape, depth + 1))
+    shaped: Values = selected if shape is None else selected.reshape(_value(shape, depth + 1))
+    return shaped
 
 
 def _sparse(state: dict[str, Unpickled]) -> sparse.coo_array:
@@ -429,7 +433,7 @@ def _name_of(stored: object) -> str:
     return stored.__name__ if isinstance(stored, type) else ""
 
 
-def _attributes(record: _Record) -> dict[str, np.ndarray | sparse.coo_array]:
+def _attributes(record: _Record) -> dict[str, Values | sparse.coo_array]:
     state = record.state
     if isinstance(state, list) and len(state) == 2 and state[1] is None:
         state = state[0]

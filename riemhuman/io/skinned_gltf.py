@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, Integers, JSONRecord, Triangles
 from riemhuman.io._gltf import (
     INDEX_ARRAY,
     SKIN_MATERIAL,
@@ -32,14 +32,14 @@ class SkinnedAnimation:
     joints are at `joints` (J, 3). `weights` (V, J) say how far each vertex moves with each joint.
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    joints: np.ndarray
-    parents: np.ndarray
+    vertices: Array
+    faces: Triangles
+    joints: Array
+    parents: Integers
     joint_names: tuple[str, ...]
-    weights: np.ndarray
-    rotations: np.ndarray
-    root_places: np.ndarray
+    weights: Array
+    rotations: Array
+    root_places: Array
     frames_per_second: float
     name: str
 
@@ -112,7 +112,7 @@ def _primitive(animation: SkinnedAnimation, buffer: GlbBuffer) -> JSONRecord:
     }
 
 
-def _sorted_weights(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sorted_weights(weights: Array) -> tuple[Array, Array]:
     """Return the joints of each vertex, the strongest first, and their weights, sets of four."""
     large = np.where(weights >= _SMALLEST_WEIGHT, weights, 0.0)
     n_joints = max(1, int((large > 0.0).sum(axis=1).max()))
@@ -140,7 +140,7 @@ def _animation(animation: SkinnedAnimation, root: int, buffer: GlbBuffer) -> JSO
     return {"name": animation.name, "samplers": samplers, "channels": channels}
 
 
-def _continuous(quaternions: np.ndarray) -> np.ndarray:
+def _continuous(quaternions: Array) -> Array:
     """Return the same rotations by quaternions whose signs do not jump, as players interpolate."""
     products = np.sum(quaternions[1:] * quaternions[:-1], axis=-1)
     signs = np.cumprod(np.where(products < 0.0, -1.0, 1.0))

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from riemhuman.arrays import Values
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import memory_errors, read_text
 
@@ -23,7 +24,7 @@ _ADVICE = (
 )
 
 
-def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict[str, np.ndarray]:
+def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict[str, Values]:
     """Return the rows of a text table with a name and equally many numbers in each line.
 
     Commas, semicolons or tabs separate them. A first line without numbers is a header; if it names
@@ -33,8 +34,8 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
         return _named_rows(file, title, columns)
 
 
-def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, np.ndarray]:
-    table: dict[str, np.ndarray] = {}
+def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, Values]:
+    table: dict[str, Values] = {}
     length = 0
     has_fractions = False
     named_columns: list[int] | None = None

@@ -33,7 +33,7 @@ class PoissonInterpolator:
         faces: Triangles,
         differential_operator: sparse.csr_array,
         face_areas: Array,
-        first_copies: Array | None = None,
+        first_copies: Integers | None = None,
     ) -> None:
         n_vertices = differential_operator.shape[1]
         numbers = np.arange(n_vertices)

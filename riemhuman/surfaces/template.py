@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from riemhuman.arrays import Array, Integers, Points, Triangles
+from riemhuman.arrays import Array, Integers, Points, Triangles, Values
 from riemhuman.checks import (
     check_human_size,
     check_resolution,
@@ -291,7 +291,7 @@ class Template:
         areas = np.bincount(faces.ravel(), self._areas_at_corners, minlength=self.n_vertices)
         return areas.astype(np.float64, copy=False)
 
-    def __getstate__(self) -> dict[str, Array | Triangles]:
+    def __getstate__(self) -> dict[str, Values]:
         # Cached properties are left out, since some cannot be pickled.
         return {
             "_vertices": self._vertices,
@@ -300,7 +300,7 @@ class Template:
             "_frame_coefficients": self._frame_coefficients,
         }
 
-    def __setstate__(self, state: dict[str, Array | Triangles]) -> None:
+    def __setstate__(self, state: dict[str, Values]) -> None:
         # Unpickled arrays are writable.
         self._vertices = read_only(state["_vertices"])
         self._faces = read_only(state["_faces"])
