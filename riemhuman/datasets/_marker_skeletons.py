@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.datasets._marker_names import NEEDED, MarkerNames, Recipe
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, warn
 from riemhuman.kernels.rotations import transpose
@@ -56,7 +56,7 @@ class Markers:
 
     file: str
     names: tuple[str, ...]
-    positions: ndarray
+    positions: Array
     frames_per_second: float
     name: str
     unit: str | None
@@ -137,7 +137,7 @@ def _markers_of_one_person(markers: Markers, assigned: Mapping[str, tuple[int, .
 
 def _centres(
     markers: Markers, chosen_markers: Sequence[int], assigned: Mapping[str, tuple[int, ...]]
-) -> tuple[dict[str, ndarray], list[str]]:
+) -> tuple[dict[str, Array], list[str]]:
     """Return the centres of joints over time, and those that are at one marker on the skin.
 
     "head frame" are the axes of the head, (n_frames, 3, 3), if its markers determine them.
@@ -165,11 +165,11 @@ def _centres(
     return centres, on_skin
 
 
-def _mean(positions: ndarray, numbers: Sequence[int]) -> ndarray:
+def _mean(positions: Array, numbers: Sequence[int]) -> Array:
     return np.asarray(positions[:, list(numbers)].mean(axis=1))
 
 
-def _best(positions: ndarray, recipes: Sequence[Recipe]) -> Recipe | None:
+def _best(positions: Array, recipes: Sequence[Recipe]) -> Recipe | None:
     """Return the first recipe whose markers were seen about as often as those of any other."""
     shares = [
         float(np.isfinite(_mean(positions, recipe.markers)).all(axis=-1).mean())
@@ -181,7 +181,7 @@ def _best(positions: ndarray, recipes: Sequence[Recipe]) -> Recipe | None:
     return None
 
 
-def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray]:
+def _hips_of_pelvis(positions: Array, names: MarkerNames) -> dict[str, Array]:
     """Return the centres of the hips, estimated from the corners of the pelvis."""
     corners = names.pelvis()
     if corners is None:
@@ -200,9 +200,7 @@ def _hips_of_pelvis(positions: ndarray, names: MarkerNames) -> dict[str, ndarray
     return hips
 
 
-def _head(
-    positions: ndarray, head_markers: Mapping[str, int], markers: Markers
-) -> dict[str, ndarray]:
+def _head(positions: Array, head_markers: Mapping[str, int], markers: Markers) -> dict[str, Array]:
     """Return the centre of the head and, from three or more markers, its axes."""
     paths = {}
     for name, number in head_markers.items():
@@ -225,7 +223,7 @@ def _head(
     return {"head": centre, "head frame": axes}
 
 
-def _filled(path: ndarray, rate: float) -> ndarray | None:
+def _filled(path: Array, rate: float) -> Array | None:
     """Return a path (n_frames, 3) with its gaps interpolated, or None if one is too long.
 
     Frames before the first and after the last that were seen repeat those.
@@ -245,15 +243,15 @@ def _most_frames(rate: float) -> int:
     return max(_FRAMES_OF_GAP, round(_LONGEST_GAP * rate))
 
 
-def _longest_gap(path: ndarray) -> int:
+def _longest_gap(path: Array) -> int:
     """Return the largest number of consecutive frames without values between frames with some."""
     seen_frames = np.flatnonzero(np.isfinite(path).all(axis=-1))
     return int(np.diff(seen_frames).max(initial=1)) - 1
 
 
 def _without_gaps(
-    markers: Markers, centres: Mapping[str, ndarray]
-) -> tuple[dict[str, ndarray], slice]:
+    markers: Markers, centres: Mapping[str, Array]
+) -> tuple[dict[str, Array], slice[int | None, int | None, int | None]]:
     """Return centres without gaps, and the frames from the first to the last with all joints."""
     rate = markers.frames_per_second
     is_whole = np.all([np.isfinite(centres[role]).all(axis=-1) for role in NEEDED], axis=0)
@@ -263,7 +261,7 @@ def _without_gaps(
     frames = slice(int(first), int(last) + 1)
     remarks: list[str] = []
     long_gaps: list[str] = []
-    filled: dict[str, ndarray] = {}
+    filled: dict[str, Array] = {}
     for role, whole in centres.items():
         path = whole[frames]
         gap = _longest_gap(path)
@@ -294,7 +292,7 @@ def _without_gaps(
     return filled, frames
 
 
-def _trunk_places(centres: Mapping[str, ndarray]) -> dict[str, ndarray]:
+def _trunk_places(centres: Mapping[str, Array]) -> dict[str, Array]:
     """Return the places of pelvis and chest, and of collars, which raised arms lift.
 
     With raised arms, the shoulders are farther from the hips than with lowered ones.
@@ -318,7 +316,7 @@ def _trunk_places(centres: Mapping[str, ndarray]) -> dict[str, ndarray]:
 
 
 def _skeleton(
-    markers: Markers, places: Mapping[str, ndarray], head_axes: ndarray | None
+    markers: Markers, places: Mapping[str, Array], head_axes: Array | None
 ) -> SkeletonMotion:
     """Return a skeleton with these joints, rotated so that bones and knees are as they are seen."""
     parents = _parents(places)
@@ -359,7 +357,7 @@ def _check_size(markers: Markers, leg: float) -> None:
         )
 
 
-def _parents(places: Mapping[str, ndarray]) -> dict[str, str]:
+def _parents(places: Mapping[str, Array]) -> dict[str, str]:
     """Return the parents of joints, parents first."""
     parents = {"pelvis": "", "chest": "pelvis"}
     for limb in LIMBS:
@@ -370,7 +368,7 @@ def _parents(places: Mapping[str, ndarray]) -> dict[str, str]:
     return parents | {name: above for name, above in optional.items() if name in places}
 
 
-def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray | None) -> ndarray:
+def _rotations(positions: Array, joints: Mapping[str, int], head_axes: Array | None) -> Array:
     """Return rotations in space, (n_frames, J, 3, 3), from a T-pose along the axes of the file."""
     rest = _rest_axes(positions, joints)
     left, up, ahead = rest.T
@@ -407,7 +405,7 @@ def _rotations(positions: ndarray, joints: Mapping[str, int], head_axes: ndarray
     return rotations
 
 
-def _chest_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+def _chest_frame(positions: Array, joints: Mapping[str, int]) -> Array:
     """Return the axes of the chest, which one shrugged shoulder does not tilt.
 
     If the shoulders are lifted on average, one of them may be shrugged. As far as that explains the
@@ -425,7 +423,7 @@ def _chest_frame(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
     return frame(shoulders - shrug[:, None] * up, up)
 
 
-def _rest_axes(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
+def _rest_axes(positions: Array, joints: Mapping[str, int]) -> Array:
     """Return the directions to the left, up and ahead of the rest pose, columns of a matrix.
 
     The rest pose stands along the axis along which the person mostly stands.
@@ -440,13 +438,13 @@ def _rest_axes(positions: ndarray, joints: Mapping[str, int]) -> ndarray:
 
 
 def _rotate_limb(
-    rotations: ndarray,
-    positions: ndarray,
+    rotations: Array,
+    positions: Array,
     joints: Mapping[str, int],
     limb: Sequence[str],
-    rest: tuple[ndarray, ndarray],
-    above: ndarray,
-) -> ndarray:
+    rest: tuple[Array, Array],
+    above: Array,
+) -> Array:
     """Return rotations in which both bones of a limb turn about the axis in which it bends."""
     direction, hinge = rest
     upper, lower = (unit(bone(positions, joints, *pair)) for pair in (limb[:2], limb[1:]))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
 from riemhuman.errors import ArgumentError
@@ -52,19 +53,19 @@ class PosedPerson:
     """The content of a motion file: a person of a model in the poses of all frames."""
 
     model: BodyModel
-    betas: np.ndarray
-    poses: np.ndarray  # (n_frames, J, 3)
-    translations: np.ndarray
+    betas: Array
+    poses: Array  # (n_frames, J, 3)
+    translations: Array
     frames_per_second: float
     name: str
 
     @property
-    def joints(self) -> np.ndarray:
+    def joints(self) -> Array:
         """Joints of the person in the rest pose, shape (J, 3)."""
         return np.asarray(self.model.joints(self.betas))
 
     @property
-    def rotations(self) -> np.ndarray:
+    def rotations(self) -> Array:
         """Rotations of the joints relative to their parents, shape (n_frames, J, 3, 3)."""
         matrices = Rotation.from_rotvec(self.poses.reshape(-1, 3)).as_matrix()
         return np.asarray(matrices.reshape(*self.poses.shape, 3))
@@ -92,7 +93,7 @@ def write_bvh(file: Path, person: PosedPerson) -> None:
 
 
 def _write_hierarchy(
-    text: io.StringIO, model: BodyModel, joints: np.ndarray, joint: int, depth: int
+    text: io.StringIO, model: BodyModel, joints: Array, joint: int, depth: int
 ) -> list[int]:
     """Write a joint and all below it, and return their numbers in this order."""
     indent = "\t" * depth
@@ -119,12 +120,12 @@ def _write_hierarchy(
     return order
 
 
-def _numbers(values: np.ndarray) -> str:
+def _numbers(values: Array) -> str:
     # A hundred-thousandth of a degree moves a hand by less than a thousandth of a millimetre.
     return " ".join(f"{value:.5f}" for value in values.tolist())
 
 
-def _tip(model: BodyModel, joint: int) -> np.ndarray:
+def _tip(model: BodyModel, joint: int) -> Array:
     """Return the farthest vertex that moves with a joint, relative to it, in the mean body."""
     of_joint = model.weights.argmax(axis=1) == joint
     if not of_joint.any():
@@ -165,7 +166,7 @@ def write_amass(file: Path, person: PosedPerson) -> None:
     save_arrays(file, fields)
 
 
-def _smpl_poses(person: PosedPerson) -> np.ndarray:
+def _smpl_poses(person: PosedPerson) -> Array:
     """Return poses of SMPL-H's joints in which all bones have the directions of the model's."""
     names = list(usual_joint_names(person.model))
     missing = [name for name in SMPL_JOINTS if name not in names]
@@ -180,9 +181,9 @@ def _smpl_poses(person: PosedPerson) -> np.ndarray:
         if parent >= 0:
             in_space[:, joint] = in_space[:, parent] @ rotations[:, joint]
     offsets = smpl_offsets()
-    starts: list[np.ndarray] = []
+    starts: list[Array] = []
     local = np.empty((len(rotations), len(SMPL_JOINTS), 3, 3))
-    placed: list[np.ndarray] = []
+    placed: list[Array] = []
     for number, (name, parent) in enumerate(zip(SMPL_JOINTS, SMPL_PARENTS, strict=True)):
         start = np.eye(3)
         if name in _NEXT_JOINTS:

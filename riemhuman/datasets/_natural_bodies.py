@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel, joint_motions, rotation_matrix, skin_surface
 from riemhuman.kernels.rotations import log
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -28,11 +29,11 @@ _N_WAVES = 12
 
 def natural_surfaces(
     model: BodyModel,
-    joints: np.ndarray,
-    betas: np.ndarray,
-    poses: np.ndarray,
+    joints: Array,
+    betas: Array,
+    poses: Array,
     rng: np.random.Generator,
-) -> np.ndarray:
+) -> Array:
     """Return the surfaces of one person in some poses, with individual detail and soft tissue."""
     points = model.template.vertices
     detail = surface_noise(points, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
@@ -50,9 +51,7 @@ def natural_surfaces(
     return skin_surface(rest, model.weights, shaped_joints, rotations, positions)
 
 
-def reach(
-    model: BodyModel, betas: np.ndarray, poses: np.ndarray, side: str, points: np.ndarray
-) -> np.ndarray:
+def reach(model: BodyModel, betas: Array, poses: Array, side: str, points: Array) -> Array:
     """Return poses with one palm on the body, at points on the left side of the rest surface."""
     names = model.joint_names
     mirror = np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
@@ -64,7 +63,7 @@ def reach(
     facing = mirror * _PALM / np.linalg.norm(_PALM)
     defined = rotation_matrix(poses)
 
-    def residuals(vectors: np.ndarray) -> np.ndarray:
+    def residuals(vectors: Array) -> Array:
         """Return the residuals, shape (people, m, 15), for axis-angle vectors (people, m, 9)."""
         rotations = np.repeat(defined[:, None], vectors.shape[1], axis=1)
         swings = rotation_matrix(vectors.reshape(*vectors.shape[:-1], 3, 3))
@@ -96,9 +95,7 @@ def reach(
     return reached
 
 
-def _touched(
-    model: BodyModel, betas: np.ndarray, poses: np.ndarray, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _touched(model: BodyModel, betas: Array, poses: Array, points: Array) -> tuple[Array, Array]:
     """Return points of the posed bodies and their outward normals, shapes (n_people, 3)."""
     arms = [name.endswith(("elbow", "wrist")) for name in model.joint_names]
     elsewhere = np.where(model.weights[:, arms].sum(axis=1) < 0.01, 0.0, np.inf)
@@ -111,11 +108,12 @@ def _touched(
 
 
 def surface_noise(
-    points: np.ndarray, size: float, wavelengths: tuple[float, float], rng: np.random.Generator
-) -> np.ndarray:
+    points: Array, size: float, wavelengths: tuple[float, float], rng: np.random.Generator
+) -> Array:
     """Return random plane waves at every point, of root mean square length `size`, metres."""
     directions, displacements = rng.standard_normal((2, _N_WAVES, 3))
     frequencies = 2 * np.pi / rng.uniform(*wavelengths, (_N_WAVES, 1)) * unit_vectors(directions)
     phases = rng.uniform(0.0, 2 * np.pi, _N_WAVES)
     waves = np.cos(points @ frequencies.T + phases)
-    return size * np.sqrt(2.0 / _N_WAVES) * (waves @ unit_vectors(displacements))
+    lengths: Array = size * np.sqrt(2.0 / _N_WAVES) * (waves @ unit_vectors(displacements))
+    return lengths

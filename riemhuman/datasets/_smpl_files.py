@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from riemhuman.arrays import Array
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import FileFormatError
 
@@ -35,7 +36,7 @@ FIELDS_USED = (
 """Fields that are read; betas are used by models of SMPL's family."""
 
 
-def fields_of_smpl(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def fields_of_smpl(arrays: Mapping[str, Array]) -> dict[str, Array]:
     """Return poses, translations, betas and rate of an avatar, under names of recordings.
 
     An avatar without frames stands for one frame in the rest pose.
@@ -67,14 +68,14 @@ def fields_of_smpl(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return fields
 
 
-def _number(arrays: Mapping[str, np.ndarray], name: str, default: int) -> int:
+def _number(arrays: Mapping[str, Array], name: str, default: int) -> int:
     value = arrays.get(name, np.array(default))
     if value.size != 1 or value.dtype.kind not in "iu":
         raise FileFormatError(f"{name} must be a whole number; found {value.dtype} {value.shape}")
     return int(value.item())
 
 
-def _frames(arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+def _frames(arrays: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array:
     """Return a part of the poses or the translations, zeros where the file has none."""
     values = arrays.get(name)
     if values is None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type
 from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
@@ -53,9 +54,9 @@ _LARGEST = 1e12
 class _Recording(NamedTuple):
     """The arrays of a file."""
 
-    betas: np.ndarray
-    poses: np.ndarray  # (T, joints, 3)
-    translations: np.ndarray
+    betas: Array
+    poses: Array  # (T, joints, 3)
+    translations: Array
 
 
 class AmassMotion(ModelMotion):
@@ -67,7 +68,7 @@ class AmassMotion(ModelMotion):
         model: BodyModel,
         gender: str,
         rate: float,
-        frames: np.ndarray,
+        frames: Integers,
         up: str | None = None,
     ) -> None:
         super().__init__(*_names(path), rate, len(frames), model)
@@ -77,7 +78,7 @@ class AmassMotion(ModelMotion):
         self._up = up
 
     @property
-    def betas(self) -> np.ndarray:
+    def betas(self) -> Array:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
         betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
@@ -87,7 +88,7 @@ class AmassMotion(ModelMotion):
         """Axis of the file that points up."""
         return self._up or _upward_axis(self.path, int(self._numbers[-1]))
 
-    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
         recording = _read(self.path, int(self._numbers[-1]))
         frames = self._numbers[numbers]
         pose = poses_of_model(recording.poses[frames], self.model.n_joints)
@@ -202,7 +203,7 @@ def _names(path: Path) -> tuple[str, str]:
 
 
 def _saved_motion(
-    file: Path, model: BodyModel, frames: np.ndarray, rate: float
+    file: Path, model: BodyModel, frames: Integers, rate: float
 ) -> ArrayMotion | None:
     """Return the motion of this model that `Motion.save` wrote beside poses of SMPL."""
     fields = load_arrays(file, (), (*SAVED_FIELDS, SAVED_REST))
@@ -225,7 +226,7 @@ def _saved_motion(
 
 
 def _skeleton_motion(
-    path: Path, frames: np.ndarray, rate: float, up: str | Callable[[], str]
+    path: Path, frames: Integers, rate: float, up: str | Callable[[], str]
 ) -> SkeletonMotion:
     """Return the joints of SMPL's body in frames of a file."""
     recording = _read(path, int(frames[-1]))
@@ -295,11 +296,11 @@ def _read_header(file: Path) -> tuple[str, float, int]:
     return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames
 
 
-def _gender(value: np.ndarray, file: Path) -> str:
+def _gender(value: Values, file: Path) -> str:
     """Return the gender in a file, which may be text, bytes, or the text of bytes."""
     if value.size != 1 or value.dtype.kind not in "SU":
         raise FileFormatError(f"{file}: gender must be a word; found {value.dtype} {value.shape}")
-    word = value.item()
+    word: str | bytes = value.item()
     text = word.decode("latin-1") if isinstance(word, bytes) else word
     return text.removeprefix("b'").removesuffix("'").strip().lower()
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
@@ -42,17 +43,17 @@ class _Bone:
     name: str
     parent: int = -1
     # From its start to its end, in the axes of space, in the rest pose.
-    direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    direction: Array = field(default_factory=lambda: np.zeros(3))
     length: float = 0.0
     # The axes in which it rotates, columns of a matrix.
-    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
     # What a recording states for it, in this order, which is also that of the rotations.
     freedoms: tuple[str, ...] = ()
-    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    position: Array = field(default_factory=lambda: np.zeros(3))
     is_placed: bool = False
 
     @property
-    def vector(self) -> np.ndarray:
+    def vector(self) -> Array:
         """The vector from its start to its end in the rest pose."""
         return self.length * self.direction
 
@@ -256,14 +257,14 @@ class _SkeletonReader:
             )
         return freedoms
 
-    def _rotation(self, words: list[str], order: str, what: str) -> np.ndarray:
+    def _rotation(self, words: list[str], order: str, what: str) -> Array:
         """Return the rotation by angles about fixed axes, one after the other."""
         angles = self._lines.numbers(words, 3, what)
         if sorted(order) != ["x", "y", "z"]:
             raise self._lines.error(f"{what} must be in an order such as XYZ; found {order[:60]!r}")
         # The first number is the angle about x, whatever the order in which they are applied.
         ordered = [self._angle * angles["xyz".index(axis)] for axis in order]
-        matrix: np.ndarray = Rotation.from_euler(order, ordered).as_matrix()
+        matrix: Array = Rotation.from_euler(order, ordered).as_matrix()
         return matrix
 
     def _keep(self, bone: _Bone | None) -> None:
@@ -299,7 +300,7 @@ class _SkeletonReader:
         return ordered
 
 
-def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, np.ndarray]:
+def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, Array]:
     """Return the numbers of each bone in all frames, shape (n_frames, its freedoms)."""
     widths = {bone.name: len(bone.freedoms) for bone in skeleton.bones if bone.freedoms}
     lines = _Lines(file, content)
@@ -352,7 +353,7 @@ def _check_complete(lines: _Lines, n_frames: int, missing: set[str]) -> None:
 
 
 def _skeleton_motion(
-    skeleton: _Skeleton, values: dict[str, np.ndarray], rate: float, name: str
+    skeleton: _Skeleton, values: dict[str, Array], rate: float, name: str
 ) -> SkeletonMotion:
     """Return the starts of all bones, and the ends of the last ones, as joints."""
     bones, metres = skeleton.bones, skeleton.metres
@@ -390,31 +391,31 @@ def _skeleton_motion(
     )
 
 
-def _column(bone: _Bone, values: np.ndarray, freedom: str) -> np.ndarray:
+def _column(bone: _Bone, values: Array, freedom: str) -> Array:
     """Return the values of one degree of freedom of a bone, zeros if there are none."""
     if freedom in bone.freedoms:
         return np.asarray(values[:, bone.freedoms.index(freedom)])
     return np.zeros(len(values))
 
 
-def _rotations(bone: _Bone, values: np.ndarray) -> np.ndarray:
+def _rotations(bone: _Bone, values: Array) -> Array:
     """Return the rotations of a bone in the axes of space at rest, C M C⁻¹."""
     order = "".join(freedom[1] for freedom in bone.freedoms if freedom in _ROTATIONS)
     if not order:
         return np.tile(np.eye(3), (len(values), 1, 1))
     angles = np.stack([_column(bone, values, f"r{axis}") for axis in order], axis=1)
-    turns: np.ndarray = Rotation.from_euler(order, angles).as_matrix()
+    turns: Array = Rotation.from_euler(order, angles).as_matrix()
     # The root rotates in space and then carries its rest orientation; bones rotate in their axes.
     return turns @ bone.axes if bone.parent < 0 else bone.axes @ turns @ bone.axes.T
 
 
-def _moved(bone: _Bone, values: np.ndarray) -> np.ndarray:
+def _moved(bone: _Bone, values: Array) -> Array:
     """Return how far the start of a bone is moved, in the axes of its parent."""
     steps = np.stack([_column(bone, values, freedom) for freedom in _TRANSLATIONS], axis=1)
     return steps if bone.parent < 0 else steps @ bone.axes.T
 
 
-def _lengthened(bone: _Bone, values: np.ndarray | None) -> np.ndarray:
+def _lengthened(bone: _Bone, values: Array | None) -> Array:
     """Return how far the end of a bone is moved along it in all frames."""
     if values is None:
         return np.zeros(3)

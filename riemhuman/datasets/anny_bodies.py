@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import check_human_size, real_array, values_of
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -45,12 +45,12 @@ class AnnyParameters:
     >>> rh.datasets.anny_parameters(body).phenotypes["height"]  # doctest: +SKIP
     """
 
-    phenotypes: dict[str, np.ndarray]
-    pose: np.ndarray
-    distances: np.ndarray
+    phenotypes: dict[str, Array]
+    pose: Array
+    distances: Array
 
 
-def bodies_from_anny(vertices: ArrayLike) -> np.ndarray:
+def bodies_from_anny(vertices: ArrayLike) -> Array:
     """Convert the vertices that Anny computes to bodies of the open model at full resolution.
 
     The skin of Anny's default topology has the triangles of the open model, vertex by vertex, so
@@ -85,7 +85,7 @@ def anny_bodies(
     pose: ArrayLike | None = None,
     *,
     pose_parameterization: str = "local-ref",
-) -> np.ndarray:
+) -> Array:
     """Return bodies of the open model at full resolution from Anny's parameters.
 
     This needs the package ``anny`` (extra ``anny``), which needs PyTorch and takes about a minute
@@ -187,7 +187,7 @@ def _load_anny() -> anny.Anny:
     return model
 
 
-def _with_inner_parts(skins: np.ndarray, template: np.ndarray) -> np.ndarray:
+def _with_inner_parts(skins: Array, template: Array) -> Array:
     """Return whole bodies of Anny: mouth and eyes follow the face by a similarity."""
     inner = template[_N_SKIN:]
     anchors = cKDTree(template[:_N_SKIN]).query(inner.mean(axis=0), k=_N_ANCHORS)[1]
@@ -203,9 +203,9 @@ def _with_inner_parts(skins: np.ndarray, template: np.ndarray) -> np.ndarray:
     return np.stack(whole)
 
 
-def _y_up(points: np.ndarray) -> np.ndarray:
+def _y_up(points: Array) -> Array:
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def _z_up(points: np.ndarray) -> np.ndarray:
+def _z_up(points: Array) -> Array:
     return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, SupportsIndex, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, Booleans, Integers, JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import class_indices, distance_matrix, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pandas
 
 Class = int | str
+Rows: TypeAlias = "slice[int | None, int | None, int | None]"
 
 _FORMAT_VERSION = 1
 _SEXES = ("woman", "man")
@@ -69,16 +70,16 @@ class Bodies:
     ('70', '71')
     """
 
-    points: np.ndarray
-    subject: np.ndarray
-    pose: np.ndarray
+    points: Array
+    subject: Integers
+    pose: Integers
     template: Template
     model: BodyModel | None = None
     subject_names: tuple[str, ...] = ()
     pose_names: tuple[str, ...] = ()
-    betas: np.ndarray | None = None
-    pose_vectors: np.ndarray | None = None
-    translations: np.ndarray | None = None
+    betas: Array | None = None
+    pose_vectors: Array | None = None
+    translations: Array | None = None
     ids: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -114,12 +115,13 @@ class Bodies:
         return len(self.points)
 
     @overload
-    def __getitem__(self, index: int) -> np.ndarray: ...
+    def __getitem__(self, index: int) -> Array: ...
     @overload
-    def __getitem__(self, index: slice | Sequence[int] | np.ndarray) -> Bodies: ...
+    def __getitem__(self, index: Rows | Sequence[int] | Integers | Booleans) -> Bodies: ...
     def __getitem__(
-        self, index: int | np.integer | slice | Sequence[int] | np.ndarray
-    ) -> np.ndarray | Bodies:
+        self,
+        index: SupportsIndex | Rows | Sequence[int] | Integers | Booleans,
+    ) -> Array | Bodies:
         try:
             numbers = np.arange(len(self))[index]
         except (IndexError, TypeError) as error:
@@ -153,7 +155,7 @@ class Bodies:
         return self._choose(np.flatnonzero(is_selected))
 
     @property
-    def sex(self) -> np.ndarray:
+    def sex(self) -> NDArray[np.str_]:
         """The sex of each surface, shape (n,): "woman", "man" or "".
 
         It is taken from the last word of the person's name, as in the open bodies; for other names
@@ -168,7 +170,8 @@ class Bodies:
         """
         last_words = [name.split()[-1:] for name in self.subject_names]
         sexes = [words[0] if words and words[0] in _SEXES else "" for words in last_words]
-        return np.array(sexes, dtype=str)[self.subject]
+        by_body: NDArray[np.str_] = np.array(sexes, dtype=str)[self.subject]
+        return by_body
 
     def to_frame(self, distances: ArrayLike | None = None) -> pandas.DataFrame:
         """Return the labels of the surfaces, or labelled distances, as a pandas table.
@@ -263,7 +266,7 @@ class Bodies:
         caption = repr(self).strip("<>")
         return notebook_pictures().surfaces_html(self.points, self.template.faces, caption)
 
-    def _choose(self, numbers: np.ndarray) -> Bodies:
+    def _choose(self, numbers: Integers) -> Bodies:
         arrays: JSONRecord = {
             name: getattr(self, name)[numbers]
             for name in _STORED
@@ -273,7 +276,7 @@ class Bodies:
 
 
 def _labels(
-    classes: str | int | np.integer | Iterable[str | int], name: str, names: tuple[str, ...]
+    classes: str | int | Iterable[str | int], name: str, names: tuple[str, ...]
 ) -> list[int]:
     """Return the indices of people or poses given by name or index."""
     numbers: dict[object, int] = {text: number for number, text in enumerate(names)}

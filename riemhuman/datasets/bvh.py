@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, memory_errors, read_bytes, short_message
@@ -121,7 +122,7 @@ class _Reader:
             raise self._error(f"{' or '.join(expected)} expected; found {word[:60]!r}")
         return word.upper()
 
-    def read(self) -> tuple[list[_Joint], np.ndarray, float]:
+    def read(self) -> tuple[list[_Joint], Array, float]:
         """Return the joints, the numbers of all frames and the time from frame to frame."""
         joints: list[_Joint] = []
         self._next("HIERARCHY")
@@ -191,7 +192,7 @@ class _Reader:
             raise self._error("a position channel is repeated")
         return channels
 
-    def _read_frames(self, n_channels: int) -> tuple[np.ndarray, float]:
+    def _read_frames(self, n_channels: int) -> tuple[Array, float]:
         # Numbers belong to their lines: a missing one must not shift all that follow.
         lines = (
             (number, line)

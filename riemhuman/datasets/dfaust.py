@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from riemhuman.arrays import Array, Triangles
 from riemhuman.checks import integer_array
 from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -40,7 +41,7 @@ class DynamicFaustMotion(Motion):
         path: Path,
         subject: str,
         sequence: str,
-        faces: np.ndarray,
+        faces: Triangles,
         shape: tuple[int, ...],
         rate: float,
     ) -> None:
@@ -54,7 +55,7 @@ class DynamicFaustMotion(Motion):
         self._numbers = nearest_frames(shape[2], _FRAMES_PER_SECOND, rate)
         super().__init__(subject, sequence, float(rate), len(self._numbers), faces)
 
-    def _frames(self, numbers: range) -> np.ndarray:
+    def _frames(self, numbers: range) -> Array:
         file_frames = self._numbers[np.asarray(numbers, dtype=np.int64)]
         stride = abs(numbers.step) * _FRAMES_PER_SECOND / self.frames_per_second
         run = max(1, int(_SPAN / stride))
@@ -133,7 +134,7 @@ def load_dfaust(
         raise FileError(f"{root} holds neither {_FILES[0]} nor {_FILES[1]}")
     places = " and ".join(str(file) for file in files)
     recorded: dict[str, dict[str, Path]] = {}
-    faces: np.ndarray | None = None
+    faces: Triangles | None = None
     for file in files:
         with _open(file) as contents:
             # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
@@ -175,7 +176,7 @@ def load_dfaust(
 
 
 def _motions(
-    performances: list[tuple[Path, str, str]], faces: np.ndarray, rate: float
+    performances: list[tuple[Path, str, str]], faces: Triangles, rate: float
 ) -> Motions[DynamicFaustMotion]:
     """Return motions in files, each of a subject and a sequence; open every file once."""
     keys: dict[Path, list[str]] = {}
@@ -228,7 +229,7 @@ def _open(path: Path) -> Iterator[h5py.File]:
         yield file
 
 
-def _read_faces(contents: h5py.Group, names: Sequence[str], file: Path) -> np.ndarray:
+def _read_faces(contents: h5py.Group, names: Sequence[str], file: Path) -> Triangles:
     if _FACES not in names:
         raise FileFormatError(
             f"{file} holds no dataset {_FACES!r} of triangles; found "

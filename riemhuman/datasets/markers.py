@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from riemhuman.arrays import Array
 from riemhuman.checks import real_number
 from riemhuman.datasets._marker_skeletons import Markers, skeleton_of
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -156,7 +157,7 @@ def load_c3d(
         return skeleton_of(markers, joints)
 
 
-def _copied_points(file: Path, timeout: float | None) -> dict[str, np.ndarray]:
+def _copied_points(file: Path, timeout: float | None) -> dict[str, Array]:
     """Return what `_c3d_points` copies from a file, in a process that damaged files may kill."""
     import_optional("ezc3d", "recordings")
     script = Path(__file__).with_name("_c3d_points.py")
@@ -195,7 +196,7 @@ def _declared_frames(content: bytes) -> int:
 def _in_metres(
     file: Path,
     names: Sequence[str],
-    positions: np.ndarray,
+    positions: Array,
     rate: float,
     written_unit: str,
     metres: float | None,
@@ -230,7 +231,7 @@ class _TextReader:
         self._line = 0
         self._names: list[str] = []
 
-    def read(self) -> tuple[list[str], np.ndarray, float, str]:
+    def read(self) -> tuple[list[str], Array, float, str]:
         """Return names of markers, positions, frame rate and unit."""
         values = self._header()
         names = self._names

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
 from riemhuman.datasets.motions import ArrayMotion
@@ -115,7 +115,7 @@ def motion_from_arrays(
     return RetargetedMotion(recording, model, ("", name), rate, len(vectors), up=up)
 
 
-def _pose_vectors(poses: ArrayLike) -> np.ndarray:
+def _pose_vectors(poses: ArrayLike) -> Array:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), after checking their shape."""
     array = real_array(values_of(poses, "poses"), "poses")
     are_matrices = array.ndim == 4 and array.shape[2:] == (3, 3)
@@ -144,12 +144,13 @@ def _pose_vectors(poses: ArrayLike) -> np.ndarray:
             f"poses must hold rotation matrices; poses[{frame}, {joint}] is not one, the first "
             f"of {int(wrong.sum())}"
         )
-    return Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec().reshape(n_frames, n_joints, 3)
+    vectors: Array = Rotation.from_matrix(array.reshape(-1, 3, 3)).as_rotvec()
+    return vectors.reshape(n_frames, n_joints, 3)
 
 
 def one_person(
     betas: ArrayLike | None, weights: ArrayLike | None, n_frames: int
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Array, Array]:
     """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
         return np.zeros(0), np.zeros(0)
@@ -167,7 +168,7 @@ def one_person(
     return mean, np.sqrt(shares @ (array - mean) ** 2)
 
 
-def warn_of_varying_betas(spread: np.ndarray, name: str) -> None:
+def warn_of_varying_betas(spread: Array, name: str) -> None:
     """Warn where the coefficients of one person differ from frame to frame."""
     if spread.max(initial=0.0) > _SAME_PERSON:
         number = int(spread.argmax())

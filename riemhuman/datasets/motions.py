@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_array, real_number
 from riemhuman.datasets._motion_files import (
@@ -73,7 +73,7 @@ class Motion(ABC):
         sequence: str,
         frames_per_second: float,
         n_frames: int,
-        faces: np.ndarray,
+        faces: Triangles,
     ) -> None:
         self.subject = subject
         self.sequence = sequence
@@ -84,11 +84,11 @@ class Motion(ABC):
     def __len__(self) -> int:
         return self.n_frames
 
-    def __iter__(self) -> Iterator[np.ndarray]:
+    def __iter__(self) -> Iterator[Array]:
         for first in range(0, len(self), _FRAMES_AT_A_TIME):
             yield from self[first : first + _FRAMES_AT_A_TIME]
 
-    def __getitem__(self, index: int | slice) -> np.ndarray:
+    def __getitem__(self, index: int | slice[int | None, int | None, int | None]) -> Array:
         try:
             numbers = range(len(self))[index]
         except IndexError as error:
@@ -99,7 +99,8 @@ class Motion(ABC):
             ) from error
         if isinstance(numbers, range):
             return self._frames(numbers)
-        return self._frames(range(numbers, numbers + 1))[0]
+        frame: Array = self._frames(range(numbers, numbers + 1))[0]
+        return frame
 
     def __repr__(self) -> str:
         return (
@@ -150,7 +151,7 @@ class Motion(ABC):
                 save_mesh(temporary / f"frame_{number:05d}.ply", frame, self.faces)
 
     @abstractmethod
-    def _frames(self, numbers: range) -> np.ndarray:
+    def _frames(self, numbers: range) -> Array:
         """Return these frames, shape (n, V, 3)."""
 
 
@@ -170,16 +171,16 @@ class ModelMotion(Motion):
 
     @property
     @abstractmethod
-    def betas(self) -> np.ndarray:
+    def betas(self) -> Array:
         """Shape coefficients of the person, shape (B,)."""
 
     @property
-    def pose_vectors(self) -> np.ndarray:
+    def pose_vectors(self) -> Array:
         """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
         return self._parameters(np.arange(len(self)))[0]
 
     @property
-    def translations(self) -> np.ndarray:
+    def translations(self) -> Array:
         """Translation in every frame, shape (n_frames, 3), metres."""
         return self._parameters(np.arange(len(self)))[1]
 
@@ -210,10 +211,10 @@ class ModelMotion(Motion):
         )
 
     @abstractmethod
-    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
         """Return the pose vectors and translations of some frames."""
 
-    def _frames(self, numbers: range) -> np.ndarray:
+    def _frames(self, numbers: range) -> Array:
         frames = np.empty((len(numbers), self.model.n_vertices, 3))
         for some in slices(len(numbers), _FRAMES_AT_A_TIME):
             poses, translations = self._parameters(np.asarray(numbers[some], dtype=np.int64))
@@ -249,9 +250,9 @@ class ArrayMotion(ModelMotion):
         names: tuple[str, str],
         frames_per_second: float,
         model: BodyModel,
-        betas: np.ndarray,
-        pose_vectors: np.ndarray,
-        translations: np.ndarray,
+        betas: Array,
+        pose_vectors: Array,
+        translations: Array,
     ) -> None:
         super().__init__(*names, frames_per_second, len(pose_vectors), model)
         self._betas = betas
@@ -259,10 +260,10 @@ class ArrayMotion(ModelMotion):
         self._translations = translations
 
     @property
-    def betas(self) -> np.ndarray:
+    def betas(self) -> Array:
         return self._betas
 
-    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
         return self._poses[numbers], self._translations[numbers]
 
 
@@ -312,7 +313,7 @@ class MeshMotion(Motion):
         self._meshes = RegisteredMeshes(find_meshes(folder), unit=unit, up=up)
         super().__init__("", folder.name, rate, len(self._meshes), self._meshes.faces)
 
-    def _frames(self, numbers: range) -> np.ndarray:
+    def _frames(self, numbers: range) -> Array:
         return np.stack([self._meshes[number] for number in numbers])
 
 

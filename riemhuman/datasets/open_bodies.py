@@ -158,10 +158,10 @@ def _read_model(resolution: str) -> BodyModel:
 def _performances(
     model: BodyModel,
     angles: Mapping[str, Mapping[str, Angles]],
-    betas: np.ndarray,
+    betas: Array,
     rng: np.random.Generator,
     touched: Mapping[str, Mapping[str, Array]] | None = None,
-) -> np.ndarray:
+) -> Array:
     """Return pose vectors (people, poses, J, 3), natural ones if hands touch the body."""
     shape = (len(betas), len(angles), model.n_joints, 3)
     if touched is None:
@@ -185,8 +185,9 @@ def _performances(
     return poses
 
 
-def _height_above_ground(model: BodyModel, betas: np.ndarray, poses: np.ndarray) -> np.ndarray:
+def _height_above_ground(model: BodyModel, betas: Array, poses: Array) -> Array:
     """Return the upward shift that puts the lower foot at its height in the rest pose."""
     feet = [name.endswith(("ankle", "toes")) for name in model.joint_names]
     rest, posed = model.joints(betas), model.joints(betas, poses)
-    return (rest - posed)[..., feet, 1].max(axis=-1)
+    heights: Array = (rest - posed)[..., feet, 1].max(axis=-1)
+    return heights

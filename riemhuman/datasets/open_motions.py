@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
 from riemhuman.datasets.motions import ModelMotion, Motions, choose_names
@@ -31,7 +32,7 @@ class _JointCurves(NamedTuple):
     curves: Sequence[Curve]
     delay: float  # of a cycle
     amplitude: float  # as a factor, about the mean of each curve
-    habit: np.ndarray  # degrees, added to each angle
+    habit: Array  # degrees, added to each angle
 
 
 class OpenMotion(ModelMotion):
@@ -62,15 +63,15 @@ class OpenMotion(ModelMotion):
         super().__init__(subject, sequence, frames_per_second, n_frames, model)
 
     @property
-    def betas(self) -> np.ndarray:
+    def betas(self) -> Array:
         return np.array(read_table("open_motions")["people"][self.subject])
 
-    def _parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
         poses, translations = self._performance
         return poses[numbers], translations[numbers]
 
     @cached_property
-    def _performance(self) -> tuple[np.ndarray, np.ndarray]:
+    def _performance(self) -> tuple[Array, Array]:
         times = np.arange(len(self)) / self.frames_per_second
         poses = pose_vectors(self.joint_rotations(times), self.model)
         names = self.model.joint_names
@@ -85,7 +86,7 @@ class OpenMotion(ModelMotion):
         translations[:, 1] = moved[:, feet, 1].max(axis=1) + height
         return poses, translations
 
-    def joint_rotations(self, times: np.ndarray) -> np.ndarray:
+    def joint_rotations(self, times: Array) -> Array:
         """Return the rotations of all joints from the T-pose at any times, (n, J, 3, 3)."""
         rotations = np.tile(np.eye(3), (len(times), self.model.n_joints, 1, 1))
         phases = times / self._cycle + self._start
@@ -135,7 +136,7 @@ def load_open_motions(
     return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
 
 
-def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
+def _values(curve: Curve, phases: Array) -> Array:
     """Return a curve at phases in cycles: periodic, smooth, and within its given values."""
     from scipy.interpolate import PchipInterpolator  # takes long to import
 
@@ -143,4 +144,5 @@ def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
     # The slope at a value depends on the two values beside it.
     numbers = np.arange(-2, len(values) + 3)
     periodic = PchipInterpolator(numbers / len(values), values[numbers % len(values)])
-    return periodic(phases % 1.0)
+    at_phases: Array = periodic(phases % 1.0)
+    return at_phases

@@ -51,7 +51,7 @@ def read_table(name: str) -> JSONRecord:
     return table
 
 
-def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
+def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     """Return the rotations of all joints from the T-pose, shape (J, 3, 3), in the body's axes.
 
     Parameters
@@ -110,7 +110,7 @@ def mirror_angles(angles: Angles) -> Angles:
     return axes, *mirrored
 
 
-def pose_vectors(rotations: ArrayLike, model: BodyModel) -> np.ndarray:
+def pose_vectors(rotations: ArrayLike, model: BodyModel) -> Array:
     """Return the model's pose vectors, shape (..., J, 3), for rotations from the T-pose.
 
     With T_j the rotation of joint j that brings the rest pose to the T-pose, in global axes,
@@ -137,7 +137,7 @@ def pose_vectors(rotations: ArrayLike, model: BodyModel) -> np.ndarray:
     return np.asarray(log(parent, rotations @ straight))
 
 
-def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
+def _rest_to_t_pose(model: BodyModel) -> Array:
     """Return each joint's global rotation from the rest pose to the T-pose, shape (J, 3, 3)."""
     joints = dict(zip(model.joint_names, model.joints(), strict=True))
     straight = {name: np.eye(3) for name in model.joint_names}

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.checks import check_human_size, integer_array, one_of, real_array
 from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
@@ -59,17 +59,17 @@ class PhotographedBodies:
     >>> bodies = rh.datasets.load_photographed_bodies("a.npz", "face_mask.ply")  # doctest: +SKIP
     """
 
-    points: np.ndarray
-    faces: np.ndarray
+    points: Array
+    faces: Triangles
     names: tuple[str, ...]
-    keypoints: np.ndarray | None
-    translations: np.ndarray | None
-    shapes: np.ndarray | None
+    keypoints: Array | None
+    translations: Array | None
+    shapes: Array | None
     missing: tuple[str, ...]
     up: str = "-y"
 
     @property
-    def places(self) -> np.ndarray:
+    def places(self) -> Array:
         """Surfaces in the camera's view, metres, y up; those of `points` if it is unknown."""
         if self.translations is None:
             return self.points
@@ -128,7 +128,7 @@ def load_photographed_bodies(
     files = _files(paths)
     triangles = _triangles(faces)
     arrays_of_files = [load_arrays(file, [_VERTICES], _OPTIONAL) for file in files]
-    points: list[np.ndarray] = []
+    points: list[Array] = []
     names: list[str] = []
     n_vertices = int(triangles.max()) + 1
     for file, arrays in zip(files, arrays_of_files, strict=True):
@@ -164,12 +164,12 @@ def load_photographed_bodies(
     )
 
 
-def turn_upright(points: np.ndarray, up: str) -> np.ndarray:
+def turn_upright(points: Array, up: str) -> Array:
     """Return points y up; of people who look at a camera with y down, the front towards z."""
     return points * [1.0, -1.0, -1.0] if up == "-y" else make_upright(points, up=up)
 
 
-def standing_axis(surface: np.ndarray, faces: np.ndarray) -> str:
+def standing_axis(surface: Array, faces: Triangles) -> str:
     """Return the axis that points up in a body, away from its feet; "y" if it stands along none."""
     (upward,) = _away_from_feet(surface[np.newaxis], faces)
     number = int(np.abs(upward).argmax())
@@ -179,14 +179,14 @@ def standing_axis(surface: np.ndarray, faces: np.ndarray) -> str:
     return f"-{axis}" if upward[number] < 0 else axis
 
 
-def _away_from_feet(surfaces: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _away_from_feet(surfaces: Array, faces: Triangles) -> Array:
     """Return the directions from the feet to the middle of bodies, shape (n, 3)."""
     body = _largest_part(faces, surfaces.shape[1])
     feet = _find_feet(surfaces[0], faces, body)
     return unit_vectors(surfaces[:, body].mean(axis=1) - surfaces[:, feet].mean(axis=1))
 
 
-def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:
+def _upward_axis(surfaces: Array, faces: Triangles, name: str) -> str:
     """Return which direction of y points up in most bodies: away from their feet."""
     cosine = float(np.median(_away_from_feet(surfaces, faces)[:, 1]))
     if abs(cosine) < _SURELY_UP:
@@ -198,7 +198,7 @@ def _upward_axis(surfaces: np.ndarray, faces: np.ndarray, name: str) -> str:
     return "y" if cosine > _SURELY_UP else "-y"
 
 
-def _largest_part(faces: np.ndarray, n_vertices: int) -> np.ndarray:
+def _largest_part(faces: Triangles, n_vertices: int) -> Integers:
     """Return the vertices of the largest connected part, without eyes and teeth."""
     ones = np.ones(faces.size)
     graph = sparse.coo_array(
@@ -208,7 +208,7 @@ def _largest_part(faces: np.ndarray, n_vertices: int) -> np.ndarray:
     return np.flatnonzero(labels == np.bincount(labels).argmax())
 
 
-def _find_feet(points: np.ndarray, faces: np.ndarray, body: np.ndarray) -> np.ndarray:
+def _find_feet(points: Array, faces: Triangles, body: Integers) -> Integers:
     """Return a vertex at the tip of each foot: extremities farthest, along edges, from others."""
     starts, ends = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     pairs = np.unique(np.sort(np.stack([starts, ends], axis=1), axis=1), axis=0)
@@ -239,13 +239,13 @@ def _files(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> 
     return files
 
 
-def _triangles(faces: ArrayLike | os.PathLike[str]) -> np.ndarray:
+def _triangles(faces: ArrayLike | os.PathLike[str]) -> Triangles:
     if isinstance(faces, (str, os.PathLike)):
         return load_mesh(faces)[1]
     return np.asarray(integer_array(faces, "faces", ("F", 3)))
 
 
-def _refuse_mirrored(surfaces: np.ndarray, faces: np.ndarray, name: str) -> None:
+def _refuse_mirrored(surfaces: Array, faces: Triangles, name: str) -> None:
     centred = surfaces - surfaces.mean(axis=1, keepdims=True)
     a, b, c = (centred[:, corner] for corner in faces.T)
     volumes = np.einsum("nfx,nfx->n", a, np.cross(b, c))  # six times the signed volumes
@@ -256,9 +256,7 @@ def _refuse_mirrored(surfaces: np.ndarray, faces: np.ndarray, name: str) -> None
         )
 
 
-def _joined(
-    arrays_of_files: list[dict[str, np.ndarray]], name: str, axes: int
-) -> np.ndarray | None:
+def _joined(arrays_of_files: list[dict[str, Array]], name: str, axes: int) -> Array | None:
     """Return an array of all bodies, if every file has it."""
     if any(name not in arrays for arrays in arrays_of_files):
         return None

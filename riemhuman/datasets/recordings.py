@@ -15,7 +15,7 @@ from typing import cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import ArrayLike, JSONRecord, JSONValue
+from riemhuman.arrays import Array, ArrayLike, JSONRecord, JSONValue
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.datasets.amass import FIELDS_READ, load_amass
@@ -85,9 +85,9 @@ class _Person:
     """One person in a file: arrays over the frames."""
 
     name: str
-    poses: np.ndarray
-    translations: np.ndarray
-    betas: np.ndarray | None
+    poses: Array
+    translations: Array
+    betas: Array | None
     rate: float | None
     fields: tuple[str, ...]
 
@@ -477,7 +477,7 @@ def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
     return _Person(name, poses, translations, betas, frame_rate, used_fields)
 
 
-def _poses(content: Mapping[str, JSONValue]) -> np.ndarray | None:
+def _poses(content: Mapping[str, JSONValue]) -> Array | None:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), if these fields hold them."""
     whole = _vectors(_first(content, _WHOLE_POSES))
     if whole is not None:
@@ -488,7 +488,7 @@ def _poses(content: Mapping[str, JSONValue]) -> np.ndarray | None:
     return np.concatenate([root, body], axis=1)
 
 
-def _vectors(array: np.ndarray | None) -> np.ndarray | None:
+def _vectors(array: Array | None) -> Array | None:
     """Return rotations of any layout as axis-angle vectors, shape (n_frames, joints, 3)."""
     if array is None or array.ndim < 2:
         return None
@@ -496,14 +496,14 @@ def _vectors(array: np.ndarray | None) -> np.ndarray | None:
         matrices = array.reshape(len(array), -1, 3, 3).astype(float)
         if not np.isfinite(matrices).all() or (np.linalg.det(matrices) <= 0.0).any():
             return None
-        vectors: np.ndarray = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
+        vectors: Array = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
         return vectors.reshape(len(array), -1, 3)
     if array.size % (3 * max(len(array), 1)):
         return None
     return array.reshape(len(array), -1, 3).astype(float)
 
 
-def _first(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> np.ndarray | None:
+def _first(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> Array | None:
     """Return the first of some fields that holds numbers."""
     name = _first_name(content, names)
     return None if name is None else np.asarray(content[name])

@@ -10,7 +10,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from riemhuman.arrays import ArrayLike, Integers
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
@@ -115,7 +115,7 @@ class RegisteredMeshes:
     def __len__(self) -> int:
         return len(self.files)
 
-    def __getitem__(self, index: int | slice) -> np.ndarray:
+    def __getitem__(self, index: int | slice[int | None, int | None, int | None]) -> Array:
         if not isinstance(index, slice):
             return self._read(self.files[index])
         surfaces = [self._read(file) for file in self.files[index]]
@@ -132,7 +132,7 @@ class RegisteredMeshes:
             self._file_faces, self.faces = self.faces, seams.faces
             self.reference, self.seams = seams.join(self.reference), seams
 
-    def _read(self, file: Path) -> np.ndarray:
+    def _read(self, file: Path) -> Array:
         vertices, faces = load_mesh(file)
         vertices = make_upright(vertices, self._unit, self._up)
         n_vertices, expected = len(self.reference), self.faces

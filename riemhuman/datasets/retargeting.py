@@ -9,9 +9,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, refuse_type
 from riemhuman.datasets.motions import ModelMotion
@@ -77,7 +76,7 @@ class RetargetedMotion(ModelMotion):
         frames_per_second: float,
         n_frames: int,
         *,
-        betas: ndarray | None = None,
+        betas: Array | None = None,
         joints: Mapping[str, int] | None = None,
         up: str | Callable[[], str] | None = None,
         size: float = 1.0,
@@ -98,7 +97,7 @@ class RetargetedMotion(ModelMotion):
         return recording if isinstance(recording, SkeletonMotion) else recording()
 
     @property
-    def betas(self) -> ndarray:
+    def betas(self) -> Array:
         return self._betas
 
     @property
@@ -136,7 +135,7 @@ class RetargetedMotion(ModelMotion):
         performance._size = 1.0
         return performance
 
-    def _parameters(self, numbers: ndarray) -> tuple[ndarray, ndarray]:
+    def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
         return self._played.poses[numbers], self._played.translations[numbers]
 
     @cached_property

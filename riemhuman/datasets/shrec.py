@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
@@ -48,7 +49,7 @@ class LabelledMeshes(Record):
 
     files: tuple[Path, ...]
     ids: tuple[str, ...]
-    subject: np.ndarray
+    subject: Integers
     subject_names: tuple[str, ...]
     scale: float
 
@@ -56,7 +57,7 @@ class LabelledMeshes(Record):
         """Return the number of meshes."""
         return len(self.files)
 
-    def __getitem__(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+    def __getitem__(self, index: int) -> tuple[Array, Triangles]:
         vertices, faces = load_mesh(self.files[index])
         return self.scale * vertices, faces
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import check_file, format_errors, natural_key, read_text
@@ -39,9 +39,9 @@ class MatchedMesh:
     (6890,)
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    places: np.ndarray
+    vertices: Array
+    faces: Triangles
+    places: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,7 +70,7 @@ class MatchedMeshes(Record):
 
     files: tuple[Path, ...]
     names: tuple[str, ...]
-    pairs: np.ndarray
+    pairs: Integers
     match_files: dict[tuple[str, str], Path]
 
     def __len__(self) -> int:
@@ -80,7 +80,7 @@ class MatchedMeshes(Record):
     def __getitem__(self, index: int) -> MatchedMesh:
         return _read_mesh(self.files[index])
 
-    def matches(self, first: int, second: int) -> np.ndarray:
+    def matches(self, first: int, second: int) -> Array:
         """Return the matching vertex of another mesh for every vertex of one mesh, shape (V,).
 
         Parameters
@@ -155,7 +155,7 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     return MatchedMeshes(tuple(files), names, _read_pairs(root, names), match_files)
 
 
-def _read_pairs(root: Path, names: Sequence[str]) -> np.ndarray:
+def _read_pairs(root: Path, names: Sequence[str]) -> Integers:
     """Return the pairs of the list in a folder as indices of meshes."""
     lists = sorted(root.rglob("PAIRS_list*.txt"))
     if len(lists) != 1:
@@ -205,7 +205,7 @@ def _read_mesh(file: Path) -> MatchedMesh:
         return MatchedMesh(points, faces, _from_zero(places, len(points), "smpl_matches"))
 
 
-def _whole_numbers(values: ArrayLike, name: str) -> np.ndarray:
+def _whole_numbers(values: ArrayLike, name: str) -> Array:
     """Return whole numbers, which MATLAB stores as floating point."""
     try:
         numbers = np.asarray(values, dtype=np.float64)
@@ -216,7 +216,7 @@ def _whole_numbers(values: ArrayLike, name: str) -> np.ndarray:
     return numbers.astype(np.int64)
 
 
-def _from_zero(numbers: np.ndarray, count: int, name: str) -> np.ndarray:
+def _from_zero(numbers: Array, count: int, name: str) -> Array:
     """Return vertex numbers that count from 1 as ones that count from 0."""
     if numbers.size and not (numbers.min() >= 1 and numbers.max() <= count):
         raise ArgumentError(
