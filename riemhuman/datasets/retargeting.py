@@ -238,10 +238,9 @@ def retarget(
         betas = recorded_person(recording.positions, joint_numbers, model)
     if is_recorded:
         leg = leg_length(recording.positions, joint_numbers)
-        if metres is None:
-            metres = _guessed_metres(leg, recording)
+        unit_size = _guessed_metres(leg, recording) if metres is None else metres
         person = np.zeros(model.n_betas) if betas is None else betas
-        size = metres * leg / make_figure(model, person).leg
+        size = unit_size * leg / make_figure(model, person).leg
     return RetargetedMotion(
         recording,
         model,

@@ -395,7 +395,6 @@ class Disentangling:
         rounding = sum(
             weight * rounding_energy(metric, posed, size=_ROUNDING) for metric, weight, _ in terms
         )
-
         minimum = minimize_from(
             posed,
             space,
@@ -409,10 +408,7 @@ class Disentangling:
         )
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
-            # Translations change neither metric.
-            difference = surface - shape
-            difference -= difference.mean(axis=0)
-            surface = shape + self.basis.project(difference)
+            surface = _in_span(self.basis, shape, surface)
             value, _ = weighted_sum(surface)
         surface = surface + np.mean(pose - surface, axis=0)
         return DisentanglingResult(
@@ -424,6 +420,14 @@ class Disentangling:
             float(pose_metric.dist(pose, surface)),
             **minimum.outcome,
         )
+
+
+def _in_span(basis: DeformationBasis, origin: Points, surface: Points) -> Points:
+    """Return the surface in the span of a basis about another one, up to a translation."""
+    # Translations change neither metric.
+    difference = surface - origin
+    difference -= difference.mean(axis=0)
+    return origin + basis.project(difference)
 
 
 def _disentangled(
