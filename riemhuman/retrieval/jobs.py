@@ -281,10 +281,11 @@ def checked_part(
 ) -> Array:
     """Return a range of points after checking them."""
     where = f"{name}[{part.start}:{part.stop}]"
-    some = metric.check_points(points[part], where)
-    if len(some) != part.stop - part.start:
-        raise ArgumentError(f"{where} must be {part.stop - part.start} points; found {len(some)}")
-    return some
+    checked = metric.check_points(points[part], where)
+    n_points = part.stop - part.start
+    if len(checked) != n_points:
+        raise ArgumentError(f"{where} must be {n_points} points; found {len(checked)}")
+    return checked
 
 
 @dataclass(frozen=True)
@@ -299,26 +300,26 @@ class _PointsOfJob:
 
     def read(self, number: int, block: slice[int, int, None]) -> Array:
         """Return a block of points, if they are those of an earlier run."""
-        some = checked_part(self.metric, self.points, block, "points")
+        points = checked_part(self.metric, self.points, block, "points")
         known = np.array(self.job.read(_DIGESTS)[number])
-        if known.any() and known.tobytes() != digest(some):
+        if known.any() and known.tobytes() != digest(points):
             raise ArgumentError(
                 f"folder must be that of the same job; that in {self.job.path} has other "
                 f"points[{block.start}:{block.stop}]"
             )
-        return some
+        return points
 
     def write(self, number: int, block: slice[int, int, None]) -> None:
         """Write a block of points and their features."""
-        some = self.read(number, block)
+        points = self.read(number, block)
         try:
-            features = self.metric.features(some, self.precision, self.n_jobs)
+            features = self.metric.features(points, self.precision, self.n_jobs)
         except ArgumentError as error:
             raise type(error)(f"points[{block.start}:{block.stop}]: {error}") from error
-        for name, rows in _by_file(features, some).items():
+        for name, rows in _by_file(features, points).items():
             self.job.write(name, (block, rows))
         # The record follows the entries: a kill in between costs only this block.
-        self.job.write(_DIGESTS, (number, np.frombuffer(digest(some), np.uint8)))
+        self.job.write(_DIGESTS, (number, np.frombuffer(digest(points), np.uint8)))
 
     def recompute(self, blocks: list[slice[int, int, None]], tiles: list[Tile]) -> None:
         """Compute some features and distances again, and raise an error if they differ."""

@@ -28,6 +28,7 @@ from riemhuman.geometry.strategies import ExpSolver
 from riemhuman.kernels.threads import check_interrupt
 from riemhuman.solvers._geodesic_equation import (
     GeodesicEquation,
+    Triple,
     degeneration,
     has_long_step,
     vanishing_triangle,
@@ -270,14 +271,19 @@ class DiscreteExponential(ExpSolver):
         velocity: TangentVectors | None = None,
         stop_early: bool = False,
     ) -> tuple[ExponentialResult, bool]:
-        """Add points, the first of them by a velocity if there is one."""
+        """Add points, the first of them by a velocity if there is one.
+
+        Return the geodesic, and whether all steps were possible and, if the walk may stop early,
+        short enough.
+        """
         points = walk.points
         displacement = None if velocity is None else velocity / walk.steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else self.basis.extend(direction[None])
         equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
-        stop, unsolved, is_fine = "", "", True
+        status, message = Status.CONVERGED, "all steps were completed"
+        obstacle, is_too_long = "", False
         for step in range(1, n_steps + 1):
             check_interrupt()
             if step == 1 and displacement is not None:
@@ -286,32 +292,39 @@ class DiscreteExponential(ExpSolver):
                 triple = equation.next_point(points[-2], points[-1])
             n_iterations += triple.n_iterations
             n_evaluations += triple.n_evaluations
-            stop = degeneration(metric, points[-1], triple.points[2])
-            if not stop and triple.error > _LOST:
-                stop = vanishing_triangle(metric, *points[-2:]) if len(points) > 1 else ""
-                stop = stop or "no next point solves the geodesic equation; use more steps"
-            if stop:
-                stop = f"step {step} of {n_steps}: {stop}"
+            obstacle = _obstacle(metric, points, triple)
+            if obstacle:
+                status = Status.OUTSIDE_MANIFOLD
+                message = f"step {step} of {n_steps}: {obstacle}"
                 break
             if not triple.error <= self.tolerance:
-                error = f"the equation is solved to {triple.error:.1e} only"
-                unsolved = f"step {step} of {n_steps}: {error}"
+                status = Status.STALLED
+                solved_to = f"the equation is solved to {triple.error:.1e} only"
+                message = f"step {step} of {n_steps}: {solved_to}"
             points.append(triple.points[2])
             if stop_early and has_long_step(metric, triple.points[1:], self.basis is None):
-                is_fine = False
+                is_too_long = True
                 break
-        status = Status.STALLED if unsolved else Status.CONVERGED
-        if stop:
-            status = Status.OUTSIDE_MANIFOLD
         result = replace(
             walk.result(metric),
-            complete=not stop,
+            complete=not obstacle,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,
             status=status,
-            message=stop or unsolved or "all steps were completed",
+            message=message,
         )
-        return result, is_fine and not stop
+        return result, not obstacle and not is_too_long
+
+
+def _obstacle(metric: RiemannianMetric, points: list[Array], triple: Triple) -> str:
+    """Return why a geodesic cannot go on to the last point of a triple, or "" if it can."""
+    degenerate = degeneration(metric, points[-1], triple.points[2])
+    if degenerate or not triple.error > _LOST:
+        return degenerate
+    vanishing = ""
+    if len(points) > 1:
+        vanishing = vanishing_triangle(metric, points[-2], points[-1])
+    return vanishing or "no next point solves the geodesic equation; use more steps"
 
 
 @dataclass(frozen=True)

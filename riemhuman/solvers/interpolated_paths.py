@@ -134,12 +134,12 @@ def rotating_paths(
     for number in range(len(parts)):
         follows = list(best.follows)
         follows[number] = not follows[number]
-        other = rotating_path(tuple(follows))
-        if other.energy < best.energy:
-            best, other = other, best
+        alternative = rotating_path(tuple(follows))
+        if alternative.energy < best.energy:
+            best, alternative = alternative, best
         # The energy is only a little higher where a whole limb rotates the other way.
         if number < n_limbs:
-            rivals.append(other)
+            rivals.append(alternative)
     return [best, *(rival for rival in rivals if rival.energy <= _CLOSE * best.energy)]
 
 

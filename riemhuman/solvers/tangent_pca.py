@@ -232,16 +232,17 @@ class TangentPCA(ImageEstimator, Transformer):
         rank = int(np.sum(values > _ROUNDING * max(values[0], 0.0)))
         if values[0] <= (_ROUNDING * np.abs(self._base).max()) ** 2:
             raise ArgumentError("all points of X coincide, so there is no direction to find")
-        wanted = rank if self.n_components is None else self.n_components
-        if wanted > rank:
+        n_components = rank if self.n_components is None else self.n_components
+        if n_components > rank:
             raise ArgumentError(
-                f"n_components={wanted} exceeds the {rank} directions that the logarithms of X span"
+                f"n_components={n_components} exceeds the {rank} directions that the logarithms "
+                "of X span"
             )
-        self.n_components_ = wanted
-        components = (vectors[:, :wanted] / np.sqrt(values[:wanted])).T @ rows
-        self.components_ = with_positive_peaks(components).reshape(wanted, *logs.shape[1:])
-        self.explained_variance_ = values[:wanted] / (len(logs) - 1)
-        self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
+        self.n_components_ = n_components
+        components = (vectors[:, :n_components] / np.sqrt(values[:n_components])).T @ rows
+        self.components_ = with_positive_peaks(components).reshape(n_components, *logs.shape[1:])
+        self.explained_variance_ = values[:n_components] / (len(logs) - 1)
+        self.explained_variance_ratio_ = values[:n_components] / values[values > 0].sum()
         return self
 
     def transform(self, X: Array, y: object = None) -> Array:

@@ -193,11 +193,11 @@ def _exchange(distances: Array, medoids: Integers) -> tuple[Integers, float, int
         to_medoids = np.column_stack([distances[:, medoids], np.full(len(distances), np.inf)])
         medoid_of = np.argmin(to_medoids, axis=1)
         nearest, second_nearest = np.partition(to_medoids, 1, axis=1)[:, :2].T
-        # With the candidate of a row as one more medoid, the distance of each point is `kept`; if
-        # the point loses its medoid, it goes to the second nearest or to the candidate, `lost`.
-        kept, lost = np.minimum(distances, nearest), np.minimum(distances, second_nearest)
+        # Distances with the candidate of a row as one more medoid: of points that keep theirs,
+        # and of those that lose it and go to the second nearest or to the candidate.
+        if_kept, if_lost = np.minimum(distances, nearest), np.minimum(distances, second_nearest)
         belongs = medoid_of[:, None] == np.arange(len(medoids))
-        sums = kept.sum(axis=1)[:, None] + (lost - kept) @ belongs
+        sums = if_kept.sum(axis=1)[:, None] + (if_lost - if_kept) @ belongs
         candidate, place = np.unravel_index(np.argmin(sums), sums.shape)
         if sums[candidate, place] >= nearest.sum() - rounding:
             return medoids, float(nearest.sum()), n_exchanges

@@ -76,7 +76,7 @@ def two_sample_test(
     with means over all pairs, including pairs of a point with itself. If there are at most
     `n_permutations` + 1 splits into groups of these sizes, all are used, and the p-value is the
     share of them whose statistic is at least as large as the observed one. Otherwise it is (b +
-    1)/(m + 1), where b of m random splits have a statistic at least as large [2]_: it is never 0,
+    1)/(s + 1), where b of s random splits have a statistic at least as large [2]_: it is never 0,
     and the test is conservative at every level.
 
     Parameters

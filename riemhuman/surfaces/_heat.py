@@ -60,8 +60,9 @@ class TriangleHeat(HeatFlow):
 
     def step_through(self, conductances: Array, time: float) -> LinearOperator:
         """Return one implicit step of the flow with different conductivities of the triangles."""
-        both = conductances[self._pairs]
-        means = 2.0 * both[:, 0] * both[:, 1] / both.sum(axis=1)
+        # Harmonic means: resistances in series add up.
+        pairs = conductances[self._pairs]
+        means = 2.0 * pairs[:, 0] * pairs[:, 1] / pairs.sum(axis=1)
         laplacian = _laplacian(self._pairs, means * self._flows, len(self.masses))
         return self._step(time, laplacian)
 
