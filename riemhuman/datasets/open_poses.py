@@ -51,6 +51,9 @@ def read_table(name: str) -> JSONRecord:
     return table
 
 
+_EXPECTED = "must be axes and one number of degrees for each, such as ('xz', 30, -70)"
+
+
 def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     """Return the rotations of all joints from the T-pose, shape (J, 3, 3), in the body's axes.
 
@@ -75,11 +78,8 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
             # For a single axis, SciPy expects a number.
             angle = degrees if len(degrees) > 1 else degrees[0]
             rotation = Rotation.from_euler(axes, angle, degrees=True)
-        except (IndexError, TypeError, ValueError) as error:
-            raise ArgumentError(
-                f"angles[{name!r}] must be axes and one number of degrees for each, such as "
-                f"('xz', 30, -70): {error}"
-            ) from error
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(f"angles[{name!r}] {_EXPECTED}: {error}") from error
         rotations[model.joint_names.index(name)] = rotation.as_matrix()
     return rotations
 
@@ -88,6 +88,9 @@ def with_both_sides(angles: Mapping[str, Angles], joint_names: Sequence[str]) ->
     """Return angles by joint, those of joints without a side written out for both sides."""
     sided: dict[str, Angles] = {}
     for name, value in angles.items():
+        has_axes = isinstance(value, Sequence) and len(value) > 1 and isinstance(value[0], str)
+        if not has_axes or len(value[0]) != len(value) - 1:
+            raise ArgumentError(f"angles[{name!r}] {_EXPECTED}; found {value!r}")
         if name in joint_names:
             sided[name] = value
         elif f"left_{name}" in joint_names:

@@ -39,3 +39,10 @@ def test_directions_of_joint_angles():
         assert sign * (joint(f"{side}_ankle", {"hip": ("z", 20)}) - rest)[0] > 0.1  # outward
     only_left = {"left_shoulder": ("z", 40)}
     assert joint("right_wrist", only_left) == pytest.approx(joint("right_wrist", {}))
+
+
+@pytest.mark.parametrize("angles", [("z",), ("z", 1.0, 2.0), ("q", 1.0), 30.0, ("x", "ten"), ()])
+@pytest.mark.parametrize("joint", ["shoulder", "left_shoulder"])
+def test_angles_without_axes_are_refused(joint, angles):
+    with pytest.raises(ArgumentError, match="shoulder'\\] must be axes"):
+        joint_rotations({joint: angles}, load_open_model("coarse"))
