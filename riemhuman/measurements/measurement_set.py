@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -304,7 +303,7 @@ class MeasurementSet:
             File to write; an existing file is replaced.
         """
         joints = self.model.joint_names if self.model else ()
-        record = {
+        record: JSONRecord = {
             "format": _FORMAT,
             "n_vertices": self.n_vertices,
             "n_faces": len(self.faces),
@@ -319,9 +318,7 @@ class MeasurementSet:
             "axes": self.axes.tolist(),
             "standard_pose": {n: np.asarray(v).tolist() for n, v in self.standard_pose.items()},
         }
-        text = json.dumps(record, indent=1, ensure_ascii=False)
-        # Innermost lists, of numbers or names, take one line each.
-        write_text(path, re.sub(r"\[[^][]*\]", lambda match: " ".join(match[0].split()), text))
+        write_text(path, _as_json(record))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:
@@ -373,6 +370,29 @@ def _check_numbers(what: str, numbers: Integers, count: int) -> None:
     wrong = numbers[(numbers < 0) | (numbers >= count)]
     if wrong.size:
         raise ArgumentError(f"{what} {wrong[0]}; there are {count}")
+
+
+def _as_json(record: JSONRecord) -> str:
+    """Return JSON with a line for each measurement, landmark and part, for legible changes."""
+    blocks = []
+    for key, value in record.items():
+        if key == "measurements":
+            entries = [json.dumps(entry, ensure_ascii=False) for entry in value]
+            text = _in_lines("[", entries, "]")
+        elif isinstance(value, dict):
+            entries = [f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in value.items()]
+            text = _in_lines("{", entries, "}")
+        else:
+            text = json.dumps(value)
+        blocks.append(f' "{key}": {text}')
+    return "{\n" + ",\n".join(blocks) + "\n}\n"
+
+
+def _in_lines(opening: str, entries: Sequence[str], closing: str) -> str:
+    if not entries:
+        return opening + closing
+    lines = ",\n".join(f"  {entry}" for entry in entries)
+    return f"{opening}\n{lines}\n {closing}"
 
 
 def _as_runs(numbers: Integers) -> list[list[int]]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import joint_rotations, load_open_model, pose_vectors
+from riemhuman.errors import ArgumentError
 
 
 def test_t_pose_is_straight():

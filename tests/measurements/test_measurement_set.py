@@ -17,6 +17,7 @@ from riemhuman.measurements import (
     MeasurementSet,
     open_measurements,
 )
+from riemhuman.measurements.measurement_set import DATA
 
 
 @pytest.fixture(scope="module")
@@ -162,3 +163,11 @@ def test_absurd_numbers_in_measurements_are_refused(tmp_path, digits):
     (tmp_path / "set.json").write_text(text)
     with pytest.raises(FileFormatError, match=r"set\.json does not hold measurements"):
         rh.measurements.MeasurementSet.load(tmp_path / "set.json", model)
+
+
+@pytest.mark.parametrize("resolution", ["coarse", "full"])
+def test_open_definitions_are_stored_as_they_are_saved(resolution, tmp_path):
+    stored = DATA / f"open_body_{resolution}.json"
+    model = rh.datasets.load_open_model(resolution)
+    MeasurementSet.load(stored, model).save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == stored.read_bytes()
