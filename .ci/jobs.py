@@ -24,15 +24,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 NEWEST = {"PIP_CONSTRAINT": str(ROOT / ".ci" / "constraints.txt")}
-ORACLES = [
-    *(".[learned,meshes,recordings,statistics]", "mpmath", "pytest", "pytest-benchmark"),
-    *("geomstats==2.8.0", "numpy<2.4", "scikit-learn<1.10", "pytrec-eval-terrier==0.5.11"),
-]
-ORACLE_TESTS = [
-    *("tests/trust/against_geomstats.py", "tests/trust/against_trec_eval.py"),
-    *("tests/trust/geomstats_signatures.py", "tests/io/test_meshes.py"),
-    *("tests/datasets/test_markers.py", "tests/learned/training.py"),
-]
+ORACLES = [".[learned,meshes,recordings,statistics]", "mpmath", "pytest", "pytest-benchmark"]
+ORACLES += ["geomstats==2.8.0", "numpy<2.4", "scikit-learn<1.10", "pytrec-eval-terrier==0.5.11"]
+ORACLE_TESTS = ["tests/trust/against_geomstats.py", "tests/trust/against_trec_eval.py"]
+ORACLE_TESTS += ["tests/trust/geomstats_signatures.py", "tests/io/test_meshes.py"]
+ORACLE_TESTS += ["tests/datasets/test_markers.py", "tests/learned/training.py"]
 ITERATIVE = ("transfer", "path_search", "means", "lbfgs", "rounding")
 EXTENSIONS = """import numpy
 print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))"""
@@ -68,9 +64,9 @@ def lower_bounds() -> list[str]:
     config = ConfigParser(interpolation=None)
     config.read("setup.cfg")
     extras = config["options.extras_require"]
-    wanted = {"test", "plot", "completion", "video"}
-    wanted |= {*re.search(r"\[(.*)\]", extras["all"])[1].split(",")}
-    lines = [config["options"]["install_requires"], *(extras[name] for name in sorted(wanted))]
+    in_all = re.search(r"\[(.*)\]", extras["all"])[1].split(",")
+    names = sorted({"test", "plot", "completion", "video", *in_all})
+    lines = [config["options"]["install_requires"], *(extras[name] for name in names)]
     bounds = re.findall(r"^([\w.-]+)>=([\d.]+)", "\n".join(lines), re.MULTILINE)
     return [f"{name}=={release}" for name, release in bounds]
 
