@@ -30,7 +30,7 @@ class BodyMap extends Panel {
     const label = this.viewer.find("labels").querySelector("span");
     if (label) label.textContent = name.replaceAll("_", "_\u200b");
     this.part.querySelector("[data-part=map]").dataset.shown = String(item);
-    this.viewer.hush();
+    this.viewer.hideHint();
     this.viewer.seek(item / Math.max(this.items.length - 1, 1));
   }
 }

@@ -1,4 +1,4 @@
-// A list of measurements beside bodies: the pointer on a row shows its line, and the reverse.
+// A list of measurements beside bodies: pointing at a row shows its line, and the other way round.
 // Part of one script with the other viewer files.
 "use strict";
 
@@ -6,6 +6,7 @@ const TUBE = { thin: 0.0016, thick: 0.0045, sides: 6 }; // radii in metres
 const LINE_COLOR = { light: "#1f5f99", dark: "#124a7d" };
 const LIT_COLOR = "#d1105a";
 const NEAR_LINE = 9; // pixels
+const BEHIND_SKIN = 0.03; // metres: lines a little inside the body still count as in front of it
 
 // A tube along each polyline, of prisms between successive points.
 function tubesAlong(polylines, radius) {
@@ -78,15 +79,15 @@ class MeasurementList extends Panel {
 
   // Show the rows whose names contain the text; groups with matches open during a search.
   find(text) {
-    const sought = text.trim().toLowerCase();
+    const words = text.trim().toLowerCase();
     this.groups.forEach((group, index) => {
       let count = 0;
       group.querySelectorAll("[data-row]").forEach((row) => {
-        row.hidden = !row.querySelector("th").textContent.toLowerCase().includes(sought);
+        row.hidden = !row.querySelector("th").textContent.toLowerCase().includes(words);
         if (!row.hidden) count += 1;
       });
       group.hidden = count === 0;
-      group.open = sought ? count > 0 : index === 0;
+      group.open = words ? count > 0 : index === 0;
     });
     this.showLines();
   }
@@ -124,7 +125,7 @@ class MeasurementList extends Panel {
     return body.measurementLines;
   }
 
-  shown(number) {
+  isShown(number) {
     const row = this.rowOf(number);
     return Boolean(row) && !row.hidden && row.closest("details").open;
   }
@@ -136,7 +137,7 @@ class MeasurementList extends Panel {
   // Show the lines of the open groups.
   showLines() {
     if (!this.drawn) return;
-    this.drawn.forEach(({ meshes }) => meshes.forEach((mesh, number) => { mesh.visible = this.shown(number); }));
+    this.drawn.forEach(({ meshes }) => meshes.forEach((mesh, number) => { mesh.visible = this.isShown(number); }));
     this.viewer.draw();
   }
 
@@ -155,10 +156,10 @@ class MeasurementList extends Panel {
     this.viewer.draw();
   }
 
-  describe(place, found, said) {
-    const number = this.nearest(place, found);
+  describe(place, hit, text) {
+    const number = this.nearest(place, hit);
     this.light(number);
-    if (number === null) return said;
+    if (number === null) return text;
     const row = this.rowOf(number);
     const box = row.getBoundingClientRect();
     const around = this.part.getBoundingClientRect();
@@ -172,15 +173,15 @@ class MeasurementList extends Panel {
   }
 
   // The number of the measurement whose line is at this place of the stage, unless the body hides it.
-  nearest(place, found) {
+  nearest(place, hit) {
     const { camera, stage } = this.viewer;
     const point = new THREE.Vector3();
-    const depthOfBody = found ? this.depthOf(found) : Infinity;
+    const depthOfBody = hit ? this.depthOf(hit) : Infinity;
     let best = { gap: NEAR_LINE, number: null };
     this.drawn.forEach(({ local }, index) => {
       const { mesh } = this.bodies[index];
       local.forEach((lines, number) => {
-        if (!this.shown(number)) return;
+        if (!this.isShown(number)) return;
         lines.forEach((line) => {
           let before = null;
           for (let i = 0; i < line.length; i += 3) {
@@ -188,7 +189,7 @@ class MeasurementList extends Panel {
             const depth = point.distanceTo(camera.position);
             point.project(camera);
             const now = { x: ((point.x + 1) * stage.clientWidth) / 2, y: ((1 - point.y) * stage.clientHeight) / 2, depth };
-            if (before && Math.min(before.depth, depth) < depthOfBody + 0.03) {
+            if (before && Math.min(before.depth, depth) < depthOfBody + BEHIND_SKIN) {
               const gap = gapToSegment(place, before, now);
               if (gap < best.gap) best = { gap, number };
             }

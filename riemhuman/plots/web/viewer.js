@@ -5,17 +5,16 @@
 const PITCH_LIMIT = 1.5;
 const ZOOM_LIMITS = [0.5, 60];
 const ROOM = { above: 0.03, ground: 0.09, names: 0.15 }; // shares of the tallest body
-const LABEL_GAP = 0.045; // of names below the feet
-const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
-
+const LABEL_GAP = 0.045; // between the feet and the name below, a share of the tallest body
+const FRAMED = 0.22; // height of the part that fills the stage after a double click, likewise
 const STILL = 150; // milliseconds without a change before a processor draws at full quality
 
 // Whether there is no graphics card: smooth outlines would then take longer than everything else.
 function drawsOnProcessor() {
   const context = document.createElement("canvas").getContext("webgl2");
   if (!context) return false;
-  const named = context.getExtension("WEBGL_debug_renderer_info");
-  const name = context.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : context.RENDERER);
+  const info = context.getExtension("WEBGL_debug_renderer_info");
+  const name = context.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : context.RENDERER);
   const release = context.getExtension("WEBGL_lose_context");
   if (release) release.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
@@ -37,7 +36,7 @@ class Viewer {
     this.playing = 0;
     this.stage = this.find("stage");
     this.canvas = this.find("canvas");
-    if (!this.light()) {
+    if (!this.setUpRenderer()) {
       this.beStill();
       return;
     }
@@ -67,7 +66,7 @@ class Viewer {
   }
 
   // Set up the renderer; return whether the browser supports it.
-  light() {
+  setUpRenderer() {
     this.slow = drawsOnProcessor();
     try {
       this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: !this.slow });
@@ -135,7 +134,7 @@ class Viewer {
     this.panel.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
-    this.hush();
+    this.hideHint();
     this.seek(this.time);
     this.resize();
   }
@@ -160,7 +159,7 @@ class Viewer {
     this.time = Math.min(1, Math.max(0, time));
     const slider = this.find("time");
     slider.value = String(Math.round(this.time * Number(slider.max)));
-    this.sayTime(slider);
+    this.writeTime(slider);
     this.element.dataset.time = this.time.toFixed(3);
     const last = this.lastFrame();
     // Recordings keep their speed: the shorter one waits in its last frame.
@@ -186,19 +185,19 @@ class Viewer {
     return this.isRecorded() ? this.lastFrame() / this.data.frames_per_second : this.data.seconds;
   }
 
-  // Frames are counted from 1.
-  sayTime(slider) {
-    let said = `t = ${this.time.toFixed(2)}`;
-    let read = `${Math.round(100 * this.time)} % of the path`;
+  // Write the time beside the slider, and for screen readers; frames are counted from 1.
+  writeTime(slider) {
+    let text = `t = ${this.time.toFixed(2)}`;
+    let spoken = `${Math.round(100 * this.time)} % of the path`;
     if (this.isRecorded()) {
       const duration = this.duration();
-      const frame = Math.round(this.time * this.lastFrame()) + 1;
-      const count = `frame ${frame} of ${this.lastFrame() + 1}`;
-      said = `${(this.time * duration).toFixed(2)} s of ${duration.toFixed(2)} s, ${count}`;
-      read = `${(this.time * duration).toFixed(2)} seconds, ${count}`;
+      const seconds = (this.time * duration).toFixed(2);
+      const count = `frame ${Math.round(this.time * this.lastFrame()) + 1} of ${this.lastFrame() + 1}`;
+      text = `${seconds} s of ${duration.toFixed(2)} s, ${count}`;
+      spoken = `${seconds} seconds, ${count}`;
     }
-    this.find("moment").textContent = said;
-    slider.setAttribute("aria-valuetext", read);
+    this.find("moment").textContent = text;
+    slider.setAttribute("aria-valuetext", spoken);
   }
 
   toggle() {
@@ -210,12 +209,12 @@ class Viewer {
   play() {
     if (this.time >= 1) this.seek(0);
     let before = performance.now();
-    let counted = { since: before, frames: 0 };
+    let count = { since: before, frames: 0 };
     const advance = (now) => {
-      counted.frames += 1;
-      if (now - counted.since >= 1000) {
-        this.element.dataset.rate = ((1000 * counted.frames) / (now - counted.since)).toFixed(1);
-        counted = { since: now, frames: 0 };
+      count.frames += 1;
+      if (now - count.since >= 1000) {
+        this.element.dataset.rate = ((1000 * count.frames) / (now - count.since)).toFixed(1);
+        count = { since: now, frames: 0 };
       }
       const passed = ((now - before) / (this.duration() * 1000)) * Number(this.find("speed").value);
       before = now;
@@ -280,24 +279,24 @@ class Viewer {
     const { x, y } = this.middle();
     this.ray.setFromCamera(new THREE.Vector2(place.x / x - 1, 1 - place.y / y), this.camera);
     const bodies = this.bodies();
-    const [found] = this.ray.intersectObjects(bodies.map((body) => body.mesh), false);
-    if (!found) return null;
-    const body = bodies.find((each) => each.mesh === found.object);
-    const point = body.mesh.worldToLocal(found.point.clone()).toArray();
+    const [nearest] = this.ray.intersectObjects(bodies.map((body) => body.mesh), false);
+    if (!nearest) return null;
+    const body = bodies.find((each) => each.mesh === nearest.object);
+    const point = body.mesh.worldToLocal(nearest.point.clone()).toArray();
     const gap = (vertex) =>
       Math.hypot(...point.map((value, axis) => value - body.positions[3 * vertex + axis]));
-    const { a, b, c } = found.face;
+    const { a, b, c } = nearest.face;
     const vertex = [a, b, c].reduce((best, each) => (gap(each) < gap(best) ? each : best));
-    return { body, face: found.faceIndex, vertex };
+    return { body, face: nearest.faceIndex, vertex };
   }
 
   // Show what the pointer is on.
   point(place) {
-    const found = this.hit(place);
+    const hit = this.hit(place);
     const hint = this.find("hint");
-    const part = found && this.parts ? this.parts.names[this.parts.numbers[found.face]] || "" : "";
-    const said = found ? found.body.describe(found, this.data.choices[this.chosen].name, part) : "";
-    const text = this.panel.describe(place, found, said);
+    const part = hit && this.parts ? this.parts.names[this.parts.numbers[hit.face]] || "" : "";
+    const ofBody = hit ? hit.body.describe(hit, this.data.choices[this.chosen].name, part) : "";
+    const text = this.panel.describe(place, hit, ofBody);
     hint.hidden = !text;
     hint.textContent = text;
     if (!text) return;
@@ -305,26 +304,27 @@ class Viewer {
     hint.style.top = this.within(place.y - 12 - hint.offsetHeight, hint.offsetHeight, this.stage.clientHeight);
   }
 
-  hush() {
+  hideHint() {
     this.find("hint").hidden = true;
     this.panel.leave();
   }
 
-  // Lengths are known in whole pixels.
+  // Where something of this length starts, so that it is within the whole. The browser rounds
+  // lengths to whole pixels, hence the one to spare.
   within(start, length, whole) {
     return `${Math.max(0, Math.min(start, whole - length - 1))}px`;
   }
 
   // Centre the view on a point of a body and turn all bodies about it; beside the bodies, reset.
   frame(place) {
-    const found = this.hit(place);
-    if (!found) {
+    const hit = this.hit(place);
+    if (!hit) {
       this.reset();
       return;
     }
-    this.bodies().forEach((body) => body.turnAbout(found.vertex));
-    this.panX = found.body.holder.position.x;
-    this.panY = found.body.holder.position.y;
+    this.bodies().forEach((body) => body.turnAbout(hit.vertex));
+    this.panX = hit.body.holder.position.x;
+    this.panY = hit.body.holder.position.y;
     const tallest = Math.max(...this.bodies().map((body) => body.height));
     this.zoom = Math.max(this.zoom, Math.min(ZOOM_LIMITS[1], this.extent / (FRAMED * tallest)));
     this.draw();
@@ -334,7 +334,8 @@ class Viewer {
     this.yaw = this.startYaw;
     this.pitch = this.startPitch;
     this.zoom = 1;
-    this.panX = this.panY = 0;
+    this.panX = 0;
+    this.panY = 0;
   }
 
   reset() {
@@ -347,14 +348,15 @@ class Viewer {
     const width = this.stage.clientWidth;
     const height = this.stage.clientHeight;
     if (!width || !height) return;
-    this.fineness(1);
+    this.setFineness(1);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.arrange(width / height);
     this.draw();
   }
 
-  // Choose the number of columns that shows the bodies largest. In a single row, widths differ.
+  // Choose the number of columns that shows the bodies largest. In a single row, each body has its
+  // own width; in several, all have that of the widest.
   arrange(aspect) {
     const bodies = this.bodies();
     const widths = bodies.map((body) => 2 * body.radius);
@@ -410,8 +412,8 @@ class Viewer {
     this.canvas.style.touchAction = this.zoom > 1.01 ? "none" : "pan-y";
   }
 
-  // Pixels drawn per screen pixel, in each direction.
-  fineness(times) {
+  // Draw this many pixels for each of the screen, in each direction.
+  setFineness(times) {
     const ratio = times * Math.min(window.devicePixelRatio || 1, 2);
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
   }
@@ -420,9 +422,9 @@ class Viewer {
   render() {
     if (this.slow) {
       clearTimeout(this.waiting);
-      this.fineness(1);
+      this.setFineness(1);
       this.waiting = setTimeout(() => {
-        this.fineness(2);
+        this.setFineness(2);
         this.renderer.render(this.scene, this.camera);
         this.element.dataset.fine = "true";
       }, STILL);
@@ -440,9 +442,9 @@ class Viewer {
       const label = labels[index];
       const x = clientWidth / 2 + (body.holder.position.x - this.panX) * scale;
       const y = clientHeight / 2 - (body.floor - this.panY) * scale;
-      const aside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (body.wide / 2) * scale;
-      const seen = !aside && y > 0 && y - this.cell.tall * scale < clientHeight;
-      label.style.visibility = seen ? "" : "hidden";
+      const isAside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (body.wide / 2) * scale;
+      const isVisible = !isAside && y > 0 && y - this.cell.tall * scale < clientHeight;
+      label.style.visibility = isVisible ? "" : "hidden";
       label.style.maxWidth = `${Math.min(clientWidth, Math.max(60, body.wide * scale - 6))}px`;
       label.style.left = this.within(x - label.offsetWidth / 2, label.offsetWidth, clientWidth);
       label.style.top = this.within(y, label.offsetHeight, clientHeight);

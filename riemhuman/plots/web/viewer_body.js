@@ -1,4 +1,4 @@
-// One body of a viewer. Part of one script with viewer_gestures.js and viewer.js.
+// One body of a viewer. Part of one script with the other viewer files.
 "use strict";
 
 // Inflate compressed bytes.
@@ -22,7 +22,7 @@ async function unpack(text, Kind, width) {
   return numbers;
 }
 
-// Linear light of a colour channel.
+// The share of light that a value of sRGB from 0 to 255 stands for.
 const linear = (value) =>
   value > 10 ? Math.pow((value / 255 + 0.055) / 1.055, 2.4) : value / 255 / 12.92;
 
@@ -163,14 +163,15 @@ class Body {
 
   // What the pointer is on: the body's name, a value and the part of the body.
   describe({ face, vertex }, name, part) {
-    let value = "";
-    if (this.values) {
-      const number = this.values[this.hasVertexValues ? vertex : face];
-      const digits = number.toPrecision(3).replace("-", "\u2212");
-      value = Number.isNaN(number) ? "not known"
-        : `${this.signed && number > 0 ? "+" : ""}${digits} ${this.valueLabel}`.trim();
-    }
-    const said = value && part ? `${value} (${part})` : value || part;
-    return [this.label || name, said].filter(Boolean).join(": ");
+    const value = this.values ? this.valueText(this.hasVertexValues ? vertex : face) : "";
+    const valueAndPart = value && part ? `${value} (${part})` : value || part;
+    return [this.label || name, valueAndPart].filter(Boolean).join(": ");
+  }
+
+  valueText(index) {
+    const number = this.values[index];
+    if (Number.isNaN(number)) return "not known";
+    const sign = this.signed && number > 0 ? "+" : "";
+    return `${sign}${number.toPrecision(3).replace("-", "\u2212")} ${this.valueLabel}`.trim();
   }
 }

@@ -61,14 +61,14 @@ class Sliders {
   apply() {
     const scores = this.inputs.map((input) => Number(input.value));
     this.rows.forEach((row, k) => {
-      const said = scores[k].toFixed(2).replace("-", "\u2212");
-      row.querySelector("output").textContent = said;
-      this.inputs[k].setAttribute("aria-valuetext", `${said} standard deviations`);
+      const score = scores[k].toFixed(2).replace("-", "\u2212");
+      row.querySelector("output").textContent = score;
+      this.inputs[k].setAttribute("aria-valuetext", `${score} standard deviations`);
     });
     this.viewer.bodies().forEach((body) => {
       body.components.forEach((component, k) => { component.score = scores[k]; });
     });
-    this.viewer.hush();
+    this.viewer.hideHint();
     this.viewer.seek(this.viewer.time);
   }
 }

@@ -3,8 +3,8 @@
 "use strict";
 
 const PICTURE_SCALE = 2; // pixels of a picture for one of the screen
-const GLB = { magic: 0x46546c67, json: 0x4e4f534a, binary: 0x004e4942 };
-const GLTF = { float: 5126, integer: 5125, vertices: 34962, indices: 34963 };
+const GLB = { magic: 0x46546c67, json: 0x4e4f534a, binary: 0x004e4942 }; // "glTF", "JSON", "BIN"
+const GLTF = { float: 5126, integer: 5125, vertices: 34962, indices: 34963 }; // numbers of the standard
 const SKIN_ROUGHNESS = 0.62;
 
 function download(blob, name) {
@@ -15,11 +15,11 @@ function download(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// A file name from the title of the view.
+// A file name made from the title of the view: letters, digits and underscores.
 const fileName = (viewer, ending) =>
   `${viewer.element.getAttribute("aria-label").trim().replace(/[^\p{L}\p{N}_.-]+/gu, "_") || "bodies"}.${ending}`;
 
-// The bodies as shown, with their labels, on a transparent ground.
+// A PNG of the bodies as shown, with their labels, on a transparent background.
 async function picture(viewer) {
   const { renderer, stage } = viewer;
   const ratio = renderer.getPixelRatio();
@@ -35,10 +35,10 @@ async function picture(viewer) {
   const box = stage.getBoundingClientRect();
   context.scale(canvas.width / box.width, canvas.height / box.height);
   writeLabels(viewer, context, box);
-  return new Promise((done) => { canvas.toBlob(done, "image/png"); });
+  return new Promise((resolve) => { canvas.toBlob(resolve, "image/png"); });
 }
 
-// Draw the labels and their colour bars where they are on the stage.
+// Draw the labels and their colour bars at their places on the stage.
 function writeLabels(viewer, context, box) {
   viewer.find("labels").querySelectorAll(".label").forEach((label) => {
     if (label.style.visibility === "hidden") return;
@@ -65,25 +65,29 @@ function writeLabels(viewer, context, box) {
   });
 }
 
-// All bodies beside each other as a binary glTF file, metres, y up, coloured as shown.
+// All bodies side by side as a binary glTF file, in metres, y up, coloured as shown.
 function surfacesFile(viewer) {
-  const parts = [];
-  const document_ = {
+  const arrays = [];
+  const gltf = {
     asset: { version: "2.0", generator: "riemhuman" },
     scene: 0,
     scenes: [{ nodes: [] }],
     nodes: [], meshes: [], accessors: [], bufferViews: [], buffers: [], materials: [],
   };
   let length = 0;
-  const add = (array, type, target, more = {}) => {
-    const [kind, width] = [array instanceof Uint32Array ? GLTF.integer : GLTF.float, type === "VEC3" ? 3 : 1];
-    document_.bufferViews.push({ buffer: 0, byteOffset: length, byteLength: array.byteLength, target });
-    document_.accessors.push({
-      bufferView: document_.bufferViews.length - 1, componentType: kind, count: array.length / width, type, ...more,
+  // Add an array to the file; return the number of its accessor.
+  const add = (array, type, target, range = {}) => {
+    gltf.bufferViews.push({ buffer: 0, byteOffset: length, byteLength: array.byteLength, target });
+    gltf.accessors.push({
+      bufferView: gltf.bufferViews.length - 1,
+      componentType: array instanceof Uint32Array ? GLTF.integer : GLTF.float,
+      count: array.length / (type === "VEC3" ? 3 : 1),
+      type,
+      ...range,
     });
-    parts.push(array);
+    arrays.push(array);
     length += array.byteLength;
-    return document_.accessors.length - 1;
+    return gltf.accessors.length - 1;
   };
   const indices = add(viewer.faces, "SCALAR", GLTF.indices);
   let shift = 0;
@@ -95,16 +99,16 @@ function surfacesFile(viewer) {
     };
     if (color) attributes.COLOR_0 = add(color.array, "VEC3", GLTF.vertices);
     const base = body.mesh.material.color.toArray();
-    document_.materials.push({
+    gltf.materials.push({
       pbrMetallicRoughness: { baseColorFactor: [...base, 1], metallicFactor: 0, roughnessFactor: SKIN_ROUGHNESS },
     });
-    document_.meshes.push({ primitives: [{ attributes, indices, material: index }] });
+    gltf.meshes.push({ primitives: [{ attributes, indices, material: index }] });
     if (index) shift += (viewer.bodies()[index - 1].wide + body.wide) / 2;
-    document_.nodes.push({ name: body.label || `body ${index + 1}`, mesh: index, translation: [shift, body.height / 2, 0] });
-    document_.scenes[0].nodes.push(index);
+    gltf.nodes.push({ name: body.label || `body ${index + 1}`, mesh: index, translation: [shift, body.height / 2, 0] });
+    gltf.scenes[0].nodes.push(index);
   });
-  document_.buffers.push({ byteLength: length });
-  return packedFile(document_, parts, length);
+  gltf.buffers.push({ byteLength: length });
+  return packedFile(gltf, arrays, length);
 }
 
 function rangeOf(positions) {
@@ -117,20 +121,21 @@ function rangeOf(positions) {
   return { min: low, max: high };
 }
 
-// The chunks of a GLB file: JSON padded with spaces, then numbers.
-function packedFile(document_, parts, length) {
-  const bare = new TextEncoder().encode(JSON.stringify(document_));
-  const text = new Uint8Array(4 * Math.ceil(bare.length / 4)).fill(0x20);
-  text.set(bare);
-  const words = (...numbers) => Uint32Array.from(numbers);
+// A GLB file: a header of 12 bytes, then JSON and the arrays, each behind 8 bytes with its length
+// and kind. Lengths are multiples of 4, so JSON is padded with spaces.
+function packedFile(gltf, arrays, length) {
+  const json = new TextEncoder().encode(JSON.stringify(gltf));
+  const padded = new Uint8Array(4 * Math.ceil(json.length / 4)).fill(0x20);
+  padded.set(json);
+  const version = 2;
   return new Blob([
-    words(GLB.magic, 2, 12 + 8 + text.length + 8 + length),
-    words(text.length, GLB.json), text,
-    words(length, GLB.binary), ...parts,
+    Uint32Array.of(GLB.magic, version, 12 + 8 + padded.length + 8 + length),
+    Uint32Array.of(padded.length, GLB.json), padded,
+    Uint32Array.of(length, GLB.binary), ...arrays,
   ], { type: "model/gltf-binary" });
 }
 
-// Camera, choice and time as the fragment of a URL.
+// The camera, the choice and the time as the fragment of a URL.
 function viewOf(viewer) {
   const numbers = [viewer.yaw, viewer.pitch, viewer.zoom, viewer.panX, viewer.panY, viewer.time];
   const pivot = viewer.bodies()[0].pivot;
@@ -138,7 +143,7 @@ function viewOf(viewer) {
   return `#${viewer.element.id}=${texts.join(",")}`;
 }
 
-// Restore the view in the URL if it belongs to this viewer.
+// Show the view that the URL describes, if it is one of this viewer.
 async function restore(viewer) {
   const name = `#${viewer.element.id}=`;
   const { hash } = window.location;
@@ -146,12 +151,12 @@ async function restore(viewer) {
   const texts = hash.slice(name.length).split(",");
   const numbers = texts.map(Number);
   if (texts.length !== 8 || !numbers.every(Number.isFinite)) return;
-  const [yaw, pitch, zoom, panX, panY, time, chosen, pivot] = numbers;
-  if (viewer.data.choices[chosen] && chosen !== viewer.chosen) {
+  const [yaw, pitch, zoom, panX, panY, time, choice, pivot] = numbers;
+  if (viewer.data.choices[choice] && choice !== viewer.chosen) {
     viewer.element.querySelectorAll('input[type="radio"][value]').forEach((radio) => {
-      radio.checked = Number(radio.value) === chosen;
+      radio.checked = Number(radio.value) === choice;
     });
-    await viewer.choose(chosen);
+    await viewer.choose(choice);
   }
   if (texts[7] !== "" && Number.isInteger(pivot) && 3 * pivot < viewer.bodies()[0].positions.length) {
     viewer.bodies().forEach((body) => body.turnAbout(pivot));
@@ -164,18 +169,25 @@ async function restore(viewer) {
   viewer.seek(time);
 }
 
-// Put the link into the address bar and, if the browser allows it, on the clipboard.
+// Put the link in the address bar and, if the browser allows it, on the clipboard.
 async function link(viewer, button) {
   window.history.replaceState(null, "", viewOf(viewer));
-  const copied = navigator.clipboard
-    ? navigator.clipboard.writeText(window.location.href).then(() => true, () => false)
-    : Promise.resolve(false);
+  const isCopied = await copy(window.location.href);
   const name = button.textContent;
-  button.textContent = (await copied) ? "Link copied" : "Link in the address bar";
+  button.textContent = isCopied ? "Link copied" : "Link in the address bar";
   setTimeout(() => { button.textContent = name; }, 2000);
 }
 
-// Notebooks show the page in a frame without an address of its own.
+// Copy a text to the clipboard; return whether the browser allowed it.
+async function copy(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    return false;
+  }
+}
+
 function listenToExports(viewer) {
   const part = viewer.find("exports");
   if (!part) return; // pages stored by earlier releases
@@ -186,5 +198,8 @@ function listenToExports(viewer) {
   };
   on("png", async () => download(await picture(viewer), fileName(viewer, "png")));
   on("glb", () => download(surfacesFile(viewer), fileName(viewer, "glb")));
-  on("link", (button) => link(viewer, button)).hidden = !window.location.href.match(/^(https?|file):/);
+  const linkButton = on("link", (button) => link(viewer, button));
+  // Notebooks show the page in a frame that has no address of its own.
+  const scheme = window.location.protocol.replace(":", "");
+  linkButton.hidden = !["http", "https", "file"].includes(scheme);
 }

@@ -1,9 +1,10 @@
 // Mouse, wheel, fingers and keys of a viewer. Part of one script with the other viewer files.
 "use strict";
 
-const TURN = Math.PI / 12; // one press of a key or button
-const STEP = 0.08; // of the stage, one press of a key
-const TAP = { milliseconds: 350, pixels: 24 };
+const TURN = Math.PI / 12; // per press of a key or button
+const STEP = 0.08; // share of the stage that one press of a key moves the bodies by
+const DRAG = { yaw: 120, pitch: 200 }; // pixels for a radian
+const DOUBLE_TAP = { milliseconds: 350, pixels: 24 }; // at most between two taps
 
 const KEYS = {
   ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
@@ -24,7 +25,7 @@ const actionsOf = (viewer) => ({
 });
 
 // The wheel scrolls the page until the view has the focus, unless there is nothing to scroll.
-const takesWheel = (viewer, event) =>
+const zoomsByWheel = (viewer, event) =>
   event.ctrlKey
   || document.activeElement === viewer.canvas
   || (window === window.top && document.documentElement.scrollHeight <= window.innerHeight);
@@ -55,79 +56,85 @@ function listenToWheel(viewer) {
   viewer.canvas.addEventListener(
     "wheel",
     (event) => {
-      if (!takesWheel(viewer, event)) return;
+      if (!zoomsByWheel(viewer, event)) return;
       event.preventDefault();
-      const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : 1);
+      const pixels = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : 1);
+      // Browsers report a pinch on a touchpad as a wheel with Ctrl, in smaller steps.
       viewer.magnify(Math.exp(-pixels * (event.ctrlKey ? 0.01 : 0.002)), viewer.place(event));
     },
     { passive: false },
   );
 }
 
-// One pointer turns, or moves with Shift or another button than the first; two pinch and move.
+// Dragging turns the bodies; with Shift or a button other than the first, it moves them. Two fingers
+// move and zoom.
 function listenToPointers(viewer) {
   const { canvas } = viewer;
-  const down = new Map();
-  let moves = false;
-  let tap = null;
-  let touched = false;
+  const pressed = new Map(); // the last event of each pointer that is down
+  let isMoving = false;
+  let lastTap = null;
+  let isTouch = false;
 
-  const pair = () => {
-    const [one, other] = [...down.values()].map((event) => viewer.place(event));
+  // The middle of two fingers, and the pixels between them.
+  const pinch = () => {
+    const [first, second] = [...pressed.values()].map((event) => viewer.place(event));
     return {
-      middle: { x: (one.x + other.x) / 2, y: (one.y + other.y) / 2 },
-      gap: Math.hypot(one.x - other.x, one.y - other.y) || 1,
+      middle: { x: (first.x + second.x) / 2, y: (first.y + second.y) / 2 },
+      gap: Math.hypot(first.x - second.x, first.y - second.y) || 1,
     };
   };
 
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
-    touched = event.pointerType === "touch";
-    if (down.size === 2) return;
-    if (event.button === 1) event.preventDefault();
-    down.set(event.pointerId, event);
+    isTouch = event.pointerType === "touch";
+    if (pressed.size === 2) return;
+    if (event.button === 1) event.preventDefault(); // the middle button would scroll
+    pressed.set(event.pointerId, event);
     canvas.setPointerCapture(event.pointerId);
-    moves = event.shiftKey || event.button > 0;
-    viewer.hush();
+    isMoving = event.shiftKey || event.button > 0;
+    viewer.hideHint();
   });
   canvas.addEventListener("pointermove", (event) => {
-    const last = down.get(event.pointerId);
+    const last = pressed.get(event.pointerId);
     if (!last) {
       if (event.pointerType !== "touch" && !event.buttons) viewer.point(viewer.place(event));
       return;
     }
-    const before = down.size === 2 && pair();
-    down.set(event.pointerId, event);
-    const [right, below] = [event.clientX - last.clientX, event.clientY - last.clientY];
+    const before = pressed.size === 2 ? pinch() : null;
+    pressed.set(event.pointerId, event);
+    const right = event.clientX - last.clientX;
+    const below = event.clientY - last.clientY;
     if (before) {
-      const after = pair();
+      const after = pinch();
       viewer.move(after.middle.x - before.middle.x, after.middle.y - before.middle.y);
       viewer.magnify(after.gap / before.gap, after.middle);
-    } else if (moves) {
+    } else if (isMoving) {
       viewer.move(right, below);
     } else {
-      viewer.turn(right / 120, below / 200);
+      viewer.turn(right / DRAG.yaw, below / DRAG.pitch);
     }
   });
-  canvas.addEventListener("pointerleave", () => viewer.hush());
-  canvas.addEventListener("pointercancel", (event) => down.delete(event.pointerId));
+  canvas.addEventListener("pointerleave", () => viewer.hideHint());
+  canvas.addEventListener("pointercancel", (event) => pressed.delete(event.pointerId));
   canvas.addEventListener("pointerup", (event) => {
-    const alone = down.size === 1;
-    down.delete(event.pointerId);
-    if (event.pointerType !== "touch" || !alone) return;
-    // Touch has no hover and, in some browsers, no double click.
-    const now = { at: event.timeStamp, ...viewer.place(event) };
-    const near = tap && Math.hypot(now.x - tap.x, now.y - tap.y) < TAP.pixels;
-    if (near && now.at - tap.at < TAP.milliseconds) {
-      tap = null;
-      viewer.frame(now);
+    const isSingle = pressed.size === 1;
+    pressed.delete(event.pointerId);
+    if (event.pointerType !== "touch" || !isSingle) return;
+    // Fingers cannot hover and, in some browsers, not double-click.
+    const tap = { time: event.timeStamp, ...viewer.place(event) };
+    const isDouble = lastTap
+      && tap.time - lastTap.time < DOUBLE_TAP.milliseconds
+      && Math.hypot(tap.x - lastTap.x, tap.y - lastTap.y) < DOUBLE_TAP.pixels;
+    if (isDouble) {
+      lastTap = null;
+      viewer.frame(tap);
     } else {
-      tap = now;
-      viewer.point(now);
+      lastTap = tap;
+      viewer.point(tap);
     }
   });
   canvas.addEventListener("dblclick", (event) => {
-    if (!touched) viewer.frame(viewer.place(event));
+    if (!isTouch) viewer.frame(viewer.place(event));
   });
 }
 

@@ -60,7 +60,8 @@ class Ground {
     this.texture = new THREE.DataTexture(
       this.shadow, CELLS, CELLS, THREE.RedFormat, THREE.UnsignedByteType,
     );
-    this.texture.magFilter = this.texture.minFilter = THREE.LinearFilter;
+    this.texture.magFilter = THREE.LinearFilter;
+    this.texture.minFilter = THREE.LinearFilter;
     const material = new THREE.ShaderMaterial({
       vertexShader: GROUND_VERTEX,
       fragmentShader: GROUND_FRAGMENT,

@@ -3,7 +3,7 @@
 // between two, about the centre. Part of one script with the other viewer files.
 "use strict";
 
-const QUATERNION_UNIT = 32767;
+const QUATERNION_UNIT = 32767; // of the 16 bits that store a component from -1 to 1
 
 const framesOf = (data, nVertices) =>
   data.bones ? BoneFrames.from(data, nVertices) : CoordinateFrames.from(data, nVertices);
@@ -32,10 +32,10 @@ class CoordinateFrames {
   measure(reach) {
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
-    const at = (i) => this.low[i % 3] + this.step[i % 3] * this.packed[i];
+    const coordinate = (i) => this.low[i % 3] + this.step[i % 3] * this.packed[i];
     for (let i = 0; i < this.packed.length; i += 1) {
       const axis = i % 3;
-      const value = at(i);
+      const value = coordinate(i);
       const more = reach[i % this.size];
       if (value - more < low[axis]) low[axis] = value - more;
       if (value + more > high[axis]) high[axis] = value + more;
@@ -43,8 +43,8 @@ class CoordinateFrames {
     this.centre = low.map((value, axis) => (value + high[axis]) / 2);
     let square = 0;
     for (let i = 0; i < this.packed.length; i += 3) {
-      const x = at(i) - this.centre[0];
-      const z = at(i + 2) - this.centre[2];
+      const x = coordinate(i) - this.centre[0];
+      const z = coordinate(i + 2) - this.centre[2];
       square = Math.max(square, x * x + z * z);
     }
     return { centre: this.centre, height: high[1] - low[1], radius: Math.sqrt(square) };
@@ -194,12 +194,12 @@ class BoneFrames {
 // Changes of the surface at rest with the pose: a few directions, and their weights in each frame.
 class Correctives {
   static async from({ rank, step, directions, amounts }) {
-    const made = new Correctives();
-    made.rank = rank;
+    const correctives = new Correctives();
+    correctives.rank = rank;
     const numbers = rank ? await unpack(directions, Uint16Array, 3) : new Uint16Array();
-    made.directions = Float32Array.from(new Int16Array(numbers.buffer), (value) => step * value);
-    made.amounts = new Float32Array((await inflate(amounts)).buffer);
-    return made;
+    correctives.directions = Float32Array.from(new Int16Array(numbers.buffer), (value) => step * value);
+    correctives.amounts = new Float32Array((await inflate(amounts)).buffer);
+    return correctives;
   }
 
   add({ first, next, share }, rest, surface) {

@@ -9,9 +9,9 @@ class Panel {
   static async of(viewer) {
     const { panel } = viewer.data;
     if (!panel) return new Panel(viewer);
-    const made = new PANELS[panel.name](viewer);
-    await made.prepare(panel);
-    return made;
+    const ownPanel = new PANELS[panel.name](viewer);
+    await ownPanel.prepare(panel);
+    return ownPanel;
   }
 
   constructor(viewer) {
@@ -27,9 +27,9 @@ class Panel {
   // Called when another moment is shown.
   seek() {}
 
-  // The text for a place of the stage, whether or not a body was hit.
-  describe(place, found, said) {
-    return said;
+  // The text for a place of the stage. `hit` is the body there, or null, and `text` describes it.
+  describe(place, hit, text) {
+    return text;
   }
 
   // Called when the pointer leaves the bodies.

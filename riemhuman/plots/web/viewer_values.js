@@ -2,7 +2,7 @@
 // Part of one script with the other viewer files.
 "use strict";
 
-const NARROWEST = 0.02; // distance of the ends, as a share of the bar
+const NARROWEST = 0.02; // least distance between the ends, as a share of the bar
 const N_LINES = 10; // approximate number between the ends
 
 const LINE_VERTEX = "#include <begin_vertex>\nreading = value;";
@@ -16,8 +16,8 @@ if (lineStep > 0.0) {
   diffuseColor.rgb *= 1.0 - 0.7 * clamp(thick - near, 0.0, 1.0) * clamp(0.6 / wide - 0.5, 0.0, 1.0);
 }`;
 
-// A number with two digits and a real minus sign.
-const said = (number, signed) =>
+// A number with two significant digits and a true minus sign.
+const textOf = (number, signed) =>
   `${signed && number > 0 ? "+" : ""}${Number(number.toPrecision(2))}`.replace("-", "\u2212");
 
 // 1, 2 or 5 times a power of ten, near a number.
@@ -131,7 +131,7 @@ class ValueBars {
     this.viewer = viewer;
     this.bars = [];
     this.control = viewer.find("lines");
-    if (this.control) this.control.querySelector("input").addEventListener("change", () => this.tell());
+    if (this.control) this.control.querySelector("input").addEventListener("change", () => this.update());
   }
 
   // Start again with the bodies that are shown.
@@ -146,10 +146,10 @@ class ValueBars {
   write(body, label) {
     body.scaleOfValues ||= new ValueScale(body, body.scale || this.viewer.data.scale);
     const part = (parent, kind, name = "") => {
-      const made = document.createElement(kind);
-      made.className = name;
-      parent.append(made);
-      return made;
+      const element = document.createElement(kind);
+      element.className = name;
+      parent.append(element);
+      return element;
     };
     const row = part(label, "span", "scale");
     const numbers = [part(row, "span")];
@@ -165,17 +165,17 @@ class ValueBars {
       return handle;
     });
     this.bars.push({ scale: body.scaleOfValues, bar, numbers, handles });
-    this.tell();
+    this.update();
   }
 
   listen(handle, bar, scale, end) {
     const move = (value) => {
       this.bars.filter((each) => each.scale.isLike(scale)).forEach((each) => each.scale.place(end, value));
-      this.tell();
+      this.update();
     };
     const reset = () => {
       this.bars.filter((each) => each.scale.isLike(scale)).forEach((each) => each.scale.reset());
-      this.tell();
+      this.update();
     };
     handle.addEventListener("pointerdown", (event) => {
       event.preventDefault();
@@ -199,19 +199,19 @@ class ValueBars {
     });
   }
 
-  // Write and draw the ends.
-  tell() {
+  // Write and draw the ends of all bars, and the distance of the lines.
+  update() {
     const on = Boolean(this.control) && this.control.querySelector("input").checked;
     this.bars.forEach(({ scale, bar, numbers, handles }) => {
       const places = scale.ends.map((value) => scale.share(value));
       scale.ends.forEach((value, end) => {
         const unit = end ? ` ${scale.body.valueLabel}`.trimEnd() : "";
-        numbers[end].textContent = `${said(value, scale.signed)}${unit}`;
+        numbers[end].textContent = `${textOf(value, scale.signed)}${unit}`;
         handles[end].style.left = `${100 * places[end]}%`;
         handles[end].setAttribute("aria-valuemin", scale.limits[0]);
         handles[end].setAttribute("aria-valuemax", scale.limits[1]);
         handles[end].setAttribute("aria-valuenow", value);
-        handles[end].setAttribute("aria-valuetext", `${said(value, scale.signed)} ${scale.body.valueLabel}`.trim());
+        handles[end].setAttribute("aria-valuetext", `${textOf(value, scale.signed)} ${scale.body.valueLabel}`.trim());
       });
       const last = scale.colors.length - 1;
       const stops = scale.colors.map((_, k) => places[0] + (k / last) * (places[1] - places[0]));
@@ -223,7 +223,7 @@ class ValueBars {
     });
     if (this.control) {
       const [first] = this.bars;
-      const every = first && on ? `, every ${said(first.scale.step())} ${first.scale.body.valueLabel}`.trimEnd() : "";
+      const every = first && on ? `, every ${textOf(first.scale.step())} ${first.scale.body.valueLabel}`.trimEnd() : "";
       this.control.querySelector("span").textContent = `Lines of equal value${every}`;
     }
     this.viewer.draw();

@@ -7,7 +7,9 @@ class WarpPanel extends Panel {
     this.data = data;
     this.lasts = data.lasts.map((last) => Math.max(last, 1));
     const part = (selector) => this.part.querySelector(selector);
-    [this.now, this.cross, this.pace] = [part(".now"), part(".cross"), part("[data-part=pace]")];
+    this.now = part(".now");
+    this.cross = part(".cross");
+    this.pace = part("[data-part=pace]");
     part(".curve").setAttribute("points", data.first
       .map((time, k) => this.place(time, data.second[k]).map((value) => value.toFixed(2)).join(","))
       .join(" "));
