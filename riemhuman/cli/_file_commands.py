@@ -89,6 +89,7 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     cli.flag("--open", "open the page in the browser"),
     cli.ANY_SCALE,
     cli.UNIT,
+    UNITS,
 )
 def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
@@ -164,6 +165,7 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
         surface.points,
         surface.faces,
         title=f"{scan.name} over {body.name}",
+        system=options.units,
     )
 
 

@@ -16,6 +16,7 @@ from riemhuman.io._gltf import (
     glb_file,
     unit_normals,
 )
+from riemhuman.kernels.rotations import with_continuous_signs
 
 # Joints of a vertex in one set of weights. Readers must support one set; most support more.
 _JOINTS_IN_SET = 4
@@ -133,15 +134,10 @@ def _animation(animation: SkinnedAnimation, root: int, buffer: GlbBuffer) -> JSO
     times = buffer.add((np.arange(n_frames) / animation.frames_per_second).astype("<f4"))
     samplers = [{"input": times, "output": buffer.add(animation.root_places.astype("<f4"))}]
     channels: list[JSONRecord] = [{"sampler": 0, "target": {"node": root, "path": "translation"}}]
+    # Players interpolate between quaternions.
+    rotations = with_continuous_signs(animation.rotations)
     for joint in range(len(animation.joints)):
-        quaternions = _continuous(animation.rotations[:, joint]).astype("<f4")
+        quaternions = np.ascontiguousarray(rotations[:, joint]).astype("<f4")
         channels.append({"sampler": len(samplers), "target": {"node": joint, "path": "rotation"}})
         samplers.append({"input": times, "output": buffer.add(quaternions)})
     return {"name": animation.name, "samplers": samplers, "channels": channels}
-
-
-def _continuous(quaternions: Array) -> Array:
-    """Return the same rotations by quaternions whose signs do not jump, as players interpolate."""
-    products = np.sum(quaternions[1:] * quaternions[:-1], axis=-1)
-    signs = np.cumprod(np.where(products < 0.0, -1.0, 1.0))
-    return np.concatenate([quaternions[:1], signs[:, None] * quaternions[1:]])

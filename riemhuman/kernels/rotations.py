@@ -145,6 +145,17 @@ def quaternions(rotations: Array) -> Array:
     return column / np.sqrt(dot(column, column))[..., None]
 
 
+def with_continuous_signs(quaternions: Array) -> Array:
+    """Return the same rotations over time, shape (n_times, ..., 4), by quaternions without jumps.
+
+    The sign of each is the one nearer to the quaternion before, so that values between two times
+    are those of rotations between them.
+    """
+    products = onp.sum(quaternions[1:] * quaternions[:-1], axis=-1)
+    signs = onp.cumprod(onp.where(products < 0.0, -1.0, 1.0), axis=0)
+    return onp.concatenate([quaternions[:1], signs[..., onp.newaxis] * quaternions[1:]])
+
+
 @compiled
 def fill_quaternions(rotations: Array, quaternions: Array) -> None:
     """Fill `quaternions` of rotations, shape (n, 3, 3)."""

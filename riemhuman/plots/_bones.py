@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joint_motions, skin_surface
 from riemhuman.datasets.motions import ModelMotion
+from riemhuman.kernels.rotations import with_continuous_signs
 from riemhuman.kernels.threads import slices
 from riemhuman.plots._packing import LEVELS, deflated, packed
 
@@ -26,9 +27,10 @@ def bone_record(motion: ModelMotion) -> dict[str, object]:
     """Return what the page needs to pose a body: at most 0.1 mm and 1e-4 radians are rounded."""
     surface = np.asarray(motion.model(motion.betas), dtype=np.float64)
     starts, joints, weights = _influences(motion.model.weights)
-    poses, translations = motion.pose_vectors, motion.translations
-    quaternions = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat()
-    turned = _continued(quaternions.reshape(len(poses), -1, 4))
+    poses = motion.pose_vectors
+    translations = motion.translations
+    quaternions = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(len(poses), -1, 4)
+    rotations = _UNIT * with_continuous_signs(quaternions)
     low = surface.min(axis=0)
     first = translations[0]
     record: dict[str, object] = {
@@ -40,7 +42,7 @@ def bone_record(motion: ModelMotion) -> dict[str, object]:
         "starts": packed(starts.astype("<u4")),
         "influences": deflated(joints.astype("<u2")),
         "weights": deflated(np.round(weights * LEVELS).astype("<u2")),
-        "rotations": _packed_signed(np.round(turned * _UNIT), "<i2", "<u2"),
+        "rotations": _packed_signed(np.round(rotations), "<i2", "<u2"),
         "first": first.tolist(),
         "places": _packed_signed(np.round((translations - first) / _STEP), "<i4", "<u4"),
         "step": _STEP,
@@ -64,13 +66,6 @@ def _influences(weights: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     return starts, joints, weights[vertices, joints]
 
 
-def _continued(quaternions: ndarray) -> ndarray:
-    """Return quaternions, shape (n_frames, J, 4), with the sign nearer to the previous frame."""
-    along = np.sum(quaternions[1:] * quaternions[:-1], axis=-1)
-    signs = np.cumprod(np.where(along < 0, -1.0, 1.0), axis=0)
-    return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
-
-
 def _extent(
     surface: ndarray, motion: ModelMotion, poses: ndarray, translations: ndarray
 ) -> dict[str, object]:
@@ -81,7 +76,9 @@ def _extent(
     model = motion.model
     some = np.arange(0, model.n_vertices, max(1, model.n_vertices // _N_IN_EXTENT))
     joints = np.asarray(model.joints(motion.betas))
-    low, high, flat = np.full(3, np.inf), np.full(3, -np.inf), []
+    low = np.full(3, np.inf)
+    high = np.full(3, -np.inf)
+    seen_from_above = []
     for part in slices(len(poses), _FRAMES_AT_A_TIME):
         matrices = Rotation.from_rotvec(poses[part].reshape(-1, 3)).as_matrix()
         rotations = matrices.reshape(*poses[part].shape, 3)
@@ -90,9 +87,12 @@ def _extent(
         frames = frames + translations[part, None]
         low = np.minimum(low, frames.min(axis=(0, 1)))
         high = np.maximum(high, frames.max(axis=(0, 1)))
-        flat.append(frames[:, ::2, ::2])
-    middle = (low + high)[::2] / 2
-    radius = max(float(np.linalg.norm(places - middle, axis=-1).max()) for places in flat)
+        every_other = frames[:, ::2]
+        seen_from_above.append(every_other[..., [0, 2]])
+    middle = (low + high)[[0, 2]] / 2
+    radius = max(
+        float(np.linalg.norm(places - middle, axis=-1).max()) for places in seen_from_above
+    )
     return {"low": low.tolist(), "high": high.tolist(), "radius": radius}
 
 
@@ -109,8 +109,10 @@ def _correctives(model: BodyModel, poses: ndarray) -> dict[str, object]:
     frames, mixed = np.linalg.qr(features)
     rows = mixed @ displacements
     squares, axes = np.linalg.eigh(rows @ rows.T)
-    squares, axes = np.maximum(squares[::-1], 0.0), axes[:, ::-1]
-    left_out = np.append(np.cumsum(squares[::-1])[::-1], 0.0)
+    squares = np.maximum(squares, 0.0)
+    # The squared error if all but the first 0, 1, ... directions are left out, the largest first.
+    left_out = np.append(np.cumsum(squares)[::-1], 0.0)
+    axes = axes[:, ::-1]
     allowed = _CORRECTIVE_ERROR**2 * len(poses) * model.n_vertices
     rank = int(np.argmax(left_out <= allowed))
     directions = axes[:, :rank].T @ rows

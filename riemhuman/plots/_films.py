@@ -30,7 +30,8 @@ _MOST_LOOKED_AT = 48  # number of a body's frames used to frame the picture
 _MOST_BODIES = 8
 _N_COLORS = 256  # of a GIF
 _QUALITY = "18"  # of H.264: smaller is better; 18 is hard to tell from the original
-_INK, _PAPER = (60, 66, 74), 255
+_INK = (60, 66, 74)
+_PAPER = 255  # white
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,10 @@ class Film:
             place = min(share * (self.n_frames - 1), len(body.frames) - 1.0)
         else:
             place = share * (len(body.frames) - 1)
-        before, after = int(np.floor(place)), int(np.ceil(place))
-        first, second = np.asarray(body.frames[before]), np.asarray(body.frames[after])
-        return first + (place - before) * (second - first)
+        number = int(np.floor(place))
+        before = np.asarray(body.frames[number])
+        after = np.asarray(body.frames[int(np.ceil(place))])
+        return before + (place - number) * (after - before)
 
 
 def save_film(file: Path, film: Film, *, progress: bool) -> None:
@@ -75,12 +77,15 @@ def save_film(file: Path, film: Film, *, progress: bool) -> None:
         )
     if ending == ".mp4":
         import_optional("av", "video")  # before anything is drawn
-    seconds = film.seconds if film.n_frames > 1 else _TURN_SECONDS
     rate = _RATES[ending]
-    n_pictures = max(2, round(seconds * rate) + (film.n_frames > 1))
+    if film.n_frames > 1:
+        n_pictures = round(film.seconds * rate) + 1  # both ends
+    else:
+        n_pictures = round(_TURN_SECONDS * rate)  # the last picture would be the first
+    n_pictures = max(2, n_pictures)
     pictures = _pictures(film, _HEIGHTS[ending], n_pictures, rate)
-    shown = ProgressBar(pictures, desc=file.name, total=n_pictures, disable=not progress)
-    write_bytes(file, (_gif if ending == ".gif" else _mp4)(iter(shown), rate))
+    counted = iter(ProgressBar(pictures, desc=file.name, total=n_pictures, disable=not progress))
+    write_bytes(file, _gif(counted, rate) if ending == ".gif" else _mp4(counted, rate))
 
 
 def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[Image.Image]:
@@ -88,16 +93,20 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
     turns = film.n_frames == 1
     grounds = [Ground.below(_some_frames(body, turns)) for body in film.bodies]
     windows = _windows(film, grounds, turns)
-    wide = sum(window.width for window in windows) / windows[0].height
-    height = 2 * (min(height, int(_WIDEST / wide)) // 2)  # H.264 needs even numbers of pixels
+    aspect = sum(window.width for window in windows) / windows[0].height
+    height = 2 * (min(height, int(_WIDEST / aspect)) // 2)  # H.264 needs even numbers of pixels
     for number in range(n_pictures):
-        view, share = View(), number / max(n_pictures - 1, 1)
+        view = View()
+        share = number / max(n_pictures - 1, 1)
         if turns:
-            view, share = View(azimuth=view.azimuth + 360 * number / n_pictures), 0.0
+            view = View(azimuth=view.azimuth + 360 * number / n_pictures)
+            share = 0.0
         parts = []
         for body, ground, window in zip(film.bodies, grounds, windows, strict=True):
-            surface = film.surface(body, share) - (_middle(body) if turns else 0.0)
-            drawn = render(
+            surface = film.surface(body, share)
+            if turns:
+                surface = surface - _middle(body)
+            picture = render(
                 surface,
                 film.faces,
                 height=height,
@@ -105,15 +114,16 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
                 window=window,
                 color=body.colors(film.faces),
             )
-            parts.append(ground.under(drawn, surface, view, window))
-        said = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
-        yield _on_paper(parts, [body.label for body in film.bodies], said)
+            parts.append(ground.under(picture, surface, view, window))
+        time = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
+        yield _on_paper(parts, [body.label for body in film.bodies], time)
 
 
 def _some_frames(body: ViewedBody, turns: bool) -> list[ndarray]:
     """Return the frames used to frame the picture; a turning body is on its axis."""
     places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
-    frames = [np.asarray(body.frames[k]) for k in sorted(set(places.round().astype(int).tolist()))]
+    numbers = np.unique(places.round().astype(int))
+    frames = [np.asarray(body.frames[number]) for number in numbers.tolist()]
     return [frame - _middle(body) for frame in frames] if turns else frames
 
 
@@ -121,7 +131,8 @@ def _middle(body: ViewedBody) -> ndarray:
     """Return the axis that a body turns about, at the height of the ground."""
     surface = np.asarray(body.frames[0])
     middle: ndarray = (surface.min(axis=0) + surface.max(axis=0)) / 2
-    return middle * [1.0, 0.0, 1.0]
+    middle[1] = 0.0
+    return middle
 
 
 def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]:
@@ -136,21 +147,20 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
         corners.append(((centres - halves).min(axis=0), (centres + halves).max(axis=0)))
     width, height = np.max([high - low for low, high in corners], axis=0)
     # All bodies stand on one floor, above the line of names.
-    below, height = 0.08 * height, 1.08 * height
-    return [
-        Window(
-            (float((low + high)[0] / 2), float(low[1] - below + height / 2)),
-            float(width),
-            float(height),
-        )
-        for low, high in corners
-    ]
+    names = 0.08 * height
+    height += names
+    windows = []
+    for low, high in corners:
+        x = (low[0] + high[0]) / 2
+        y = low[1] - names + height / 2
+        windows.append(Window((float(x), float(y)), float(width), float(height)))
+    return windows
 
 
-def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], said: str) -> Image.Image:
+def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], time: str) -> Image.Image:
     """Return pictures side by side on white, each with its label below, and the time."""
     row = np.concatenate(parts, axis=1)
-    row = row[:, : 2 * (row.shape[1] // 2)]
+    row = row[:, : 2 * (row.shape[1] // 2)]  # an even number of pixels, for H.264
     opacity = row[..., 3:] / 255
     flat = np.round(row[..., :3] * opacity + _PAPER * (1 - opacity)).astype(np.uint8)
     picture = Image.fromarray(flat)
@@ -161,7 +171,7 @@ def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], said: str) -> Ima
     for part, label in zip(parts, labels, strict=True):
         draw.text((left + part.shape[1] / 2, picture.height - 2), label, _INK, font, anchor="mb")
         left += part.shape[1]
-    draw.text((size / 2, size / 2), said, _INK, font)
+    draw.text((size / 2, size / 2), time, _INK, font)
     return picture
 
 
@@ -169,13 +179,15 @@ def _gif(pictures: Iterator[Image.Image], rate: int) -> bytes:
     """Return a GIF file that loops; all pictures share one palette."""
     first = next(pictures)
     palette = first.quantize(_N_COLORS, dither=Image.Dither.NONE)
-    others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+    following = (
+        picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures
+    )
     file = io.BytesIO()
     palette.save(
         file,
         format="GIF",
         save_all=True,
-        append_images=others,
+        append_images=following,
         duration=1000 // rate,
         loop=0,
         optimize=False,

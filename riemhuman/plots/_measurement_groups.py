@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -31,20 +32,21 @@ class MeasurementGroup:
 
 def grouped(measurements: Sequence[Measurement]) -> list[MeasurementGroup]:
     """Return measurements by kind; those of user-defined classes are lengths."""
-    kinds = [_kind(measurement) for measurement in measurements]
-    return [
-        MeasurementGroup(title, tuple(k for k, kind in enumerate(kinds) if kind == number))
-        for number, title in enumerate(_TITLES)
-        if number in kinds
-    ]
+    members: dict[int, list[int]] = {}
+    for k, measurement in enumerate(measurements):
+        members.setdefault(_title_number(measurement), []).append(k)
+    return [MeasurementGroup(_TITLES[number], tuple(members[number])) for number in sorted(members)]
 
 
-def _kind(measurement: Measurement) -> int:
-    named = [kind for word, kind in _WORDS.items() if word in measurement.name]
-    if named:
-        return named[0]
-    classes = [base.__name__ for base in type(measurement).__mro__]
-    return next((_CLASSES[name] for name in classes if name in _CLASSES), 3)
+def _title_number(measurement: Measurement) -> int:
+    """Return which of the titles a measurement belongs to, by its name or else its class."""
+    for word, number in _WORDS.items():
+        if word in measurement.name:
+            return number
+    for base in type(measurement).__mro__:
+        if base.__name__ in _CLASSES:
+            return _CLASSES[base.__name__]
+    return _TITLES.index("Lengths")
 
 
 def pictured(measurements: Sequence[Measurement], lines: Lines) -> list[MeasurementGroup]:
@@ -55,8 +57,8 @@ def pictured(measurements: Sequence[Measurement], lines: Lines) -> list[Measurem
         if not drawn:
             continue
         heights = {k: _height(lines[measurements[k].name]) for k in drawn}
-        order = sorted(drawn, key=lambda k: -heights[k])
-        count = -(-len(order) // MOST_IN_GROUP)
+        order = sorted(drawn, key=lambda k: heights[k], reverse=True)
+        count = math.ceil(len(order) / MOST_IN_GROUP)
         for number, part in enumerate(np.array_split(np.array(order), count)):
             title = group.title
             if count > 1:

@@ -54,7 +54,8 @@ def open_shares(
     centred = vertices - middle
     radius = float(np.linalg.norm(centred, axis=1).max())
     normals = vertex_normals(vertices, faces)
-    seen, possible = np.zeros(len(vertices)), np.zeros(len(vertices))
+    reached = np.zeros(len(vertices))
+    possible = np.zeros(len(vertices))
     for towards in _sphere_points(n_directions):
         frame = _frame(towards)
         rotated = centred @ frame
@@ -64,18 +65,20 @@ def open_shares(
         places = rotated + _NEAR * (normals @ frame)
         columns = ((places[:, 0] / radius + 1) * pixels / 2).astype(int).clip(0, pixels - 1)
         rows = ((1 - places[:, 1] / radius) * pixels / 2).astype(int).clip(0, pixels - 1)
-        free = places[:, 2] >= depths[rows, columns] - _NEAR
-        seen += cosines * free
+        is_visible = places[:, 2] >= depths[rows, columns] - _NEAR
+        reached += np.where(is_visible, cosines, 0.0)
         possible += cosines
-    return np.asarray(seen / np.maximum(possible, 1e-9))
+    return np.asarray(reached / np.maximum(possible, 1e-9))
 
 
 def _depths(rotated: ndarray, faces: ndarray, radius: float, pixels: int) -> ndarray:
     """Return how near to the eye a surface is in each pixel, metres; the eye looks along -z."""
     scale = pixels / (2 * radius)
-    columns, rows = rotated[:, 0] * scale + pixels / 2, pixels / 2 - rotated[:, 1] * scale
+    columns = pixels / 2 + rotated[:, 0] * scale
+    rows = pixels / 2 - rotated[:, 1] * scale
     corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[faces]
-    nearest, owner = np.full((pixels, pixels), -np.inf), np.full((pixels, pixels), -1)
+    nearest = np.full((pixels, pixels), -np.inf)
+    owner = np.full((pixels, pixels), -1)
     draw_triangles(corners, nearest, owner)
     return nearest
 

@@ -177,33 +177,35 @@ def plot_path(
     """
     given, given_faces = as_surfaces(path, faces)
     surfaces = real_array(given, "path", ("n_times", "n_vertices", 3), batched=False)
-    chosen = np.arange(len(surfaces))
+    numbers = np.arange(len(surfaces))
     if n_shown is not None:
         n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
-        chosen = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
+        numbers = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
     if labels is not None and len(labels) != len(surfaces):
         raise ArgumentError(
             f"labels must name each of the {len(surfaces)} surfaces; found {len(labels)}"
         )
     triangles = check_mesh(surfaces[0], given_faces)[1]
     if ground and not one_floor:
-        surfaces = surfaces - surfaces[..., 1].min(axis=1)[:, None, None] * [0.0, 1.0, 0.0]
+        surfaces = surfaces.copy()
+        surfaces[..., 1] -= surfaces[..., 1].min(axis=1, keepdims=True)
     view = View() if view is None else view
     step = None if spacing is None else real_number(spacing, "spacing", minimum=0, strict=True)
-    floors, windows = _floors_and_windows(surfaces[chosen], view, step, ground=ground)
+    floors, windows = _floors_and_windows(surfaces[numbers], view, step, ground=ground)
     widths = np.array([frame.width for frame in windows])
     middles = np.cumsum(widths) - widths / 2
     if step is not None:
-        middles = widths[0] / 2 + step * np.arange(len(chosen))
+        middles = widths[0] / 2 + step * np.arange(len(numbers))
     tints, low, limit = _tints(surfaces, triangles, values, largest, colors)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / windows[0].height), 2.4)
     whole_number(height, "height", minimum=1)
-    for order, (index, frame, floor) in enumerate(zip(chosen, windows, floors, strict=True)):
+    for order, (index, frame, floor) in enumerate(zip(numbers, windows, floors, strict=True)):
         picture = drawn(surfaces[index], triangles, height, view, frame, tints[index], floor)
-        sides = (middles[order] - frame.width / 2, middles[order] + frame.width / 2)
+        left = middles[order] - frame.width / 2
+        right = middles[order] + frame.width / 2
         ax.imshow(
             picture,
-            extent=(*sides, 0.0, frame.height),
+            extent=(left, right, 0.0, frame.height),
             interpolation="antialiased",
             zorder=2 + order,
         )
@@ -229,8 +231,9 @@ def _tints(
     """Return the colours of surfaces, and the ends of the scale of their values."""
     n_surfaces, n_vertices = surfaces.shape[:2]
     if values is None:
-        given = [SKIN] * n_surfaces if colors is None else colors
-        return real_array(given, "colors", (n_surfaces, 3), batched=False), 0.0, 0.0
+        if colors is None:
+            colors = np.tile(SKIN, (n_surfaces, 1))
+        return real_array(colors, "colors", (n_surfaces, 3), batched=False), 0.0, 0.0
     shades = surface_values(values, n_vertices, len(triangles))
     if shades.shape[:-1] != (n_surfaces,):
         raise ArgumentError(
@@ -252,11 +255,16 @@ def _floors_and_windows(
     """
     lowest = float(surfaces[..., 1].min())
     widest = np.inf if spacing is None else spacing / (2 * SHOWN)
-    floors = [Ground.below([f], lowest, widest) if ground else None for f in surfaces]
-    windows = [
-        window_around(surface, view) if floor is None else floor.window([surface], view)
-        for surface, floor in zip(surfaces, floors, strict=True)
-    ]
+    floors: list[Ground | None] = []
+    windows = []
+    for points in surfaces:
+        if ground:
+            floor = Ground.below([points], lowest, widest)
+            floors.append(floor)
+            windows.append(floor.window([points], view))
+        else:
+            floors.append(None)
+            windows.append(window_around(points, view))
     return floors, same_heights(windows)
 
 

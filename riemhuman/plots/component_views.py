@@ -58,11 +58,12 @@ def view_components(
     count = min(_MOST_COMPONENTS, pca.n_components_)
     deviations = np.sqrt(pca.explained_variance_[:count])
     ends = np.diag(_DEVIATIONS * deviations)
-    shapes = pca.inverse_transform(np.concatenate([ends, -ends, deviations[None]]))
-    more, less, exact = shapes[:count], shapes[count:-1], shapes[-1]
+    upper = pca.inverse_transform(ends)
+    lower = pca.inverse_transform(-ends)
+    (exact,) = pca.inverse_transform(deviations[np.newaxis])
     changes = ComponentChanges(
-        linear=(more - less) / (2 * _DEVIATIONS),
-        quadratic=((more + less) / 2 - middle) / _DEVIATIONS**2,
+        linear=(upper - lower) / (2 * _DEVIATIONS),
+        quadratic=((upper + lower) / 2 - middle) / _DEVIATIONS**2,
         shares=pca.explained_variance_ratio_[:count],
     )
     gap = np.linalg.norm(changes.mixed(middle, np.ones(count)) - exact, axis=-1).max()
@@ -70,7 +71,7 @@ def view_components(
         f"Bodies are exact at −{_DEVIATIONS:g}, 0 and {_DEVIATIONS:g} standard deviations of one "
         f"component; if all components are at 1, they are accurate to {1000 * gap:.1f} mm."
     )
-    body = ViewedBody("", middle[None], components=changes)
+    body = ViewedBody("", middle[np.newaxis], components=changes)
     return Viewer(triangles, {"Components": [body]}, title=title, description=description)
 
 

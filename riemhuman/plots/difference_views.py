@@ -59,8 +59,8 @@ class _Difference:
         """
         first, second = self.surfaces
         back = np.sum((first - second) * vertex_normals(second, self.faces), axis=1)
-        known = np.isfinite(self.displacements)
-        return scale * np.where(known, back, np.nan), scale * self.displacements
+        is_seen = np.isfinite(self.displacements)
+        return scale * np.where(is_seen, back, np.nan), scale * self.displacements
 
 
 def view_difference(
@@ -107,31 +107,33 @@ def view_difference(
     """
     gap = gap_unit(system)
     difference = _difference(point_a, point_b, faces, measurements, names, system)
-    outside, added = difference.outside(gap.scale), _density(difference, metric)
-    shown = {
-        _LENGTHS[system]: (
-            outside,
-            gap.name,
-            [f"+ outside of {name}, − inside" for name in names[::-1]],
-        ),
-        _DENSITY: ((added, added), "per m²", 2 * ["share of the squared distance"]),
-    }
-    choices = {
-        choice: [
+    outside = difference.outside(gap.scale)
+    density = _density(difference, metric)
+    lengths = []
+    densities = []
+    for k, (name, other) in enumerate(zip(names, reversed(names), strict=True)):
+        surface = difference.surfaces[k][np.newaxis]
+        lengths.append(
             ViewedBody(
                 name,
-                surface[np.newaxis],
-                values=colored,
-                value_label=unit,
-                value_caption=caption,
-                value_limit=colour_limit(np.concatenate(values)),
+                surface,
+                values=outside[k],
+                value_label=gap.name,
+                value_caption=f"+ outside of {other}, − inside",
+                value_limit=colour_limit(np.concatenate(outside)),
             )
-            for name, surface, colored, caption in zip(
-                names, difference.surfaces, values, captions, strict=True
+        )
+        densities.append(
+            ViewedBody(
+                name,
+                surface,
+                values=density,
+                value_label="per m²",
+                value_caption="share of the squared distance",
+                value_limit=colour_limit(density),
             )
-        ]
-        for choice, (values, unit, captions) in shown.items()
-    }
+        )
+    choices = {_LENGTHS[system]: lengths, _DENSITY: densities}
     return Viewer(
         difference.faces,
         choices,
@@ -191,18 +193,23 @@ def plot_difference(
 
 
 def _description(difference: _Difference, names: tuple[str, str], gap: ReadableUnit) -> str:
-    known = gap.scale * difference.displacements[np.isfinite(difference.displacements)]
-    if not len(known):
+    is_seen = np.isfinite(difference.displacements)
+    if not is_seen.any():
         return "No part of the surface was seen in both scans."
+    displacements = gap.scale * difference.displacements[is_seen]
+    median = np.median(np.abs(displacements))
+    inside = max(-displacements.min(), 0.0)
+    outside = max(displacements.max(), 0.0)
     pose = "In the standard pose" if difference.is_standard else "As they stand"
-    half, inside, outside = np.median(np.abs(known)), max(-known.min(), 0.0), max(known.max(), 0.0)
-    said = (
-        f"{pose}, half of the surface of {names[1]} is within {half:.3g} {gap.name} of that of "
+    description = (
+        f"{pose}, half of the surface of {names[1]} is within {median:.3g} {gap.name} of that of "
         f"{names[0]}; it is up to {inside:.3g} {gap.name} inside and {outside:.3g} {gap.name} "
         "outside. On each body, + means outside the other body and − inside it."
     )
-    unknown = 1.0 - len(known) / len(difference.displacements)
-    return f"{said} The grey {100 * unknown:.0f} % was not seen in both scans." if unknown else said
+    if not is_seen.all():
+        unseen = 100.0 * (1.0 - is_seen.mean())
+        description += f" The grey {unseen:.0f} % was not seen in both scans."
+    return description
 
 
 def _density(difference: _Difference, metric: ElasticMetric | None) -> ndarray:
@@ -235,8 +242,8 @@ def _difference(
     if point_b is None:
         raise ArgumentError("point_b must be given, unless point_a is a VisitComparison")
     first, triangles = as_surfaces(point_a, faces)
-    second, others = as_surfaces(point_b, faces)
-    if not np.array_equal(triangles, others):
+    second, second_triangles = as_surfaces(point_b, faces)
+    if not np.array_equal(triangles, second_triangles):
         raise ArgumentError("point_a and point_b must have the same triangles")
     surface = np.asarray(real_array(first, "point_a", ("V", 3), batched=False))
     second_surface = np.asarray(real_array(second, "point_b", surface.shape, batched=False))
@@ -258,7 +265,8 @@ def _of_comparison(
     names: tuple[str, str],
     system: str | None,
 ) -> _Difference:
-    surfaces, panel = (compared.points_before, compared.points_after), None
+    surfaces = (compared.points_before, compared.points_after)
+    panel = None
     if system is not None:
         panel = measurement_panel(measurements, surfaces, compared, names, system)
     faces = measurements.definitions.faces

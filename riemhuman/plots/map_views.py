@@ -21,7 +21,10 @@ from riemhuman.plots.viewer import Viewer
 _SIZE = 100.0  # of the longer side of the map, in its own units
 _MARGIN = 9.0
 _MOST_NAMED = 12  # classes that are named in place
-_LETTER, _LINE, _UNITS_PER_INCH = 1.65, 3.4, 20.0  # of names, on the map
+# Of names, in units of the map.
+_LETTER = 1.65
+_LINE = 3.4
+_UNITS_PER_INCH = 20.0
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,14 @@ _PERPLEXITY = 10.0
 _MARKERS = ("o", "s", "D", "^", "v")
 _NAME_POINTS = 9.5
 _NAME_LETTERS = 14  # in a line
-# Inches: the room around a map with bodies, a body, a letter and a line of its name, and a point.
-_ROOM = np.array([1.15, 0.6])
-_BODY_WIDTH, _BODY_HEIGHT, _NAME_GAP = 0.46, 0.62, 0.04
-_LETTER_WIDTH, _LINE_HEIGHT, _POINT_INCHES = 0.09, 0.16, 0.05
+# Inches.
+_ROOM = np.array([1.15, 0.6])  # around a map with bodies
+_BODY_WIDTH = 0.46
+_BODY_HEIGHT = 0.62
+_NAME_GAP = 0.04
+_LETTER_WIDTH = 0.09  # of names
+_LINE_HEIGHT = 0.16
+_POINT_INCHES = 0.05
 _BODY_PIXELS = 200
 _MOST_BODIES = 12
 _GRID = 90  # places for bodies in each direction
@@ -248,22 +252,31 @@ def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
     """Write a name beside each point, where no name stands yet."""
     low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
     points = 72 * (positions - low) / [np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())] * _inches(ax)
-    height, corners = 9.0, np.empty((0, 4))
-    for place, shown, name in zip(positions, points, names, strict=True):
+    height = 9.0  # of a name, points, of which a letter is about 5 wide
+    # To the right and left of a point, then a line lower, a line higher and so on.
+    lines = (0, -1, 1, -2, 2, -3, 3)
+    offsets = np.array([[x, line * height] for line in lines for x in (5.0, -5.0)])
+    is_right = offsets[:, 0] > 0
+    written = np.empty((0, 4))  # left, bottom, right and top of names, points
+    for position, (x, y), name in zip(positions, points, names, strict=True):
         width = 5.0 * len(name)
-        offsets = np.array([[x, y * height] for y in (0, -1, 1, -2, 2, -3, 3) for x in (5, -5)])
-        left = shown[0] + np.where(offsets[:, 0] > 0, offsets[:, 0], offsets[:, 0] - width)
-        bottom = shown[1] + offsets[:, 1] - height / 2
+        left = x + np.where(is_right, offsets[:, 0], offsets[:, 0] - width)
+        bottom = y + offsets[:, 1] - height / 2
         boxes = np.stack([left, bottom, left + width, bottom + height], axis=1)
-        apart = (boxes[:, None, 2:] <= corners[None, :, :2]) | (
-            corners[None, :, 2:] <= boxes[:, None, :2]
-        )
-        chosen = int((~apart.any(axis=-1)).sum(axis=1).argmin())
-        corners = np.append(corners, boxes[chosen : chosen + 1], axis=0)
+        is_before = boxes[:, np.newaxis, 2:] <= written[np.newaxis, :, :2]
+        is_behind = written[np.newaxis, :, 2:] <= boxes[:, np.newaxis, :2]
+        overlaps = ~(is_before | is_behind).any(axis=-1)
+        best = int(overlaps.sum(axis=1).argmin())
+        written = np.append(written, boxes[[best]], axis=0)
         ax.annotate(
-            name, place, xytext=tuple(offsets[chosen]), textcoords="offset points", va="center",
-            ha="left" if offsets[chosen, 0] > 0 else "right", fontsize="small",
-        )  # fmt: skip
+            name,
+            position,
+            xytext=tuple(offsets[best]),
+            textcoords="offset points",
+            va="center",
+            ha="left" if is_right[best] else "right",
+            fontsize="small",
+        )
 
 
 def _add_length_bar(ax: Axes, unit: str) -> None:

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 # From right to left, colours go from blue over white to orange, which all common kinds of colour
 # vision tell apart; they get lighter from the feet to the head, and dark bands mark equal heights.
 _ACROSS = np.array([[0.05, 0.30, 0.75], [0.96, 0.96, 0.92], [0.93, 0.53, 0.02]])
-_DARKEST, _N_BANDS, _BAND_SHARE, _BAND_SHADE = 0.6, 12, 0.25, 0.72
+_DARKEST = 0.6  # light at the feet; 1 at the head
+_N_BANDS = 12
+_BAND_SHARE = 0.25  # of the height
+_BAND_SHADE = 0.72  # light of a band, as a share of that beside it
 _UNSEEN = np.array([0.45, 0.45, 0.45])
 _VIEWS = (("front", View(0.0, 4.0)), ("back", View(180.0, 4.0)))
 _HEIGHT = 640  # pixels
@@ -40,20 +43,20 @@ def position_colors(points: ndarray) -> ndarray:
     >>> rh.plots.position_colors(bodies[0]).shape
     (1202, 3)
     """
-    seen = np.isfinite(points).all(axis=1)
+    is_seen = np.isfinite(points).all(axis=1)
     colors = np.tile(_UNSEEN, (len(points), 1))
-    if not seen.any():
+    if not is_seen.any():
         return colors
-    known = points[seen]
-    low, high = np.percentile(known, [1.0, 99.0], axis=0)
-    across, _, _ = ((known - low) / np.maximum(high - low, 1e-12)).T
-    height = (known[:, 1] - low[1]) / max(high[1] - low[1], 1e-12)
+    low, high = np.percentile(points[is_seen], [1.0, 99.0], axis=0)
+    shares = (points[is_seen] - low) / np.maximum(high - low, 1e-12)
+    across = shares[:, 0]
+    height = shares[:, 1]
     stops = np.linspace(0.0, 1.0, len(_ACROSS))
     hues = np.stack([np.interp(across, stops, channel) for channel in _ACROSS.T], axis=1)
     light = _DARKEST + (1.0 - _DARKEST) * np.clip(height, 0.0, 1.0)
     on_band = np.mod(_N_BANDS * height, 1.0) < _BAND_SHARE
     shade = np.where(on_band, _BAND_SHADE * light, light)
-    colors[seen] = shade[:, np.newaxis] * hues
+    colors[is_seen] = shade[:, np.newaxis] * hues
     return colors
 
 
@@ -75,33 +78,29 @@ def plot_match(
     --------
     >>> figure = rh.plots.plot_match(result_a, result_b)  # doctest: +SKIP
     """
-    there = correspondence(result_a, result_b).seen
-    upright_a = apply_transform(result_a.transform, result_a.scan.points)
-    origins = correspondence(result_b, result_a)
+    results = (result_a, result_b)
+    points_a = apply_transform(result_a.transform, result_a.scan.points)
+    points_b = apply_transform(result_b.transform, result_b.scan.points)
+    # Where the points of both scans are on the first: one scale, so that a place has one colour.
+    is_in_b = correspondence(result_a, result_b).seen
+    places_a = np.where(is_in_b[:, np.newaxis], points_a, np.nan)
+    places_b = apply_transform(result_a.transform, correspondence(result_b, result_a).points)
+    colors = position_colors(np.concatenate([places_a, places_b]))
     scans = (
-        (result_a, upright_a, np.where(there[:, np.newaxis], upright_a, np.nan)),
-        (
-            result_b,
-            apply_transform(result_b.transform, result_b.scan.points),
-            apply_transform(result_a.transform, origins.points),
-        ),
+        (result_a, points_a, colors[: len(points_a)]),
+        (result_b, points_b, colors[len(points_a) :]),
     )
-    # One scale for all places, so that a place has one colour in both.
-    colors = position_colors(np.concatenate([places for *_, places in scans]))
-    tints = np.split(colors, [len(upright_a)])
     figure = new_figure(11.0, 5.6)
     axes = figure.subplots(1, 4)
-    bodies = [
-        apply_transform(registered.transform, registered.points)
-        for registered in (result_a, result_b)
-    ]
+    bodies = [result.upright_points for result in results]
     for row, (side, view) in enumerate(_VIEWS):
         windows = [window_around(body, view) for body in bodies]
-        width, height = max(w.width for w in windows), max(w.height for w in windows)
-        for column, (result, points, _) in enumerate(scans):
+        width = max(window.width for window in windows)
+        height = max(window.height for window in windows)
+        for column, (result, points, point_colors) in enumerate(scans):
             ax = axes[2 * row + column]
             window = replace(windows[column], width=width, height=height)
-            ax.imshow(_picture(result, points, tints[column], window, view))
+            ax.imshow(_picture(result, points, point_colors, window, view))
             ax.set_axis_off()
             ax.set_title(f"{names[column]}, {side}", fontsize=9)
     return figure
@@ -113,7 +112,7 @@ def _picture(
     """Return a picture of one scan, cut to its body."""
     faces = result.scan.faces
     if faces is None:
-        shown = ~result.background
-        return points_picture(points[shown], window, _HEIGHT, colors[shown], view)
+        of_body = ~result.background
+        return points_picture(points[of_body], window, _HEIGHT, colors[of_body], view)
     tints = colors[faces].mean(axis=1)
     return render(points, faces, height=_HEIGHT, view=view, window=window, color=tints)

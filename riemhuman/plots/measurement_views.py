@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -36,10 +37,17 @@ if TYPE_CHECKING:
 
 _POSES = ("standard", "as is")
 _VIEWS = tuple(View(azimuth, 4.0) for azimuth in (0.0, 90.0, 180.0))
-_COLUMNS, _PICTURE_INCHES, _ROW_INCHES = 4, (3.1, 3.9), 0.155
+# The figure of all measurements: columns of pictures, their size and the height of a table's row.
+_COLUMNS = 4
+_PICTURE_WIDTH = 3.1  # inches
+_PICTURE_HEIGHT = 3.9
+_ROW_INCHES = 0.155
 _LONG_NAME = 30  # letters that fit beside a value
 _NONE = "–"  # in place of a value that is missing
 _LEADER = "#6b7178"
+# Lines are pale where normals face away by more than this cosine: behind the body.
+_FACING = -0.05
+_PALE = 0.3  # opacity
 _LABEL_GAP = 0.055  # of numbers beside a body, metres
 
 
@@ -95,8 +103,9 @@ class MeasurementPanel:
 
 def _packed_lines(lines: Lines) -> dict[str, object]:
     every = [np.asarray(part) for parts in lines.values() for part in parts]
+    points = np.concatenate(every) if every else np.zeros((0, 3))
     ends = [[len(part) for part in parts] for parts in lines.values()]
-    return {**packed_points(np.concatenate([np.zeros((1, 3)), *every])[1:]), "ends": ends}
+    return {**packed_points(points), "ends": ends}
 
 
 def measurement_panel(
@@ -122,10 +131,10 @@ def measurement_panel(
     """
     lines = [measurements.lines(surface, axes="space") for surface in surfaces]
     every = measurements.definitions.measurements
-    rows = [
-        _row(k, measured, any(len(body_lines[measurement.name]) for body_lines in lines), system)
-        for k, measurement in enumerate(every)
-    ]
+    rows = []
+    for k, measurement in enumerate(every):
+        has_line = any(len(body_lines[measurement.name]) for body_lines in lines)
+        rows.append(_row(k, measured, has_line, system))
     groups = {
         group.title: _with_units([rows[k] for k in group.members]) for group in grouped(every)
     }
@@ -141,24 +150,20 @@ def _with_units(rows: list[_Row]) -> list[_Row]:
 
 
 def _row(k: int, measured: BodySizes | VisitComparison, has_line: bool, system: str) -> _Row:
-    name, unit = measured.names[k], readable_unit(measured.units[k], system)
-    why = "; ".join(dict.fromkeys(w for (_, n), w in measured.why_missing.items() if n == name))
+    name = measured.names[k]
+    unit = readable_unit(measured.units[k], system)
+    reasons = [reason for (_, missing), reason in measured.why_missing.items() if missing == name]
+    why = "; ".join(dict.fromkeys(reasons))  # each reason once
     if isinstance(measured, BodySizes):
         value = measured.values.reshape(-1, len(measured.names))[0, k]
-        said = _text(value, unit)
-        return _Row(
-            k,
-            name,
-            unit.name,
-            [f"{said} {unit.name}" if said != _NONE else said],
-            has_line,
-            why=why,
-        )
-    both = [_text(values[k], unit) for values in (measured.before, measured.after)]
+        text = _NONE if np.isnan(value) else f"{_text(value, unit)} {unit.name}"
+        return _Row(k, name, unit.name, [text], has_line, why=why)
+    before = _text(measured.before[k], unit)
+    after = _text(measured.after[k], unit)
     change = _text(measured.changes[k], unit, "+")
     noise = "" if np.isnan(measured.thresholds[k]) else f"±{_text(measured.thresholds[k], unit)}"
     changed = bool(measured.is_significant[k])
-    return _Row(k, name, unit.name, [*both, change, noise], has_line, changed, why)
+    return _Row(k, name, unit.name, [before, after, change, noise], has_line, changed, why)
 
 
 def _text(value: float, unit: ReadableUnit, sign: str = "") -> str:
@@ -234,6 +239,7 @@ def plot_measurements(
     axes: str = "space",
     system: str = "cm",
     height: int = 640,
+    names: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw the lines of measurements in small pictures, with a table of their values.
 
@@ -253,6 +259,9 @@ def plot_measurements(
         Units, see `readable_unit`.
     height : int
         Pixels of a body.
+    names : mapping of str to str, optional
+        Names to write instead of those of the measurements, such as "Kneecap height" for "knee
+        height (midpatella)".
 
     Examples
     --------
@@ -266,24 +275,24 @@ def plot_measurements(
     every = measurements.definitions.measurements
     groups = pictured(every, lines)
     columns = min(_COLUMNS, max(len(groups), 1))
-    rows = -(-max(len(groups), 1) // columns)
+    rows = math.ceil(max(len(groups), 1) / columns)
     longest = max((len(group.members) for group in groups), default=0)
-    body_inches, table_inches = _PICTURE_INCHES[1], _ROW_INCHES * (longest + 1)
-    figure = new_figure(_PICTURE_INCHES[0] * columns, rows * (body_inches + table_inches))
+    table_inches = _ROW_INCHES * (longest + 1)
+    figure = new_figure(_PICTURE_WIDTH * columns, rows * (_PICTURE_HEIGHT + table_inches))
     panels = figure.subplots(
-        2 * rows, columns, squeeze=False, height_ratios=[body_inches, table_inches] * rows
+        2 * rows, columns, squeeze=False, height_ratios=[_PICTURE_HEIGHT, table_inches] * rows
     )
     for ax in panels.ravel():
         ax.set_axis_off()
     for place, group in enumerate(groups):
         row, column = divmod(place, columns)
-        names = [every[k].name for k in group.members]
-        picture, table = panels[2 * row : 2 * row + 2, column]
+        picture = panels[2 * row, column]
         picture.set_title(group.title, fontsize=11)
-        _draw_group(
-            picture, surface, measurements.definitions.faces, [lines[n] for n in names], height
-        )
-        _write_table(table, group, measured, system, longest)
+        group_lines = [lines[every[k].name] for k in group.members]
+        _draw_group(picture, surface, measurements.definitions.faces, group_lines, height)
+        table = panels[2 * row + 1, column]
+        table.set(xlim=(0, 1), ylim=(longest + 1, 0))
+        _write_table(table, group, measured, system, names or {})
     return figure
 
 
@@ -293,33 +302,33 @@ def _draw_group(
     """Draw numbered lines on a body, from the side on which most of them are visible."""
     collections = import_matplotlib("collections")
     normals = vertex_normals(surface, faces)
-    nearest = [[_nearest(part, surface) for part in parts] for parts in lines]
+    nearest = [[_nearest_vertices(part, surface) for part in parts] for parts in lines]
     view = max(_VIEWS, key=lambda candidate: _length_seen(candidate, lines, nearest, normals))
     window = window_around(surface, view)
     picture = render(surface, faces, height=height, view=view, window=window)
-    (x, y), width, tall = window.centre, window.width / 2, window.height / 2
-    ax.imshow(
-        picture, extent=(x - width, x + width, y - tall, y + tall), interpolation="antialiased"
-    )
+    x, y = window.centre
+    half_width = window.width / 2
+    half_height = window.height / 2
+    extent = (x - half_width, x + half_width, y - half_height, y + half_height)
+    ax.imshow(picture, extent=extent, interpolation="antialiased")
     places = []
     for number, (parts, vertices) in enumerate(zip(lines, nearest, strict=True)):
         color = f"C{number % 10}"
-        for part, near in zip(parts, vertices, strict=True):
-            flat = view.rotate(np.asarray(part))[:, :2]
-            is_seen = view.rotate(normals[near])[:, 2] > -0.05
+        in_picture = [view.rotate(np.asarray(part))[:, :2] for part in parts]
+        for flat, near in zip(in_picture, vertices, strict=True):
+            is_visible = view.rotate(normals[near])[:, 2] > _FACING
             segments = np.stack([flat[:-1], flat[1:]], axis=1)
-            front = is_seen[:-1] & is_seen[1:]
-            for chosen, alpha in ((front, 1.0), (~front, 0.3)):
-                drawn = collections.LineCollection(
-                    segments[chosen], colors=color, linewidths=1.7, alpha=alpha
+            in_front = is_visible[:-1] & is_visible[1:]
+            for is_drawn, opacity in ((in_front, 1.0), (~in_front, _PALE)):
+                collection = collections.LineCollection(
+                    segments[is_drawn], colors=color, linewidths=1.7, alpha=opacity
                 )
-                ax.add_collection(drawn, autolim=False)
-        every = np.concatenate([view.rotate(np.asarray(part))[:, :2] for part in parts])
-        places.append(every)
-    _write_numbers(ax, places, window.centre[0], width)
+                ax.add_collection(collection, autolim=False)
+        places.append(np.concatenate(in_picture))
+    _write_numbers(ax, places, x, half_width)
 
 
-def _nearest(part: ndarray, surface: ndarray) -> ndarray:
+def _nearest_vertices(part: ndarray, surface: ndarray) -> ndarray:
     gaps = np.linalg.norm(np.asarray(part)[:, np.newaxis] - surface, axis=2)
     return gaps.argmin(axis=1)
 
@@ -335,8 +344,9 @@ def _length_seen(
     for parts, vertices in zip(lines, nearest, strict=True):
         for part, near in zip(parts, vertices, strict=True):
             flat = view.rotate(np.asarray(part))[:, :2]
-            seen = view.rotate(normals[near])[:-1, 2] > 0
-            total += float(np.linalg.norm(np.diff(flat, axis=0), axis=1)[seen].sum())
+            is_visible = view.rotate(normals[near])[:-1, 2] > 0
+            lengths = np.linalg.norm(np.diff(flat, axis=0), axis=1)
+            total += float(lengths[is_visible].sum())
     return total
 
 
@@ -348,13 +358,19 @@ def _write_numbers(ax: Axes, places: Sequence[ndarray], middle: float, width: fl
         end = points[(side * points[:, 0]).argmax()]
         sides[side].append((float(end[1]), number, end))
     for side, entries in sides.items():
-        entries.sort(key=lambda entry: -entry[0])
-        heights = _apart(np.array([entry[0] for entry in entries]))
+        entries.sort(key=lambda entry: entry[0], reverse=True)
+        heights = _apart(np.array([height for height, _, _ in entries]))
         for (_, number, end), level in zip(entries, heights, strict=True):
             x = middle + side * (width + 0.10)
             color = f"C{number % 10}"
-            ends = [end[0], x - side * 0.035], [end[1], level]
-            ax.plot(*ends, color=_LEADER, linewidth=0.5, linestyle=(0, (1.5, 2)), zorder=2)
+            ax.plot(
+                [end[0], x - side * 0.035],
+                [end[1], level],
+                color=_LEADER,
+                linewidth=0.5,
+                linestyle=(0, (1.5, 2)),  # dotted: dashes of 1.5 points, gaps of 2
+                zorder=2,
+            )
             ax.text(x, level, str(number + 1), ha="center", va="center", fontsize=8, color=color)
     ax.set_xlim(middle - width - 0.16, middle + width + 0.16)
 
@@ -369,23 +385,27 @@ def _apart(heights: ndarray) -> ndarray:
     for value in heights + steps:
         mean, count = float(value), 1
         while blocks and blocks[-1][0] < mean:
-            next_mean, size = blocks.pop()
-            mean, count = (mean * count + next_mean * size) / (count + size), count + size
+            next_mean, next_count = blocks.pop()
+            mean = (mean * count + next_mean * next_count) / (count + next_count)
+            count += next_count
         blocks.append((mean, count))
     return np.concatenate([np.full(count, mean) for mean, count in blocks]) - steps
 
 
 def _write_table(
-    ax: Axes, group: MeasurementGroup, measured: BodySizes, system: str, longest: int
+    ax: Axes,
+    group: MeasurementGroup,
+    measured: BodySizes,
+    system: str,
+    written_names: Mapping[str, str],
 ) -> None:
     """Write numbers, names and values below a picture."""
-    ax.set(xlim=(0, 1), ylim=(longest + 1, 0))
     for number, k in enumerate(group.members):
         unit = readable_unit(measured.units[k], system)
         text = _text(float(measured.values[0, k]), unit)
         style: dict[str, object] = {"va": "center", "fontsize": 8}
         ax.text(0.07, number + 0.5, str(number + 1), ha="right", color=f"C{number % 10}", **style)
-        name = measured.names[k]
+        name = written_names.get(measured.names[k], measured.names[k])
         small = {**style, "fontsize": 8 if len(name) <= _LONG_NAME else 6.5}
         ax.text(0.11, number + 0.5, name, ha="left", **small)
         ax.text(0.97, number + 0.5, f"{text} {unit.name}", ha="right", **style)

@@ -44,10 +44,11 @@ def as_surfaces(points: object, faces: ArrayLike | None = None) -> tuple[object,
         return points, faces
     if not isinstance(points, (list, tuple)):
         return as_arrays(points)
-    vertices, triangles = zip(*map(as_arrays, points), strict=True)
-    if not all(np.array_equal(mesh_triangles, triangles[0]) for mesh_triangles in triangles):
+    meshes = [as_arrays(mesh) for mesh in points]
+    _, first_triangles = meshes[0]
+    if not all(np.array_equal(triangles, first_triangles) for _, triangles in meshes):
         raise ArgumentError("all meshes must have the same triangles")
-    return np.stack(vertices), triangles[0]
+    return np.stack([vertices for vertices, _ in meshes]), first_triangles
 
 
 def render(
@@ -113,17 +114,19 @@ def drawn(
     corner_colors = _linear(_corner_colors(color, len(vertices), faces))
     shade = shade_of(faces) if np.ndim(color) == 1 else None
     if shade is not None:
-        corner_colors *= shade[faces][..., None]
+        corner_colors *= shade[faces][..., np.newaxis]
     points, triangles, corner_colors = _with_eyes(vertices, faces, color, corner_colors)
 
     width = max(1, round(height * window.width / window.height))
-    scale, shape = height * _SAMPLES / window.height, (height * _SAMPLES, width * _SAMPLES)
+    scale = height * _SAMPLES / window.height
+    shape = (height * _SAMPLES, width * _SAMPLES)
     rotated = view.rotate(points)
     normals = vertex_normals(rotated, triangles)
     columns = (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2
     rows = shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale
     corners = np.stack([columns, rows, rotated[:, 2]], axis=1)[triangles]
-    owner, picture = np.full(shape, -1), np.empty((height, width, 4), dtype=np.uint8)
+    owner = np.full(shape, -1)
+    picture = np.empty((height, width, 4), dtype=np.uint8)
     draw_triangles(corners, np.full(shape, -np.inf), owner)
     _paint(corners, normals[triangles], corner_colors, *_light(), owner, picture)
     if floor is None:
@@ -231,7 +234,9 @@ def _paint(
     picture: ndarray,
 ) -> None:
     """Give each pixel the mean colour of its covered samples, more opaque where there are more."""
-    sums, diffuse, mirrored = np.empty(4), np.empty(3), np.empty(3)
+    sums = np.empty(4)
+    diffuse = np.empty(3)
+    mirrored = np.empty(3)
     for row in range(picture.shape[0]):
         for column in range(picture.shape[1]):
             sums[:] = 0.0
@@ -351,28 +356,31 @@ def strip_picture(
 
     Each stands on its own ground, or all of a path on the ground below the lowest.
     """
-    n_surfaces, view = len(surfaces), View()
-    chosen = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
-    shown = np.stack([surfaces[number] for number in chosen])
-    low, high = shown.min(axis=1, keepdims=True), shown.max(axis=1, keepdims=True)
-    lowest = low.min(axis=0, keepdims=True) if one_floor else low
-    shown = shown - (low + high) / 2 * [1.0, 0.0, 1.0] - lowest * [0.0, 1.0, 0.0]
-    tints = [np.asarray(SKIN if colors is None else colors[number]) for number in chosen]
+    n_surfaces = len(surfaces)
+    view = View()
+    numbers = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
+    strip = np.stack([surfaces[number] for number in numbers])
+    low = strip.min(axis=1, keepdims=True)
+    high = strip.max(axis=1, keepdims=True)
+    # What becomes the origin of each surface: its middle, on the ground.
+    origins = (low + high) / 2
+    origins[..., 1] = low[..., 1].min(axis=0, keepdims=True) if one_floor else low[..., 1]
+    strip = strip - origins
     if faces is None:
-        windows = same_heights([window_around(points, view) for points in shown])
+        windows = same_heights([window_around(points, view) for points in strip])
         pictures = [
             points_picture(points, window, height)
-            for points, window in zip(shown, windows, strict=True)
+            for points, window in zip(strip, windows, strict=True)
         ]
     else:
-        floors = [Ground.below([surface], lowest=0.0) for surface in shown]
+        floors = [Ground.below([surface], lowest=0.0) for surface in strip]
         windows = same_heights(
-            [floor.window([f], view) for floor, f in zip(floors, shown, strict=True)]
+            [floor.window([surface], view) for floor, surface in zip(floors, strip, strict=True)]
         )
-        pictures = [
-            drawn(surface, faces, height, view, window, tint, floor)
-            for surface, window, tint, floor in zip(shown, windows, tints, floors, strict=True)
-        ]
+        pictures = []
+        for number, surface, window, floor in zip(numbers, strip, windows, floors, strict=True):
+            color = np.asarray(SKIN if colors is None else colors[number])
+            pictures.append(drawn(surface, faces, height, view, window, color, floor))
     return np.concatenate(pictures, axis=1)
 
 

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 FEWEST_CLASSES = 3  # of a curve or matrix that says more than its scores
 # Lightest and deepest shade, and the colour of text that is legible on both.
-_LIGHTEST, _DEEPEST, _ON_SHADES = "#eef3f8", "#5b8fbe", "#101418"
+_LIGHTEST = "#eef3f8"
+_DEEPEST = "#5b8fbe"
+_ON_SHADES = "#101418"
 
 
 def plot_energy(
@@ -146,8 +148,8 @@ def plot_confusion(
     classes = np.unique(items)
     titles = [str(label) if names is None else names[label] for label in classes]
     ax = new_axes(ax, 4.2, 4.0)
-    shown = np.ma.masked_equal(counts, 0)
-    _heat_map(ax, shown, counts.sum(axis=1).max(), titles, titles, digits=1)
+    without_zeros = np.ma.masked_equal(counts, 0)
+    _heat_map(ax, without_zeros, counts.sum(axis=1).max(), titles, titles, digits=1)
     ax.tick_params(axis="x", labelrotation=90)
     ax.set(xlabel="nearest neighbour", ylabel="body")
     return ax

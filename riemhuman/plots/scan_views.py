@@ -12,6 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.body_plots import draw_bar
@@ -26,16 +27,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Points of a scan on a page: corners of triangles, and loose ones, each drawn as a disc.
-_MOST_CORNERS, _MOST_DISCS = 60_000, 40_000
-# Ends of the colour scale, millimetres; the first that covers most distances is used.
-_ENDS, _SHARE_WITHIN = (3, 5, 10, 15, 20, 30, 50), 0.97
+_MOST_CORNERS = 60_000
+_MOST_DISCS = 40_000
+# Ends of the colour scale, in the unit of the distances; the first that covers most is used.
+_ENDS: Mapping[str, tuple[float, ...]] = {
+    "mm": (3, 5, 10, 15, 20, 30, 50),
+    "in": (0.1, 0.2, 0.4, 0.6, 0.8, 1.2, 2.0),
+}
+_SHARE_WITHIN = 0.97
 _NOT_SEEN = (0.62, 0.68, 0.76)
 # Points that do not belong to the body are shown up to this distance from it, metres.
 _AROUND_METRES = 0.3
-_STEPS = 10.0  # of distances on a page, a millimetre
-_LARGEST_DISC, _SMALLEST_DISC = 0.012, 0.0015  # radii, metres
-# Discs reach this share of the way to the sixth neighbour, so that few gaps are left.
-_NEIGHBOUR, _OVERLAP = 7, 0.75
+_STEPS_PER_METRE = 10_000.0  # of distances on a page: tenths of a millimetre
+# Radii of discs, metres.
+_LARGEST_DISC = 0.012
+_SMALLEST_DISC = 0.0015
+# Discs reach this share of the way to the sixth neighbour, so that few gaps are left. A query for
+# the seventh nearest point returns it, since each point is its own nearest.
+_OVERLAP = 0.75
+_NEIGHBOUR = 7
 
 
 @dataclass(frozen=True)
@@ -47,21 +57,32 @@ class ScanPanel:
     over : ScanOverBody
         As it is drawn: with few enough points.
     limit : float
-        End of the colour scale, millimetres.
+        End of the colour scale, in the unit.
+    unit : ReadableUnit
+        Unit of the distances that the page shows.
     """
 
     over: ScanOverBody
     limit: float
+    unit: ReadableUnit
     name: str = "scan"
 
     def data(self) -> dict[str, object]:
-        """Return points, their distances in tenths of millimetres, and what is seen of the body."""
+        """Return points, their distances in tenths of millimetres, and what is seen of the body.
+
+        The page multiplies distances by the step of the unit.
+        """
         over = self.over
         record: dict[str, object] = {
             **packed_points(over.scan_points),
             "distances": packed(_tenths(over.distances).view("<u2")),
             "background": deflated(over.background.astype(np.uint8)),
             "seen": deflated(over.seen.astype(np.uint8)),
+            "unit": {
+                "name": self.unit.name,
+                "digits": self.unit.digits,
+                "step": self.unit.scale / _STEPS_PER_METRE,
+            },
             "limit": self.limit,
             "scale": SIGNED_COLORS,
         }
@@ -78,6 +99,7 @@ class ScanPanel:
             "scan_over_body.html",
             identifier=identifier,
             limit=f"{self.limit:g}",
+            unit=self.unit.name,
             colors=SIGNED_COLORS,
             has_unseen=not self.over.seen.all(),
             has_background=bool(self.over.background.any()),
@@ -85,12 +107,13 @@ class ScanPanel:
 
     def picture(self, height: int) -> ndarray:
         """Return the scan, the body and the distances side by side."""
-        return np.concatenate(list(_pictures(self.over, self.limit, height)[0].values()), axis=1)
+        pictures, _ = _pictures(self.over, self.limit, self.unit, height)
+        return np.concatenate(list(pictures.values()), axis=1)
 
 
 def _tenths(distances: ndarray) -> ndarray:
     largest = 2**15 - 1
-    return np.clip(np.round(1000 * _STEPS * distances), -largest, largest).astype("<i2")
+    return np.clip(np.round(_STEPS_PER_METRE * distances), -largest, largest).astype("<i2")
 
 
 def _disc_radius(points: ndarray) -> float:
@@ -98,8 +121,9 @@ def _disc_radius(points: ndarray) -> float:
     if len(points) < 2:
         return _LARGEST_DISC
     farthest = min(_NEIGHBOUR, len(points))
-    spacing = float(np.median(cKDTree(points).query(points, k=[farthest])[0]))
-    return float(np.clip(_OVERLAP * spacing, _SMALLEST_DISC, _LARGEST_DISC))
+    spacings, _ = cKDTree(points).query(points, k=[farthest])
+    radius = _OVERLAP * np.median(spacings)
+    return float(np.clip(radius, _SMALLEST_DISC, _LARGEST_DISC))
 
 
 def view_scan(
@@ -109,6 +133,7 @@ def view_scan(
     *,
     unit: str | None = None,
     title: str | None = None,
+    system: str = "cm",
 ) -> Viewer:
     """Return a page with a scan over its body, coloured by its distance from it.
 
@@ -121,6 +146,8 @@ def view_scan(
     scan, points, faces, unit
         See `riemhuman.registration.lay_over_body`.
     title : str, optional
+    system : {"cm", "in"}
+        Millimetres or inches for distances.
 
     Examples
     --------
@@ -130,72 +157,86 @@ def view_scan(
     >>> viewer.save("over.html")
     """
     over = lay_over_body(scan, points, faces, unit=unit)
-    said = [_sentence(over)]
+    gap = gap_unit(system)
+    sentences = [_sentence(over, gap)]
     if isinstance(scan, (RegisteredScan, ScanRecord)):
         trust = "Registered scan" if scan.trusted else "Registered scan, not trusted"
         title = title or trust
         if scan.message:
-            said.insert(0, f"{scan.message[0].upper()}{scan.message[1:].rstrip('.')}.")
-    shown = _around(over).thinned(_MOST_DISCS if over.scan_faces is None else _MOST_CORNERS)
-    if len(shown.scan_points) < over.n_points:
-        said.append(f"{len(shown.scan_points):,} of {over.n_points:,} points are drawn.")
+            sentences.insert(0, f"{scan.message[0].upper()}{scan.message[1:].rstrip('.')}.")
+    drawn = _around(over).thinned(_MOST_DISCS if over.scan_faces is None else _MOST_CORNERS)
+    if len(drawn.scan_points) < over.n_points:
+        sentences.append(f"{len(drawn.scan_points):,} of {over.n_points:,} points are drawn.")
     return Viewer(
         over.faces,
         {"Body": [ViewedBody("", over.points[None])]},
         title=title or "Scan over its body",
-        description=" ".join(said),
-        panel=ScanPanel(shown, _colour_end(over)),
+        description=" ".join(sentences),
+        panel=ScanPanel(drawn, _colour_end(over, gap), gap),
     )
 
 
-def _sentence(over: ScanOverBody) -> str:
-    gaps = 1000 * np.abs(over.distances[~over.background])
+def _gaps(over: ScanOverBody) -> ndarray:
+    """Return how far points of the scan are from the body, in metres, without the background."""
+    return np.abs(over.distances[~over.background])
+
+
+def _sentence(over: ScanOverBody, gap: ReadableUnit) -> str:
+    gaps = _gaps(over)
     if not len(gaps):
         return "No point of the scan is near the body."
     median, most = np.quantile(gaps, [0.5, 0.95])
     return (
-        f"Half of the scan is within {median:.1f} mm of the body, 95 % within {most:.1f} mm; "
-        f"the scan shows {100 * over.seen.mean():.0f} % of the body."
+        f"Half of the scan is within {gap.text(median)} {gap.name} of the body, 95 % within "
+        f"{gap.text(most)} {gap.name}; the scan shows {100 * over.seen.mean():.0f} % of the body."
     )
 
 
 def _around(over: ScanOverBody) -> ScanOverBody:
     """Return the scan without parts far from the body, such as the far end of a floor."""
-    low, high = over.points.min(axis=0) - _AROUND_METRES, over.points.max(axis=0) + _AROUND_METRES
-    return over.chosen(np.all((over.scan_points > low) & (over.scan_points < high), axis=1))
+    low = over.points.min(axis=0) - _AROUND_METRES
+    high = over.points.max(axis=0) + _AROUND_METRES
+    is_near = np.all((over.scan_points > low) & (over.scan_points < high), axis=1)
+    return over.chosen(is_near)
 
 
-def _colour_end(over: ScanOverBody) -> float:
-    """Return a round end of the colour scale, millimetres."""
-    gaps = 1000 * np.abs(over.distances[~over.background])
-    most = float(np.quantile(gaps, _SHARE_WITHIN)) if len(gaps) else 0.0
-    return float(next((end for end in _ENDS if most <= end), _ENDS[-1]))
+def _colour_end(over: ScanOverBody, gap: ReadableUnit) -> float:
+    """Return a round end of the colour scale, in the unit of the distances."""
+    gaps = _gaps(over)
+    most = gap.scale * float(np.quantile(gaps, _SHARE_WITHIN)) if len(gaps) else 0.0
+    ends = _ENDS[gap.name]
+    return float(next((end for end in ends if most <= end), ends[-1]))
 
 
 def _pictures(
-    over: ScanOverBody, limit: float, height: int, view: View | None = None
+    over: ScanOverBody, limit: float, gap: ReadableUnit, height: int, view: View | None = None
 ) -> tuple[Mapping[str, ndarray], Window]:
     """Return pictures of the scan, the body and the distances, of one window and one light."""
     view = View() if view is None else view
     foreground = over.chosen(~over.background)
     window = window_around(np.concatenate([over.points, foreground.scan_points]), view)
-    colors = value_colors(1000 * foreground.distances, limit, signed=True)
+    colors = value_colors(gap.scale * foreground.distances, limit, signed=True)
     body = np.where(over.seen[:, np.newaxis], SKIN, _NOT_SEEN)
-    shown = {"scan": np.broadcast_to(SKIN, colors.shape), "distances": colors}
+    colors_of_scan = {"scan": np.broadcast_to(SKIN, colors.shape), "distances": colors}
     pictures = {}
-    for name, tints in shown.items():
-        if foreground.scan_faces is None or not len(foreground.scan_faces):
-            picture = points_picture(foreground.scan_points, window, height, tints, view)
+    for name, color in colors_of_scan.items():
+        points, faces = foreground.scan_points, foreground.scan_faces
+        if faces is None or not len(faces):
+            picture = points_picture(points, window, height, color, view)
         else:
-            mesh = foreground.scan_points, foreground.scan_faces
-            picture = render(*mesh, height=height, view=view, window=window, color=tints)
+            picture = render(points, faces, height=height, view=view, window=window, color=color)
         pictures[name] = picture
     surface = render(over.points, over.faces, height=height, view=view, window=window, color=body)
     return {"scan": pictures["scan"], "body": surface, "distances": pictures["distances"]}, window
 
 
 def plot_scan(
-    over: ScanOverBody, *, view: View | None = None, limit: float | None = None, height: int = 640
+    over: ScanOverBody,
+    *,
+    view: View | None = None,
+    limit: float | None = None,
+    height: int = 640,
+    system: str = "cm",
 ) -> Figure:
     """Draw a scan, its body and their distances side by side, from one viewpoint.
 
@@ -207,9 +248,12 @@ def plot_scan(
         See `riemhuman.registration.lay_over_body`.
     view : View, optional
     limit : float, optional
-        End of the colour scale, millimetres; by default a round number that exceeds most distances.
+        End of the colour scale, in the unit of the distances; by default a round number that
+        exceeds most of them.
     height : int
         Pixels.
+    system : {"cm", "in"}
+        Millimetres or inches for distances.
 
     Examples
     --------
@@ -218,15 +262,17 @@ def plot_scan(
     >>> over = rh.registration.lay_over_body(scan.surface, bodies[0], bodies.template.faces)
     >>> figure = rh.plots.plot_scan(over)
     """
-    end = _colour_end(over) if limit is None else limit
-    pictures, window = _pictures(over, end, height, view)
+    gap = gap_unit(system)
+    end = _colour_end(over, gap) if limit is None else limit
+    pictures, window = _pictures(over, end, gap, height, view)
     figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.2)
     axes = figure.subplots(1, 3)
-    gaps = 1000 * np.abs(over.distances[~over.background])
+    gaps = _gaps(over)
+    median = f"{gap.text(np.median(gaps))} {gap.name}" if len(gaps) else ""
     titles = {
         "scan": f"scan, {over.n_points:,} points",
         "body": "registered body",
-        "distances": f"distance, {np.median(gaps):.1f} mm in the median" if len(gaps) else "",
+        "distances": f"distance, {median} in the median" if median else "",
     }
     for ax, (name, picture) in zip(axes, pictures.items(), strict=True):
         ax.imshow(picture, interpolation="antialiased")
@@ -237,5 +283,5 @@ def plot_scan(
             0.5, -0.01, "blue-grey: not seen", transform=axes[1].transAxes, ha="center", va="top",
             fontsize=9,
         )  # fmt: skip
-    draw_bar(axes[2], -end, end, "outside of the body, mm")
+    draw_bar(axes[2], -end, end, f"outside of the body, {gap.name}")
     return figure

@@ -160,11 +160,12 @@ class Viewer:
         identifier : str
             Identifier of the viewer, unique in the page.
         """
-        shown_first, view = next(iter(self.choices.values())), View()
+        first_choice = next(iter(self.choices.values()))
+        view = View()
         data: JSONRecord = {
             # Neighbouring triangles have similar numbers.
             "faces": packed(self.faces.astype("<u4")),
-            "n_vertices": len(shown_first[0].frames[0]),
+            "n_vertices": len(first_choice[0].frames[0]),
             "azimuth": view.azimuth,
             "elevation": view.elevation,
             "scale": VALUE_COLORS,
@@ -196,8 +197,8 @@ class Viewer:
                 name: image_source(self._picture(bodies, _STILL_HEIGHT))
                 for name, bodies in self.choices.items()
             },
-            moving=any(len(body.frames) > 1 for body in shown_first),
-            shares=_component_shares(shown_first),
+            moving=any(len(body.frames) > 1 for body in first_choice),
+            shares=_component_shares(first_choice),
             panel="" if self.panel is None else self.panel.html(identifier),
             data=data,
         )
@@ -264,14 +265,15 @@ class Viewer:
 
     def _picture(self, bodies: Sequence[ViewedBody], height: int) -> ndarray:
         """Return a picture of a choice: bodies half way, or times of the path of a single body."""
-        shown = None if self.panel is None else self.panel.picture(height)
-        if shown is not None:
-            return shown
+        of_panel = None if self.panel is None else self.panel.picture(height)
+        if of_panel is not None:
+            return of_panel
         is_path = len(bodies) == 1
         if is_path:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
-            bodies = [replace(body, frames=body.frames[round(place)][None]) for place in places]
+            numbers = places.round().astype(int).tolist()
+            bodies = [replace(body, frames=body.frames[k][np.newaxis]) for k in numbers]
         surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
         colors = [body.colors(self.faces) for body in bodies]
         return strip_picture(surfaces, self.faces, colors, height, one_floor=is_path)
@@ -349,12 +351,12 @@ def view_path(
     paths = path if isinstance(path, Mapping) else {"": path}
     frames: dict[str, ndarray | ModelMotion] = {}
     triangles = faces
-    for name, given in paths.items():
-        if isinstance(given, Motion):
-            triangles = given.faces if triangles is None else triangles
-            frames[name] = given if isinstance(given, ModelMotion) else given[:]
+    for name, one_path in paths.items():
+        if isinstance(one_path, Motion):
+            triangles = one_path.faces if triangles is None else triangles
+            frames[name] = one_path if isinstance(one_path, ModelMotion) else one_path[:]
             continue
-        surfaces, triangles = as_surfaces(given, triangles)
+        surfaces, triangles = as_surfaces(one_path, triangles)
         frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
     if side_by_side:
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
@@ -410,7 +412,10 @@ def _labelled(
         raise ArgumentError(
             f"names must have one entry per body; found {len(names)} for {len(surfaces)} bodies"
         )
-    return [ViewedBody(*body) for body in zip(names, surfaces[:, None], colors, strict=True)]
+    return [
+        ViewedBody(name, surface[np.newaxis], color)
+        for name, surface, color in zip(names, surfaces, colors, strict=True)
+    ]
 
 
 def save_picture(
@@ -449,27 +454,40 @@ def save_picture(
     'Anna, Ben'
     """
     surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
-    n_others = len(surfaces) - mean
-    bodies = _labelled(names, surfaces, [SKIN] * n_others + [MEAN] * mean)
+    colors = [SKIN] * len(surfaces)
+    if mean:
+        colors[-1] = MEAN
+    bodies = _labelled(names, surfaces, colors)
     ending = file_path(path).suffix.lower()
     if ending not in (".png", ".html"):
         raise ArgumentError(f"path must end in .png or .html; found {os.fspath(path)!r}")
     if ending == ".html":
         Viewer(np.asarray(faces), {title: bodies}, title=title).save(path)
         return f"all {len(surfaces)} bodies"
-    # The mean is always shown, the others evenly chosen.
-    n_shown = min(n_others, _MOST_IN_PICTURE - mean)
-    chosen = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
-    shown = [bodies[number] for number in (*chosen, *[-1] * mean)]
-    labels = [body.label for body in shown]
-    frames, colors = [body.frames[0] for body in shown], [body.color for body in shown]
+    # The mean is always drawn, the others evenly chosen.
+    n_others = len(bodies) - 1 if mean else len(bodies)
+    n_drawn = min(n_others, _MOST_IN_PICTURE - 1 if mean else _MOST_IN_PICTURE)
+    numbers = np.linspace(0, n_others - 1, n_drawn).round().astype(int).tolist()
+    drawn = [bodies[number] for number in numbers]
+    if mean:
+        drawn.append(bodies[-1])
+    labels = [body.label for body in drawn]
+    frames = [body.frames[0] for body in drawn]
     spacing = max(window_around(frame, View()).width for frame in frames)
     with figure_style():
-        figure = new_figure(1.9 * len(shown), 3.0)
+        figure = new_figure(1.9 * len(drawn), 3.0)
         plot_path(
-            np.stack(frames), faces, colors=colors, spacing=spacing, labels=labels,
+            np.stack(frames),
+            faces,
+            colors=[body.color for body in drawn],
+            spacing=spacing,
+            labels=labels,
             ax=figure.subplots(),
-        )  # fmt: skip
+        )
     save_figure(figure, path)
-    count = f": {n_shown} of {n_others} bodies" + " and their mean" * mean
-    return ", ".join(labels) + count * (n_shown < n_others)
+    sentence = ", ".join(labels)
+    if n_drawn < n_others:
+        sentence += f": {n_drawn} of {n_others} bodies"
+        if mean:
+            sentence += " and their mean"
+    return sentence

@@ -33,6 +33,7 @@ from riemhuman.plots import (
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.maps import LARGEST_STRESS
 from riemhuman.plots.result_plots import FEWEST_CLASSES
+from riemhuman.report._everyday_names import everyday_name
 from riemhuman.report._page import Section, fill, gap_format
 from riemhuman.report._report import POSE_WEIGHTS, Report, Task, name_of, readable
 from riemhuman.report._storage import Computed, Step
@@ -57,7 +58,12 @@ _MOST_COORDINATES = 15_000_000  # of the bodies on the page of a map, two bytes 
 _ALONG = "waist girth"
 _REGRESSION_WEIGHTS = {"a": 1.0, "lam": 1.0, "c": 0.1}
 _SHOWN_MEASUREMENTS = {
-    *("stature", "chest girth", "waist girth", "hip girth", "arm length", "inside leg height"),
+    "stature",
+    "chest girth",
+    "waist girth",
+    "hip girth",
+    "arm length",
+    "inside leg height",
     "body mass",
 }
 
@@ -67,7 +73,7 @@ def retrieval_section(report: Report) -> Section | None:
     if not tasks:
         return None
     steps = report.all_distances.items()
-    problems = {name: s.record["problem"] for name, s in steps if "problem" in s.record}
+    problems = {name: step.record["problem"] for name, step in steps if "problem" in step.record}
     like_faust = all(task.n_classes >= _PAPER_CLASSES for task in report.tasks)
     html = fill("retrieval", tasks=tasks, problems=problems, has_paper=like_faust)
     return Section("retrieval", "Who is it, and how do they stand?", "Retrieval", html)
@@ -85,7 +91,8 @@ def _retrieval(report: Report, task: Task) -> JSONRecord:
         key: [number for number, row in enumerate(rows.values()) if row[key] > task_scores[key]]
         for key in ("nn", "first_tier", "second_tier")
     }
-    matrix, has_figures = distances[task.metric], task.n_classes >= FEWEST_CLASSES
+    matrix = distances[task.metric]
+    has_figures = task.n_classes >= FEWEST_CLASSES
     return {
         "task": task,
         "table": report.output.table(f"retrieval-{task.name}", list(rows.values())),
@@ -203,7 +210,8 @@ def _maps(report: Report) -> Step:
 
 
 def sweep_section(report: Report) -> Section | None:
-    tasks, plan = [task for task in report.tasks if task.is_retrieval], report.plan
+    plan = report.plan
+    tasks = [task for task in report.tasks if task.is_retrieval]
     # With only two classes, most weights are equally good.
     if max((task.n_classes for task in tasks), default=0) < FEWEST_CLASSES:
         return None
@@ -264,9 +272,15 @@ def best_weights(
     best = []
     for task in tasks:
         values = [row[f"{task.name}_mean_average_precision"] for row in rows]
-        value, classes = max(values), "people" if task.kind == "person" else "poses"
-        best_row = {"row": rows[values.index(value)], "n_ties": values.count(value) - 1}
-        best.append({"classes": classes, "value": value, **best_row})
+        value = max(values)
+        best.append(
+            {
+                "classes": "people" if task.kind == "person" else "poses",
+                "value": value,
+                "row": rows[values.index(value)],
+                "n_ties": values.count(value) - 1,
+            }
+        )
     return best
 
 
@@ -276,30 +290,42 @@ def measurement_section(report: Report) -> Section | None:
     definitions = open_measurements(bodies.template)
     if definitions is None:
         return None
-    step, faces = _measure(report, definitions), bodies.template.faces
-    means, si_units, system = step.record["means"], step.record["units"], report.units
-    shown = []
-    for name in (name for name in si_units if name in _SHOWN_MEASUREMENTS):
-        unit = readable_unit(si_units[name], system)
-        shown.append((name, f"{name}, {unit.name}", ".1f", "", unit.scale))
-    strip, values_along, along = None, "", step.arrays.get("along")
+    step = _measure(report, definitions)
+    faces = bodies.template.faces
+    means = step.record["means"]
+    si_units = step.record["units"]
+    system = report.units
+    columns: list[tuple[str | float, ...]] = [("person", "Person" if report.has_poses else "Body")]
+    for name, si_unit in si_units.items():
+        if name in _SHOWN_MEASUREMENTS:
+            unit = readable_unit(si_unit, system)
+            columns.append((name, f"{everyday_name(name)}, {unit.name}", ".1f", "", unit.scale))
+    strip = None
+    values_along = ""
+    along = step.arrays.get("along")
     if along is not None:
         strip = output.figure(
             "shape-along-waist", plot_path, along, faces, size=(4.0, 2.4), height=720
         )
         length = readable_unit("m", system)
-        low, middle, high = (f"{length.scale * v:.1f}" for v in step.record["along_values"])
+        low, middle, high = [f"{length.scale * v:.1f}" for v in step.record["along_values"]]
         values_along = f"{low}, {middle} and {high} {length.name}"
     spread = None
     if len(bodies) > len(means):
-        units = {"median": "m", "worst": "m"}
-        spread = output.table("measurement-spread", step.record["spreads"], units)
+        spread = output.table(
+            "measurement-spread",
+            [
+                {**row, "everyday_name": everyday_name(row["measurement"])}
+                for row in step.record["spreads"]
+            ],
+            {"median": "m", "worst": "m"},
+        )
     html = fill(
         "measurements",
         gap=gap_format(system),
         most_poses=report.plan.most_poses,
         people=output.table("measurements", means, si_units),
-        columns=[("person", "Person" if report.has_poses else "Body"), *shown],
+        columns=columns,
         lines=output.figure(
             "measurement-lines",
             draw_measurement_lines,
@@ -319,7 +345,9 @@ def measurement_section(report: Report) -> Section | None:
 
 def _measure(report: Report, definitions: MeasurementSet) -> Step:
     """Measure each person in the standard pose, and regress shape on the waist girth."""
-    bodies, seed, most_poses = report.bodies, report.plan.seed, report.plan.most_poses
+    bodies = report.bodies
+    seed = report.plan.seed
+    most_poses = report.plan.most_poses
     people = np.unique(bodies.subject)
 
     def compute() -> Computed:
@@ -328,28 +356,19 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
             in_standard_pose(definitions, bodies.points[bodies.subject == person][:most_poses])
             for person in people
         ]
-        values = [measurements.measure(f, axes="space", missing="nan").values for f in straight]
-        spreads = [v.std(axis=0, ddof=1) if len(v) > 1 else np.nan * v[0] for v in values]
+        values = [
+            measurements.measure(poses, axes="space", missing="nan").values for poses in straight
+        ]
         means = np.array([value.mean(axis=0) for value in values])
         arrays = {"straight": np.array([points[0] for points in straight])}
         names = measurements.names
-        units = dict(zip(names, measurements.units, strict=True))
-        by_name = zip(units.items(), np.transpose(spreads), strict=True)
         record: JSONRecord = {
-            "units": units,
+            "units": dict(zip(names, measurements.units, strict=True)),
             "means": [
                 {"person": bodies.subject_names[person], **dict(zip(names, sizes, strict=True))}
                 for person, sizes in zip(people, means.tolist(), strict=True)
             ],
-            "spreads": [
-                {
-                    "measurement": name,
-                    "median": float(np.nanmedian(sizes)),
-                    "worst": float(np.nanmax(sizes)),
-                }
-                for (name, unit), sizes in by_name
-                if unit == "m" and np.isfinite(sizes).any()
-            ],
+            "spreads": _spreads(measurements, values),
         }
         # Without labels, several bodies may be of one person, which would invalidate permutations.
         if len(people) >= _FEWEST_PEOPLE and report.has_poses:
@@ -367,6 +386,21 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
     return report.store.step("measurements", compute, "Measurements", poses=most_poses, seed=seed)
 
 
+def _spreads(measurements: Measurements, values: Sequence[ndarray]) -> list[JSONRecord]:
+    """Return how much lengths of one person vary with the pose, over people with several."""
+    several = [of_person for of_person in values if len(of_person) > 1]
+    rows: list[JSONRecord] = []
+    if not several:
+        return rows
+    deviations = np.array([of_person.std(axis=0, ddof=1) for of_person in several])
+    for k, (name, unit) in enumerate(zip(measurements.names, measurements.units, strict=True)):
+        if unit == "m" and np.isfinite(deviations[:, k]).any():
+            median = float(np.nanmedian(deviations[:, k]))
+            worst = float(np.nanmax(deviations[:, k]))
+            rows.append({"measurement": name, "median": median, "worst": worst})
+    return rows
+
+
 def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:
     figure = new_figure(8.6, 2.9)
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
@@ -377,6 +411,6 @@ def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: l
 
 
 def draw_measurement_lines(surface: ndarray, faces: ndarray, *, system: str) -> Figure:
-    return plot_measurements(
-        Measurements(Template(surface, faces)), surface, pose="as is", system=system
-    )
+    measurements = Measurements(Template(surface, faces))
+    names = {name: everyday_name(name) for name in measurements.names}
+    return plot_measurements(measurements, surface, pose="as is", system=system, names=names)

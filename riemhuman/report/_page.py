@@ -18,6 +18,7 @@ import PIL.features
 import PIL.Image
 
 from riemhuman.arrays import JSONValue
+from riemhuman.errors import FileFormatError
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_text
 from riemhuman.measurements.readable_units import gap_unit
@@ -26,6 +27,8 @@ from riemhuman.plots.viewer import Viewer, page_scripts, page_styles, web_file, 
 from riemhuman.report._storage import Computed, ResultStore
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
+# The width and the height in the view box of an SVG file, behind its corner.
+_SIZE = re.compile(r'viewBox="[\d.-]+ [\d.-]+ (?P<width>[\d.]+) (?P<height>[\d.]+)"')
 # Size of images within a figure; smaller ones are colour scales, which are kept.
 _PICTURE = re.compile(r"data:image/png;base64,([\w+/=\s]{4000,})")
 _QUALITY = 88  # per cent, of WebP
@@ -96,7 +99,7 @@ class Table:
 
     def csv(self) -> str:
         """Return the CSV file: a line of headings, and a line per row, numbers with all digits."""
-        keys = [*self.rows[0]]
+        keys = list(self.rows[0])
         rows = ([written(row[key]) for key in keys] for row in self.rows)
         return csv_text([[self.heading(key) for key in keys], *rows])
 
@@ -109,9 +112,11 @@ class Table:
     ) -> list[tuple[str | float, ...]]:
         """Return the columns that have a value: key, title, format, which is best, and scale."""
         defaults = ("", "", "", "", 1.0)
-        return [
-            (*column, *defaults[len(column) :]) for column in columns if self.values(str(column[0]))
-        ]
+        with_defaults = []
+        for column in columns:
+            if self.values(str(column[0])):
+                with_defaults.append((*column, *defaults[len(column) :]))
+        return with_defaults
 
     def is_best(self, row: int, key: str, best: str) -> bool:
         """Return whether a row has the highest or the lowest of several values."""
@@ -164,8 +169,8 @@ def _smaller(svg: str) -> str:
 def _described(arguments: Sequence[object]) -> list[object]:
     """Return what the result of a function depends on, except the bodies of the report."""
     return [
-        None if hasattr(given, "points") else getattr(given, "fingerprint", given)
-        for given in arguments
+        None if hasattr(argument, "points") else getattr(argument, "fingerprint", argument)
+        for argument in arguments
     ]
 
 
@@ -197,21 +202,29 @@ class Output:
                 draw(*arguments, **settings, ax=figure.subplots())
             svg, png = figure_files(figure, self.dots_an_inch)
             files = {"svg": svg.encode(), "png": png, "page": _smaller(svg).encode()}
-            return {kind: np.frombuffer(data, np.uint8) for kind, data in files.items()}, {}
+            return {key: np.frombuffer(data, np.uint8) for key, data in files.items()}, {}
 
-        given = _described(arguments)
-        inputs = {"draw": draw.__name__, "arguments": given, "size": size, **settings}
-        inputs["dots_an_inch"] = self.dots_an_inch
+        inputs = {
+            "draw": draw.__name__,
+            "arguments": _described(arguments),
+            "size": size,
+            **settings,
+            "dots_an_inch": self.dots_an_inch,
+        }
         step = self.figures.step(name, compute, f"Figure {name}", **inputs)
-        for kind in ("svg", "png"):
-            place = self.folder / "figures" / f"{name}.{kind}"
-            write_bytes(place, step.arrays[kind].tobytes())
+        for ending in ("svg", "png"):
+            file = self.folder / "figures" / f"{name}.{ending}"
+            write_bytes(file, step.arrays[ending].tobytes())
         svg = step.arrays["page"].tobytes().decode()
-        *_, width, height = re.findall(r"[\d.]+", svg.split('viewBox="')[1].split('"')[0])
+        size_of_svg = _SIZE.search(svg)
+        if size_of_svg is None:
+            raise FileFormatError(f"the figure {name} is an SVG file without a view box")
         # Pictures of bodies within the SVG are base64 already; twice would add a third.
         quoted = _UNSAFE.sub(lambda characters: _quoted(characters[0]), svg)
         source = f"data:image/svg+xml,{quoted}"
-        return Image(source, round(float(width)), round(float(height)), name)
+        width = round(float(size_of_svg["width"]))
+        height = round(float(size_of_svg["height"]))
+        return Image(source, width, height, name)
 
     def view(self, name: str, make: Callable[..., Viewer], *arguments: object) -> str:
         """Return the address of a page of bodies, written unless the store has one."""

@@ -61,8 +61,10 @@ if TYPE_CHECKING:
     from riemhuman.report._storage import Computed, Step
 
 # Paths that the section on comparisons names.
-_LINEAR, _OURS = "linear", "ours (1, 1, 0)"
+_LINEAR = "linear"
+_OURS = "ours (1, 1, 0)"
 _ROTATING = "rotating start"
+_KARCHER = "Karcher mean"
 # Weights a0, a1, b1, c1, d1 and a2.
 _SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
 _GEODESICS = {
@@ -85,7 +87,9 @@ _DEVIATION_UNITS = {"mean_deviation": "m", "max_deviation": "m"}
 def difference_section(report: Report) -> Section | None:
     if not report.pairs:
         return None
-    step, bodies, template = _differences(report), report.bodies, report.bodies.template
+    step = _differences(report)
+    bodies = report.bodies
+    template = bodies.template
     choices = {}
     for name, (first, second) in step.record["pairs"].items():
         choices[name] = [ViewedBody(name_of(bodies, first), bodies.points[[first]])]
@@ -113,38 +117,54 @@ def _differences(report: Report) -> Step:
         for name, pair in report.pairs.items():
             parts = contributions(report.metric((1.0, 1.0, 1.0)), *report.bodies.points[list(pair)])
             arrays |= {f"{name} metric": parts.metric, f"{name} normal": parts.normal}
-            metric, normal = float(parts.metric.sum()), float(parts.normal.sum())
-            row = {"pair": name, "metric_part": metric, "normal_part": normal}
-            rows.append({**row, "squared_distance": metric + normal})
-        return arrays, {"rows": rows, "pairs": {n: list(pair) for n, pair in report.pairs.items()}}
+            metric = float(parts.metric.sum())
+            normal = float(parts.normal.sum())
+            rows.append(
+                {
+                    "pair": name,
+                    "metric_part": metric,
+                    "normal_part": normal,
+                    "squared_distance": metric + normal,
+                }
+            )
+        pairs = {name: list(pair) for name, pair in report.pairs.items()}
+        return arrays, {"rows": rows, "pairs": pairs}
 
     return report.store.step("differences", compute, "Where bodies differ", pairs=report.pairs)
 
 
 def geodesic_section(report: Report) -> Section | None:
     bodies, output = report.bodies, report.output
-    pairs = {name: (*_GEODESICS[name], pair) for name, pair in report.pairs.items()}
-    both = report.pair(POSE_METRIC, 0.5, person=False, pose=False)
-    viewed = {} if both is None else {name: (*how, both) for name, how in _VIEWED_METRICS.items()}
-    steps = {name: _geodesic(report, name, *how) for name, how in {**pairs, **viewed}.items()}
-    if not steps:
+    drawn = {}
+    for name, pair in report.pairs.items():
+        slug, weights = _GEODESICS[name]
+        drawn[name] = _geodesic(report, name, slug, weights, pair)
+    viewed = {}
+    pair_of_view = report.pair(POSE_METRIC, 0.5, person=False, pose=False)
+    if pair_of_view is not None:
+        for name, (slug, weights) in _VIEWED_METRICS.items():
+            viewed[name] = _geodesic(report, name, slug, weights, pair_of_view)
+    if not drawn and not viewed:
         return None
-    viewer = ""
+    fragment = ""
     if viewed:
-        paths = {name: steps[name].arrays["path"] for name in viewed}
-        title = "Geodesic under three metrics"
-        shown = view_path(paths, bodies.template.faces, legend="Metric", title=title)
-        viewer = shown.fragment("geodesics-view")
-    rows = [step.record for step in steps.values()]
+        viewer = view_path(
+            {name: step.arrays["path"] for name, step in viewed.items()},
+            bodies.template.faces,
+            legend="Metric",
+            title="Geodesic under three metrics",
+        )
+        fragment = viewer.fragment("geodesics-view")
+    rows = [step.record for step in [*drawn.values(), *viewed.values()]]
     html = fill(
         "geodesics",
         of_paper={SAME_PERSON: "a", SAME_POSE: "b"},
         basis=report.basis[1],
         strips=[
-            (output.figure(steps[name].name, _draw_geodesic, bodies, steps[name]), row)
-            for name, row in zip(pairs, rows, strict=False)
+            (output.figure(step.name, _draw_geodesic, bodies, step), step.record)
+            for step in drawn.values()
         ],
-        viewer=viewer,
+        viewer=fragment,
         ends=(rows[-1]["from"], rows[-1]["to"]),
         rows=output.table("geodesics", rows),
     )
@@ -194,13 +214,16 @@ def comparison_section(report: Report) -> Section | None:
     if pair is None:
         return None
     step = _comparison(report, pair)
-    rows, from_straight = (
-        [_in_metres(row) for row in step.record[key]] for key in ("rows", "rows_from_straight")
+    rows = [_in_metres(row) for row in step.record["rows"]]
+    from_straight = [_in_metres(row) for row in step.record["rows_from_straight"]]
+    names = _names_drawn(step)
+    count = _COUNTS[len(names)]
+    viewer = view_path(
+        {name: step.arrays[name] for name in names},
+        bodies.template.faces,
+        side_by_side=True,
+        title=f"{len(names)} paths between the same two bodies",
     )
-    names = _drawn(step)
-    count, title = _COUNTS[len(names)], f"{len(names)} paths between the same two bodies"
-    shown = {name: step.arrays[name] for name in names}
-    viewer = view_path(shown, bodies.template.faces, side_by_side=True, title=title)
     html = fill(
         "comparison",
         picture=report.output.figure("comparison", _draw_comparison, bodies, step),
@@ -224,7 +247,7 @@ def _in_metres(row: Row) -> Row:
     return row | {key: 1e-3 * row[key] for key in _DEVIATION_UNITS}
 
 
-def _drawn(step: Step) -> list[str]:
+def _names_drawn(step: Step) -> list[str]:
     """Return the names of the paths that are drawn: all but a start that resembles ours."""
     return [row["name"] for row in step.record["rows"] if row["name"] != _ROTATING]
 
@@ -232,18 +255,22 @@ def _drawn(step: Step) -> list[str]:
 def _findings(rows: list[Row], from_straight: list[Row]) -> JSONRecord:
     """Return what the section says about the searches from the two starts."""
     from_rotating = {row["name"]: row for row in rows}
-    start, ours = from_rotating[_ROTATING], from_rotating[_OURS]
-    lower, continued = [], []
+    start = from_rotating[_ROTATING]
+    ours = from_rotating[_OURS]
+    lower = []
     for row in from_straight:
         if not row["starts"]:
             continue
-        energy, straight_energy = (
-            path[f"energy_{row['metric']}"] for path in (row, from_rotating[row["name"]])
-        )
-        if energy < straight_energy:
-            lower.append((row["name"], 100.0 * (1.0 - energy / straight_energy)))
-    for table in (rows, from_straight):
-        continued += [(row["name"], row["starts"]) for row in table if ", then " in row["starts"]]
+        key = f"energy_{row['metric']}"
+        energy = row[key]
+        energy_from_rotating = from_rotating[row["name"]][key]
+        if energy < energy_from_rotating:
+            lower.append((row["name"], 100.0 * (1.0 - energy / energy_from_rotating)))
+    continued = [
+        (row["name"], row["starts"])
+        for row in [*rows, *from_straight]
+        if ", then " in row["starts"]
+    ]
     names_from_straight = [row["name"] for row in from_straight]
     return {
         "searched": [row["name"] for row in rows if row["starts"]],
@@ -275,16 +302,18 @@ def _comparison(report: Report, pair: Pair) -> Step:
             _LINEAR: (LinearPath(n_nodes), "ours"),
             _ROTATING: (PoissonPath(n_nodes), "ours"),
         }
-        reference, model = None, report.bodies.model
+        reference = None
+        model = report.bodies.model
         if model is not None:
             path = ModelPath(model, n_nodes, parameters=partial(_parameters, model))
             solvers["body model"] = (path, "ours")
             reference = path.solve(metrics["ours"], start, end).path
-        known = compare_paths(metrics, start, end, solvers, reference)
-        searched = compare_metrics(metrics, search, known, _ROTATING, reference)
-        straight = known[:1]
-        found_from_it = compare_metrics(metrics, search, straight, _LINEAR, reference)
-        rows, rows_from_straight = _named([*known, *searched]), _named([*straight, *found_from_it])
+        starts = compare_paths(metrics, start, end, solvers, reference)
+        searched = compare_metrics(metrics, search, starts, _ROTATING, reference)
+        straight = [path for path in starts if path.name == _LINEAR]
+        searched_from_straight = compare_metrics(metrics, search, straight, _LINEAR, reference)
+        rows = _named([*starts, *searched])
+        rows_from_straight = _named([*straight, *searched_from_straight])
         paths = {path.name: path.result.path for path in rows}
         return paths, {
             "pair": list(pair),
@@ -315,20 +344,20 @@ def mean_section(report: Report) -> Section | None:
     if len(group) < 2:
         return None
     step = _mean(report, group)
-    mean = step.arrays["mean"][None]
+    mean = step.arrays["mean"][np.newaxis]
     figure = report.output.figure(
         "mean", _draw_mean, np.concatenate([bodies.points[group], mean]), faces
     )
-    shown = [ViewedBody(name_of(bodies, index), bodies.points[[index]]) for index in group]
-    shown.append(ViewedBody("Karcher mean", mean, MEAN))
+    viewed = [ViewedBody(name_of(bodies, index), bodies.points[[index]]) for index in group]
+    viewed.append(ViewedBody(_KARCHER, mean, MEAN))
     title = "Bodies and their Karcher mean"
-    viewer = Viewer(faces, {title: shown}, "Bodies", title)
+    viewer = Viewer(faces, {title: viewed}, "Bodies", title)
     rows = [
         {"body": name_of(bodies, index), "distance": distance, "squared_distance": distance**2}
         for index, distance in zip(group, step.record["distances"], strict=True)
     ]
-    karcher, *others = step.record["variances"]
-    nearer = [row["body"] for row in others if row["normal_part"] < karcher["normal_part"]]
+    variances = {row["body"]: row["normal_part"] for row in step.record["variances"]}
+    nearer = [name for name, value in variances.items() if value < variances[_KARCHER]]
     html = fill(
         "mean",
         picture=figure,
@@ -353,7 +382,7 @@ def _mean(report: Report, group: ndarray) -> Step:
         average = points.mean(axis=0)
         _, aligned_average = generalized_procrustes(points)
         centers = {
-            "Karcher mean": result.point,
+            _KARCHER: result.point,
             "average of the vertices": average,
             "Procrustes average": procrustes(aligned_average, to=average),
         }
@@ -372,7 +401,8 @@ def _mean(report: Report, group: ndarray) -> Step:
 
 
 def _draw_differences(bodies: Bodies, step: Step) -> Figure:
-    template, pairs = bodies.template, step.record["pairs"]
+    template = bodies.template
+    pairs = step.record["pairs"]
     figure = new_figure(9.6, 3.4 * len(pairs))
     rows = figure.subplots(len(pairs), 3, squeeze=False)
     for (name, (first, second)), axes in zip(pairs.items(), rows, strict=True):
@@ -411,14 +441,15 @@ def _draw_mean(surfaces: ndarray, faces: ndarray) -> Figure:
     ax = figure.subplots()
     colors = [SKIN] * (len(surfaces) - 1) + [MEAN]
     plot_path(surfaces, faces, colors=colors, ax=ax, height=_PIXELS)
-    (_, right), (_, top) = ax.get_xlim(), ax.get_ylim()
+    _, right = ax.get_xlim()
+    _, top = ax.get_ylim()
     figure.set_size_inches(_MEAN_WIDTH, _MEAN_WIDTH * top / right + 0.1)
     return figure
 
 
 def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
     """Draw several paths between two bodies below each other (figure 5 of the paper)."""
-    names = _drawn(step)
+    names = _names_drawn(step)
     figure = new_figure(8.0, 1.75 * len(names))
     axes = figure.subplots(len(names), 1, squeeze=False)[:, 0]
     for name, ax in zip(names, axes, strict=True):

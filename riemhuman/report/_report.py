@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +38,8 @@ Weights = tuple[float, float, float]
 # Weights (a, λ, c) of the paper's experiments.
 POSE_WEIGHTS: Weights = (0.0, 0.0, 1.0)
 PATH_WEIGHTS: Weights = (1.0, 1.0, 0.0)
-SAME_PERSON, SAME_POSE = "one person, two poses", "two people, one pose"
+SAME_PERSON = "one person, two poses"
+SAME_POSE = "two people, one pose"
 TWO_BODIES = "the two bodies that differ most"  # of those that share neither
 
 
@@ -75,8 +76,10 @@ QUICK = Plan(
 
 def readable(name: str) -> str:
     """Return the name of a class as written in running text: "T-like" for "t_like"."""
-    whole = re.sub(r"^([at])_(?=(like|pose)$)", lambda match: f"{match[1].upper()}-", name)
-    return whole.replace("_", " ")
+    letter, _, rest = name.partition("_")
+    if letter in ("a", "t") and rest in ("like", "pose"):
+        return f"{letter.upper()}-{rest}"
+    return name.replace("_", " ")
 
 
 def name_of(bodies: Bodies, index: int) -> str:
@@ -160,25 +163,45 @@ class Report:
     def tasks(self) -> list[Task]:
         """Return both tasks, also without bodies that share a class."""
         bodies = self.bodies
-        people, poses = (bodies.subject, bodies.subject_names), (bodies.pose, bodies.pose_names)
         return [
-            Task("shape", "person", "Who is it?", SHAPE_METRIC, *people),
-            Task("pose", "pose", "How do they stand?", POSE_METRIC, *poses),
+            Task(
+                "shape",
+                "person",
+                "Who is it?",
+                SHAPE_METRIC,
+                bodies.subject,
+                bodies.subject_names,
+            ),
+            Task(
+                "pose",
+                "pose",
+                "How do they stand?",
+                POSE_METRIC,
+                bodies.pose,
+                bodies.pose_names,
+            ),
         ]
+
+    @property
+    def has_retrieval(self) -> bool:
+        """Whether people or poses can be confused with others."""
+        return any(task.is_retrieval for task in self.tasks)
 
     @cached_property
     def all_distances(self) -> dict[str, Step]:
         """All distances and their times; a step holds the error of a representation."""
+        if len(self.bodies) < 2:
+            return {}
+        return {
+            name: self._distance_step(name, representation)
+            for name, representation in self.representations.items()
+        }
 
-        @cache
-        def described() -> dict[str, Described]:
-            # Called only if the store lacks one of them, because spectra take long.
-            return described_together(self.representations, self.bodies)
-
-        def compute(name: str, representation: Representation) -> Computed:
-            vectors = (
-                described().get(name) if hasattr(representation, "describe_together") else None
-            )
+    def _distance_step(self, name: str, representation: Representation) -> Step:
+        def compute() -> Computed:
+            vectors = None
+            if hasattr(representation, "describe_together"):
+                vectors = self._described.get(name)
             try:
                 matrix, per_body, per_pair = timed_distances(representation, self.bodies, vectors)
             except RiemhumanError as error:
@@ -186,23 +209,25 @@ class Report:
             record = {"seconds_per_body": per_body, "seconds_per_pair": per_pair}
             return {"distances": np.asarray(matrix)}, record
 
-        if len(self.bodies) < 2:
-            return {}
-        return {
-            name: self.store.step(
-                "distances-" + "-".join(re.findall("[a-z0-9]+", name.lower())),
-                partial(compute, name, representation),
-                f"Distances, {name}",
-                representation=name,
-                kind=f"{type(representation).__module__}.{type(representation).__qualname__}",
-            )
-            for name, representation in self.representations.items()
-        }
+        return self.store.step(
+            "distances-" + "-".join(re.findall("[a-z0-9]+", name.lower())),
+            compute,
+            f"Distances, {name}",
+            representation=name,
+            kind=f"{type(representation).__module__}.{type(representation).__qualname__}",
+        )
+
+    @cached_property
+    def _described(self) -> dict[str, Described]:
+        """Vectors of bodies; needed only if the store lacks distances, since spectra take long."""
+        return described_together(self.representations, self.bodies)
 
     @cached_property
     def distances(self) -> dict[str, Step]:
         """The steps of representations that have distances."""
-        return {n: s for n, s in self.all_distances.items() if "problem" not in s.record}
+        return {
+            name: step for name, step in self.all_distances.items() if "problem" not in step.record
+        }
 
     def matrix(self, name: str) -> ndarray:
         return self.distances[name].arrays["distances"]
@@ -211,24 +236,25 @@ class Report:
         """Return bodies that do or do not share the person and the pose, see `choose_pair`."""
         if len(self.bodies) < 2:
             return None
-        same_person, same_pose = (
-            np.equal.outer(labels, labels) for labels in (self.bodies.subject, self.bodies.pose)
-        )
+        same_person = np.equal.outer(self.bodies.subject, self.bodies.subject)
+        same_pose = np.equal.outer(self.bodies.pose, self.bodies.pose)
         suits = (same_person == person) & (same_pose == pose)
         return choose_pair(self.matrix(metric), suits, share)
 
     @cached_property
     def pairs(self) -> dict[str, Pair]:
         """A person in two poses and two people in one pose, or else any two bodies."""
-        chosen = {
-            SAME_PERSON: self.pair(POSE_METRIC, 0.5, person=True, pose=False),
-            SAME_POSE: self.pair(SHAPE_METRIC, 1.0, person=False, pose=True),
-        }
-        pairs = {name: pair for name, pair in chosen.items() if pair is not None}
-        if not pairs:
-            pair = self.pair(SHAPE_METRIC, 1.0, person=False, pose=False)
-            pairs |= {} if pair is None else {TWO_BODIES: pair}
-        return pairs
+        pairs = {}
+        same_person = self.pair(POSE_METRIC, 0.5, person=True, pose=False)
+        if same_person is not None:
+            pairs[SAME_PERSON] = same_person
+        same_pose = self.pair(SHAPE_METRIC, 1.0, person=False, pose=True)
+        if same_pose is not None:
+            pairs[SAME_POSE] = same_pose
+        if pairs:
+            return pairs
+        two_bodies = self.pair(SHAPE_METRIC, 1.0, person=False, pose=False)
+        return {} if two_bodies is None else {TWO_BODIES: two_bodies}
 
     @cached_property
     def basis(self) -> tuple[DeformationBasis, str]:
@@ -236,24 +262,25 @@ class Report:
         if self.given_basis is not None:
             return self.given_basis, f"{len(self.given_basis)} given deformations"
         template, plan = self.bodies.template, self.plan
-        kind, motions = "mesh harmonics", ""
+        origin = "mesh harmonics"
+        resolution_of_motions = ""  # of the open bodies, which have motions
         for resolution in ("coarse", "full"):
             if np.array_equal(load_open_model(resolution).faces, template.faces):
-                # The open bodies have motions.
-                kind, motions = "principal components of the open motions", resolution
+                origin = "principal components of the open motions"
+                resolution_of_motions = resolution
 
         def compute() -> Computed:
-            if motions:
-                performed = load_open_motions(motions, sequences=plan.sequences)
-                made = DeformationBasis.from_motions(performed, plan.n_components, step=10)
+            if resolution_of_motions:
+                motions = load_open_motions(resolution_of_motions, sequences=plan.sequences)
+                basis = DeformationBasis.from_motions(motions, plan.n_components, step=10)
             else:
-                made = DeformationBasis.from_laplacian(template, plan.n_components)
-            return {"vectors": made.vectors}, {}
+                basis = DeformationBasis.from_laplacian(template, plan.n_components)
+            return {"vectors": basis.vectors}, {}
 
         inputs = {"sequences": plan.sequences, "n_components": plan.n_components}
         step = self.store.step("basis", compute, "Basis of deformations", **inputs)
-        made = DeformationBasis(step.arrays["vectors"])
-        return made, f"{len(made)} {kind}"
+        basis = DeformationBasis(step.arrays["vectors"])
+        return basis, f"{len(basis)} {origin}"
 
     def path_solver(self) -> BasisPath:
         return BasisPath(self.basis[0], self.plan.n_nodes, tolerance=self.plan.tolerance)

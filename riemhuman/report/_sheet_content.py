@@ -35,7 +35,7 @@ _HEADLINE = {
 _PEOPLE = {"woman": "women", "man": "men", "adult": "adults, women and men together,"}
 _MOST_CHANGES = 11
 _WHOLE = 0.98  # share of the vertices from which a body counts as seen
-# Of rulers: metres between marks and of a unit, and how many units are between numbers.
+# Of rulers: metres between two marks, and metres in a unit of their numbers.
 _RULERS = {"cm": (0.2, 0.01), "in": (0.3048, 0.0254)}
 _RULER_SHARE = 0.09  # width of a ruler over the height of its picture
 _TITLE_PIXELS = 34
@@ -167,10 +167,10 @@ def content_of(
     if scan is not None:
         what = f"The scan, {subject.file}" if subject.file else "The scan"
         pictures.append(_drawing(scan, units, "The scan from three sides", what))
-    said = "The registered body"
+    caption = "The registered body"
     if subject.known_vertices.mean() < _WHOLE:
-        said += "; parts that are not trusted are blue"
-    pictures.append(_drawing(body, units, "The body from three sides", said))
+        caption += "; parts that are not trusted are blue"
+    pictures.append(_drawing(body, units, "The body from three sides", caption))
     silhouette = silhouette_picture(values, faces)
     stature = values.by_name.get("stature")
     return Content(
@@ -223,9 +223,11 @@ def badge(subject: SheetSubject) -> tuple[str, str]:
 
 
 def _about(subject: SheetSubject) -> list[str]:
-    sex = {"adult": "sex not given"}.get(subject.sex, subject.sex)
+    sex = "sex not given" if subject.sex == "adult" else subject.sex
     file = subject.file or subject.name
-    parts = (sex, subject.visit, "" if file == subject.person else file)
+    parts = [sex, subject.visit]
+    if file != subject.person:
+        parts.append(file)
     return [part for part in parts if part]
 
 
@@ -236,29 +238,37 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     if not subject.is_measurable:
         why = f" {sentence}." if sentence else ""
         return f"Do not rely on this body; nothing was measured.{why}"
-    said = []
+    sentences = []
     if subject.trusted_vertices is None:
-        said.append("This body came without its scan, so nothing is known about how well it fits.")
+        sentences.append(
+            "This body came without its scan, so nothing is known about how well it fits."
+        )
     elif sentence:
-        said.append(f"{sentence}.")
+        sentences.append(f"{sentence}.")
     elif subject.known_vertices.all():
-        said.append("The whole body can be trusted.")
+        sentences.append("The whole body can be trusted.")
     else:
-        said.append("The body can be trusted, except in small places that the scan does not show.")
-    missing = sum(bool(row.why_missing) for row in values.rows)
-    if missing:
-        depend, stay = ("depends", "stays") if missing == 1 else ("depend", "stay")
-        said.append(
-            f"{missing} of {len(values.rows)} measurements {depend} on parts that cannot be "
-            f"trusted and {stay} empty."
+        sentences.append(
+            "The body can be trusted, except in small places that the scan does not show."
+        )
+    n_missing = sum(bool(row.why_missing) for row in values.rows)
+    if n_missing == 1:
+        sentences.append(
+            f"1 of {len(values.rows)} measurements depends on parts that cannot be trusted and "
+            "stays empty."
+        )
+    elif n_missing:
+        sentences.append(
+            f"{n_missing} of {len(values.rows)} measurements depend on parts that cannot be "
+            "trusted and stay empty."
         )
     if np.isfinite(subject.median_distance):
-        said.append(
+        sentences.append(
             "The median distance of the scan from the body is "
             f"{readable_gap(subject.median_distance, units)}; the scan shows "
             f"{100 * subject.matched_share:.0f} % of the body's surface."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
@@ -296,15 +306,16 @@ def _of_average(subject: SheetSubject, stature: SheetRow | None, units: str) -> 
 
 
 def _headline(values: SheetValues, units: str) -> tuple[RowText, ...]:
-    shown = []
+    texts = []
     for name, title in _HEADLINE.items():
         row = values.by_name.get(name)
         if row is not None:
-            shown.append(replace(row_text(row, units), title=title))
-    index = values.ratios.get("Body mass index")
-    if index is not None and np.isfinite(index[0]):
-        shown.insert(2, RowText("Body mass index", f"{index[0]:.1f}", index[1], "", "", None, ""))
-    return tuple(shown)
+            texts.append(replace(row_text(row, units), title=title))
+    value, unit = values.ratios.get("Body mass index", (float("nan"), ""))
+    if np.isfinite(value):
+        # Behind the stature and the weight, of which it is made.
+        texts.insert(2, RowText("Body mass index", f"{value:.1f}", unit, "", "", None, ""))
+    return tuple(texts)
 
 
 def row_text(row: SheetRow, units: str) -> RowText:
@@ -364,7 +375,8 @@ def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
         return PostureText(title, _angle(abs(angle)), towards if abs(angle) >= 0.5 else "level")
 
     def paired(name: str, title: str, what: str) -> PostureText:
-        left, right = (posture[name.format(side)] for side in ("left", "right"))
+        left = posture[name.format("left")]
+        right = posture[name.format("right")]
         return PostureText(title, f"{_angle(left)} / {_angle(right)}", what)
 
     if not posture:
@@ -392,7 +404,8 @@ def _angle(degrees: float) -> str:
 
 
 def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText | None:
-    result, picture = values.changes, change_picture(values, faces)
+    result = values.changes
+    picture = change_picture(values, faces)
     if result is None or picture is None:
         return None
     texts = []
@@ -438,13 +451,13 @@ def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText 
 
 
 def _drawing(picture: Picture, units: str, alt: str, caption: str) -> Drawing:
-    step, of_unit = _RULERS[units]
+    step, metres_per_unit = _RULERS[units]
     height, width = picture.pixels.shape[:2]
     ruler = round(_RULER_SHARE * height)
     marks = []
     for number in range(int(np.floor(picture.high / step)) + 1):
         y = (picture.high - number * step) / picture.metres_per_pixel
-        marks.append(Mark(round(y, 1), f"{number * step / of_unit:.0f}"))
+        marks.append(Mark(round(y, 1), f"{number * step / metres_per_unit:.0f}"))
     views = [
         ViewTitle(round(ruler + middle * width, 1), title)
         for middle, title in zip(picture.middles, picture.titles, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,14 +13,30 @@ from riemhuman.io.files import atomic_file
 from riemhuman.optional import import_matplotlib
 from riemhuman.report._sheet_content import ChangesText, Content, Drawing, PostureText, RowText
 
-# Millimetres of A4, and points in a millimetre.
-_WIDTH, _HEIGHT, _POINTS = 210.0, 297.0, 72.0 / 25.4
-_LEFT, _RIGHT, _TOP, _BOTTOM = 13.0, 197.0, 12.0, 285.0
-_COLUMN = (_RIGHT - _LEFT - 8.0) / 2
-_INK, _QUIET, _LINE, _ACCENT = "#16191d", "#565d66", "#d5d9de", "#23608f"
-_BAND, _TRACK, _LARGER, _SMALLER = "#cfd9e2", "#e9edf0", "#c4622d", "#3f7fbf"
+# A4, millimetres.
+_WIDTH = 210.0
+_HEIGHT = 297.0
+# The edges of what is written and drawn, from the upper left corner.
+_LEFT = 13.0
+_RIGHT = 197.0
+_TOP = 12.0
+_BOTTOM = 285.0
+_GUTTER = 8.0  # between two columns
+_COLUMN = (_RIGHT - _LEFT - _GUTTER) / 2
+_POINTS = 72.0 / 25.4  # in a millimetre
+_INK = "#16191d"
+_QUIET = "#565d66"
+_LINE = "#d5d9de"
+_ACCENT = "#23608f"
+_BAND = "#cfd9e2"  # the middle half of the people
+_TRACK = "#e9edf0"
+_LARGER = "#c4622d"
+_SMALLER = "#3f7fbf"
 _BADGES = {"trusted": "#2b6e46", "partial": "#8a5a00", "untrusted": "#b3362a", "unknown": _QUIET}
-_ROW, _TIGHT_ROW, _SMALL_ROW = 5.3, 4.3, 3.55
+# Heights of rows, millimetres.
+_ROW = 5.3
+_TIGHT_ROW = 4.3
+_SMALL_ROW = 3.55
 _LETTER = 0.188  # mean width of a letter, millimetres over its size in points
 
 
@@ -34,7 +51,8 @@ def save_figure_pdf(content: Content, version: str, file: Path) -> None:
     ):
         for number, side in enumerate(pages, start=1):
             side.rule(_BOTTOM - 2.0)
-            side.text(_LEFT, _BOTTOM + 1.5, " · ".join(filter(None, (content.title, content.when))))
+            name = f"{content.title} · {content.when}" if content.when else content.title
+            side.text(_LEFT, _BOTTOM + 1.5, name)
             side.text(
                 _RIGHT, _BOTTOM + 1.5, f"riemhuman {version} · page {number} of 2", align="right"
             )
@@ -92,7 +110,8 @@ class _Side:
         """Place a picture with its ruler in a box; return the height that it fills."""
         scale = min(width / drawing.width, height / drawing.height)
         left = x + drawing.ruler * scale
-        right, bottom = x + drawing.width * scale, y + drawing.picture_height * scale
+        right = x + drawing.width * scale
+        bottom = y + drawing.picture_height * scale
         for mark in drawing.marks:
             self.rule(y + mark.y * scale, left, right)
             self.text(left - 1.0, y + mark.y * scale + 0.7, mark.text, size=5.5, align="right")
@@ -128,23 +147,25 @@ def _first_side(content: Content) -> _Side:
     side.rule(_TOP + 15.5, color=_INK)
     y = side.paragraph(_LEFT, _TOP + 20.5, content.trust, _RIGHT - _LEFT, size=8.6, color=_INK)
     y = _headline(side, content.headline, y + 2.0) + 3.0
-    width = _COLUMN if len(content.pictures) > 1 else 110.0
-    x = _LEFT if len(content.pictures) > 1 else (_WIDTH - width) / 2
-    filled = 0.0
+    if len(content.pictures) > 1:
+        width = _COLUMN
+        x = _LEFT
+    else:
+        width = 110.0
+        x = (_WIDTH - width) / 2
+    tallest = 0.0
     for number, drawing in enumerate(content.pictures):
-        left = x + number * (_COLUMN + 8.0)
+        left = x + number * (_COLUMN + _GUTTER)
         height = side.drawing(drawing, left, y, width, 85.0)
         side.text(left, y + height + 3.0, drawing.caption)
-        filled = max(filled, height)
-    y += filled + 9.0
-    groups = dict(content.groups)
-    columns = ([*groups][:2], [*groups][2:])
+        tallest = max(tallest, height)
+    y += tallest + 9.0
     lowest = y
-    for number, names in enumerate(columns):
-        at = y
-        for name in names:
-            at = _group(side, _LEFT + number * (_COLUMN + 8.0), at, name, groups[name], content)
-        lowest = max(lowest, at)
+    for number, groups in enumerate((content.groups[:2], content.groups[2:])):
+        below = y
+        for name, rows in groups:
+            below = _group(side, _LEFT + number * (_COLUMN + _GUTTER), below, name, rows, content)
+        lowest = max(lowest, below)
     side.paragraph(_LEFT, lowest + 1.0, content.population, _RIGHT - _LEFT, size=7.2)
     return side
 
@@ -203,32 +224,29 @@ def _bar(side: _Side, x: float, y: float, width: float, place: float) -> None:
 
 def _second_side(content: Content) -> _Side:
     side = _Side()
-    y, right = _TOP + 5.0, _LEFT + _COLUMN + 8.0
+    y = _TOP + 5.0
+    right = _LEFT + _COLUMN + _GUTTER
     size = 62.0 if content.changes else 92.0
     lowest = y
     if content.silhouette is not None:
         _heading(side, _LEFT, y, "Compared with the average")
         height = side.drawing(content.silhouette, _LEFT, y + 3.0, _COLUMN, size)
-        at = y + height + 7.0
-        for number, (words, color) in enumerate(
-            (("outside the average", _LARGER), ("inside it", _SMALLER))
-        ):
-            side.axes.plot(
-                [_LEFT + 1.0 + 34.0 * number], [at - 0.8], "s", color=color, markersize=5
-            )
-            side.text(_LEFT + 3.0 + 34.0 * number, at, words)
-        at = side.paragraph(_LEFT, at + 3.6, content.silhouette.caption, _COLUMN, size=7.0)
-        lowest = max(lowest, at)
+        below = y + height + 7.0
+        x = _LEFT
+        for words, color in (("outside the average", _LARGER), ("inside it", _SMALLER)):
+            side.axes.plot([x + 1.0], [below - 0.8], "s", color=color, markersize=5)
+            side.text(x + 3.0, below, words)
+            x += 34.0
+        below = side.paragraph(_LEFT, below + 3.6, content.silhouette.caption, _COLUMN, size=7.0)
+        lowest = max(lowest, below)
     if content.posture:
         lowest = max(lowest, _posture(side, right, y, content.posture))
     y = lowest + 5.0 if lowest > y else y
     if content.changes is not None:
         if content.changes.warning:
-            color, width = _BADGES["untrusted"], _RIGHT - _LEFT
-            y = (
-                side.paragraph(_LEFT, y, content.changes.warning, width, size=8.0, color=color)
-                + 2.0
-            )
+            color = _BADGES["untrusted"]
+            warning = content.changes.warning
+            y = side.paragraph(_LEFT, y, warning, _RIGHT - _LEFT, size=8.0, color=color) + 2.0
         y = _changes(side, y, right, content.changes) + 3.0
     for remark in content.remarks:
         y = side.paragraph(_LEFT, y, remark, _RIGHT - _LEFT, size=7.2) + 1.0
@@ -258,39 +276,41 @@ def _changes(side: _Side, y: float, right: float, changes: ChangesText) -> float
     _heading(side, _LEFT, y, f"Changes since {changes.since}")
     _heading(side, right, y, "Where the surface moved")
     ends = (47.0, 57.0, 74.0, 88.0)
-    at = y + 4.0
+    line = y + 4.0
     for title, end in zip(("before", "now", "change", "noise"), ends, strict=True):
-        side.text(_LEFT + end, at, title, size=6.5, align="right")
+        side.text(_LEFT + end, line, title, size=6.5, align="right")
     for row in changes.rows:
-        at += _TIGHT_ROW
+        line += _TIGHT_ROW
         weight = "bold" if row.is_significant else "normal"
-        side.text(_LEFT, at, row.title, size=7.6, color=_INK, weight=weight)
+        side.text(_LEFT, line, row.title, size=7.6, color=_INK, weight=weight)
         texts = (row.before, row.after, f"{row.change} {row.unit}", f"± {row.threshold}")
         for text, end in zip(texts, ends, strict=True):
-            side.text(_LEFT + end, at, text, size=7.4, color=_INK, weight=weight, align="right")
-        side.rule(at + 1.2, _LEFT, _LEFT + _COLUMN)
+            side.text(_LEFT + end, line, text, size=7.4, color=_INK, weight=weight, align="right")
+        side.rule(line + 1.2, _LEFT, _LEFT + _COLUMN)
     height = side.drawing(changes.figure, right, y + 3.0, _COLUMN, 58.0)
     below = side.paragraph(right, y + height + 6.5, changes.figure.caption, _COLUMN, size=7.0)
     below = side.paragraph(right, below, changes.note, _COLUMN, size=7.0)
-    return max(at, below) + 3.0
+    return max(line, below) + 3.0
 
 
 def _all_rows(side: _Side, y: float, rows: Sequence[RowText], *, has_percentiles: bool) -> float:
     columns = "value, ±, percentile" if has_percentiles else "value, ±"
     _heading(side, _LEFT, y, f"All {len(rows)} measurements: {columns}")
-    n_lines = -(-len(rows) // 3)
+    n_lines = math.ceil(len(rows) / 3)
     width = (_RIGHT - _LEFT - 10.0) / 3
     # They share the rest of the page.
     step = min(_SMALL_ROW, (_BOTTOM - 14.0 - y) / (n_lines + 1))
     size = min(6.6, 6.6 * step / 3.2)
     for number, row in enumerate(rows):
         x = _LEFT + (number // n_lines) * (width + 5.0)
-        at = y + (number % n_lines + 1) * step + 1.0
-        side.text(x, at, textwrap.shorten(row.title, 30, placeholder="…"), size=size, color=_INK)
-        value = "not measured" if row.why else f"{row.value} {row.unit}"
-        ends = ((value, width - 13.0), ("" if row.why else row.uncertainty, width - 6.0))
-        percentile = row.percentile if has_percentiles and not row.why else ""
-        for text, end in (*ends, (percentile, width)):
-            side.text(x + end, at, text, size=size, color=_INK, align="right")
-        side.rule(at + 0.3 * step, x, x + width)
+        line = y + (number % n_lines + 1) * step + 1.0
+        side.text(x, line, textwrap.shorten(row.title, 30, placeholder="…"), size=size, color=_INK)
+        texts = [("not measured" if row.why else f"{row.value} {row.unit}", width - 13.0)]
+        if not row.why:
+            texts.append((row.uncertainty, width - 6.0))
+            if has_percentiles:
+                texts.append((row.percentile, width))
+        for text, end in texts:
+            side.text(x + end, line, text, size=size, color=_INK, align="right")
+        side.rule(line + 0.3 * step, x, x + width)
     return y + (n_lines + 1) * step

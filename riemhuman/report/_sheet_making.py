@@ -18,7 +18,8 @@ from riemhuman.report._sheet_page import sheet_page
 from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import Average, SheetSubject, SheetValues
 
-_HIPS = "trochanterion"
+_LEFT_HIP = "left_trochanterion"
+_RIGHT_HIP = "right_trochanterion"
 _DRAWING = Lock()  # matplotlib is not thread-safe
 
 
@@ -51,13 +52,12 @@ def content_for(
 ) -> Content:
     definitions = measurements.definitions
     across = np.array([1.0, 0.0, 0.0])  # the body faces z
-    if all(f"{side}_{_HIPS}" in definitions.landmarks for side in ("left", "right")):
-        left, right = (
-            weights @ subject.points[vertices]
-            for vertices, weights in (
-                definitions.landmarks[f"{side}_{_HIPS}"] for side in ("left", "right")
-            )
-        )
+    landmarks = definitions.landmarks
+    if _LEFT_HIP in landmarks and _RIGHT_HIP in landmarks:
+        left_vertices, left_weights = landmarks[_LEFT_HIP]
+        right_vertices, right_weights = landmarks[_RIGHT_HIP]
+        left = left_weights @ subject.points[left_vertices]
+        right = right_weights @ subject.points[right_vertices]
         across = left - right
     return content_of(subject, values, definitions.faces, across, units)
 

@@ -59,17 +59,15 @@ class Entry:
     def of(
         cls, subject: SheetSubject, values: SheetValues, content: Content, page: str, pdf: str
     ) -> Entry:
-        rows = {name: values.by_name.get(name) for name in INDEX_NUMBERS}
-        numbers = []
-        for row in rows.values():
-            text = None if row is None else row_text(row, content.units)
-            known = row is not None and bool(np.isfinite(row.value))
-            numbers.append(
-                (
-                    NOTHING if text is None else f"{text.value} {text.unit}".strip(),
-                    row.value if row is not None and known else None,
-                )
-            )
+        numbers: list[tuple[str, float | None]] = []
+        for name in INDEX_NUMBERS:
+            row = values.by_name.get(name)
+            if row is None:
+                numbers.append((NOTHING, None))
+                continue
+            text = row_text(row, content.units)
+            value = row.value if np.isfinite(row.value) else None
+            numbers.append((f"{text.value} {text.unit}".strip(), value))
         changes = values.changes
         return cls(
             name=subject.name,
@@ -110,8 +108,12 @@ def _counts(entries: Sequence[Entry]) -> list[str]:
         "untrusted": "not trusted",
         "unknown": "without a scan",
     }
-    counted = {words: sum(e.badge[0] == kind for e in entries) for kind, words in kinds.items()}
-    return [f"{count} {words}" for words, count in counted.items() if count]
+    counts = []
+    for kind, words in kinds.items():
+        count = sum(entry.badge[0] == kind for entry in entries)
+        if count:
+            counts.append(f"{count} {words}")
+    return counts
 
 
 def index_page(

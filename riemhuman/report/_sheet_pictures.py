@@ -67,12 +67,12 @@ def body_pictures(
     middle = (subject.points.min(axis=0) + subject.points.max(axis=0)) / 2
     ground = np.array([middle[0], subject.points[:, 1].min(), middle[2]])
     body = (subject.points - ground) @ rotation.T
-    seen = [body]
+    points = body
     scan = None
     if subject.scan is not None and len(subject.scan):
         scan = (subject.scan - ground) @ rotation.T
-        seen.append(scan)
-    windows = _windows(np.concatenate(seen), tuple(SIDES.values()))
+        points = np.concatenate([body, scan])
+    windows = _windows(points, tuple(SIDES.values()))
     colors = np.where(subject.known_vertices[:, np.newaxis], SKIN, _UNSEEN)
     titles = tuple(SIDES)
     drawn = _views(body, faces, windows, colors, titles)
@@ -94,16 +94,18 @@ def silhouette_picture(values: SheetValues, faces: ndarray) -> Picture | None:
     average_views = _views(
         average, values.average_faces, windows, np.array(SKIN), ("front", "side")
     )
-    first, second = person_views.pixels[..., 3] / 255.0, average_views.pixels[..., 3] / 255.0
+    # Where each body is in the picture.
+    person_cover = person_views.pixels[..., 3] / 255.0
+    average_cover = average_views.pixels[..., 3] / 255.0
     layers = (
-        (SHARED, np.minimum(first, second) * _SHARED_OPACITY),
-        (LARGER, np.clip(first - second, 0.0, 1.0)),
-        (SMALLER, np.clip(second - first, 0.0, 1.0)),
+        (SHARED, np.minimum(person_cover, average_cover) * _SHARED_OPACITY),
+        (LARGER, np.clip(person_cover - average_cover, 0.0, 1.0)),
+        (SMALLER, np.clip(average_cover - person_cover, 0.0, 1.0)),
     )
     opacity = np.sum([share for _, share in layers], axis=0)
-    mixed = np.sum([share[..., None] * np.array(color) for color, share in layers], axis=0)
-    pixels = np.zeros((*first.shape, 4), dtype=np.uint8)
-    pixels[..., :3] = np.round(mixed / np.maximum(opacity, 1e-6)[..., None])
+    mixed = np.sum([share[..., np.newaxis] * np.array(color) for color, share in layers], axis=0)
+    pixels = np.zeros((*opacity.shape, 4), dtype=np.uint8)
+    pixels[..., :3] = np.round(mixed / np.maximum(opacity, 1e-6)[..., np.newaxis])
     pixels[..., 3] = np.round(255 * np.clip(opacity, 0.0, 1.0))
     return Picture(
         pixels, person_views.low, person_views.high, person_views.middles, person_views.titles
@@ -134,12 +136,14 @@ def _centred(points: ndarray, faces: ndarray) -> ndarray:
 
 def _windows(points: ndarray, azimuths: tuple[float, ...]) -> list[tuple[View, Window]]:
     """Return views and windows of one height, each as wide as the points."""
-    low, high = points[:, 1].min() - _MARGIN, points[:, 1].max() + _MARGIN
+    low = points[:, 1].min() - _MARGIN
+    high = points[:, 1].max() + _MARGIN
     views = []
     for azimuth in azimuths:
         view = View(azimuth=azimuth, elevation=0.0)
         columns = view.rotate(points)[:, 0]
-        left, right = columns.min() - _GAP, columns.max() + _GAP
+        left = columns.min() - _GAP
+        right = columns.max() + _GAP
         window = Window(((left + right) / 2, (low + high) / 2), right - left, high - low)
         views.append((view, window))
     return views
@@ -168,20 +172,21 @@ def _views(
 
 def _splats(scan: ndarray, body: ndarray, faces: ndarray) -> tuple[ndarray, ndarray]:
     """Return a small square in the surface at each point of a scan, as a mesh."""
-    gaps, near = cKDTree(scan).query(scan, k=min(_NEIGHBOURS, len(scan)))
-    around = scan[near] - scan[near].mean(axis=1, keepdims=True)
-    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
-    normals, first, second = axes[..., 0], axes[..., 1], axes[..., 2]
-    outward = vertex_normals(body, faces)[cKDTree(body).query(scan)[1]]
-    is_inward = np.sum(normals * outward, axis=1) < 0.0
-    second = np.where(
-        (np.sum(np.cross(first, second) * outward, axis=1) < 0.0)[:, None], -second, second
-    )
-    normals = np.where(is_inward[:, None], -normals, normals)
+    gaps, neighbours = cKDTree(scan).query(scan, k=min(_NEIGHBOURS, len(scan)))
+    offsets = scan[neighbours] - scan[neighbours].mean(axis=1, keepdims=True)
+    # The neighbours spread least along the normal, and most along the last axis.
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
+    first = axes[..., 1]
+    second = axes[..., 2]
+    _, nearest = cKDTree(body).query(scan)
+    outward = vertex_normals(body, faces)[nearest]
+    # Squares are seen from outside.
+    is_inward = np.sum(np.cross(first, second) * outward, axis=1) < 0.0
+    second = np.where(is_inward[:, np.newaxis], -second, second)
     spacing = gaps[:, min(4, gaps.shape[1] - 1)]
     size = _OVERLAP * np.minimum(spacing, _SPARSEST * np.median(spacing))
-    corners = size[:, None, None] * np.stack(
-        [-first - second, first - second, first + second, second - first], axis=1
-    )
-    triangles = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(scan))[:, None, None]
-    return (scan[:, None] + corners).reshape(-1, 3), triangles.reshape(-1, 3)
+    square = np.stack([-first - second, first - second, first + second, second - first], axis=1)
+    corners = scan[:, np.newaxis] + size[:, np.newaxis, np.newaxis] * square
+    first_corners = 4 * np.arange(len(scan))
+    triangles = np.array([[0, 1, 2], [0, 2, 3]]) + first_corners[:, np.newaxis, np.newaxis]
+    return corners.reshape(-1, 3), triangles.reshape(-1, 3)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -17,6 +18,7 @@ from riemhuman.io.files import file_path, natural_key
 from riemhuman.io.meshes import load_trusted
 from riemhuman.io.text_tables import read_rows
 from riemhuman.registration import ScanRecord, read_records
+from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report.registered_scans import shown_share
 from riemhuman.report.sheet_values import SheetSubject
 
@@ -27,7 +29,7 @@ _SEXES = {
     **dict.fromkeys(("man", "men", "male", "m"), "man"),
     **dict.fromkeys(("", "adult", "unknown", "?"), "adult"),
 }
-# Columns that may name the same thing, the first one found counts.
+# Columns that may hold the same thing; the first that a table has counts.
 _COLUMNS = {
     "person": ("person", "subject", "name"),
     "sex": ("sex", "gender"),
@@ -53,7 +55,16 @@ class PersonLabels:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class _Subjects:
+    """The bodies of a file or folder, their triangles, and scans that have no body."""
+
+    subjects: list[SheetSubject]
+    faces: list[ndarray]
+    failures: list[tuple[str, str]]  # names of scans and the reasons
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledSubjects:
     """The bodies for sheets, their triangles, labels, and scans that have no body."""
 
     subjects: list[SheetSubject]
@@ -91,35 +102,32 @@ def find_subjects(
     *,
     unit: str | None = None,
     up: str | None = None,
-) -> Found:
+) -> LabelledSubjects:
     """Return the bodies in mesh files and folders; registered scans with their records."""
     subjects: list[SheetSubject] = []
     faces: list[ndarray] = []
     failures: list[tuple[str, str]] = []
     for place in paths:
-        if place.is_dir():
-            place_subjects, triangles, failed = _of_folder(place, unit, up)
-        else:
-            place_subjects, triangles, failed = *_of_files([place], unit, up), []
-        subjects += place_subjects
-        faces += triangles
-        failures += failed
+        is_folder = place.is_dir()
+        in_place = _in_folder(place, unit, up) if is_folder else _in_files([place], unit, up)
+        subjects += in_place.subjects
+        faces += in_place.faces
+        failures += in_place.failures
     if not subjects and not failures:
         raise FileError("there are no bodies to make sheets for")
     table = _table_of(paths, labels)
-    known = {} if table is None else read_people(table)
-    named = [
-        known.get(subject.file.casefold(), known.get(subject.name.casefold()))
-        for subject in subjects
-    ]
+    people = {} if table is None else read_people(table)
+    labels_of_subjects = []
+    n_labelled = 0
+    for k, subject in enumerate(subjects):
+        label = people.get(subject.file.casefold()) or people.get(subject.name.casefold())
+        n_labelled += label is not None
+        label = label or PersonLabels()
+        labels_of_subjects.append(label)
+        subjects[k] = replace(subject, person=label.person, sex=label.sex, visit=label.when)
     if table is not None:
-        _warn_of_missing_labels(table, subjects, sum(label is not None for label in named))
-    chosen = [label or PersonLabels() for label in named]
-    subjects = [
-        replace(subject, person=label.person, sex=label.sex, visit=label.when)
-        for subject, label in zip(subjects, chosen, strict=True)
-    ]
-    return Found(subjects, faces, chosen, failures)
+        _warn_of_missing_labels(table, len(subjects), n_labelled)
+    return LabelledSubjects(subjects, faces, labels_of_subjects, failures)
 
 
 def read_people(table: Path) -> dict[str, PersonLabels]:
@@ -136,27 +144,36 @@ def read_people(table: Path) -> dict[str, PersonLabels]:
         )
     people = {}
     for line, cells in rows[1:]:
-        named = dict(zip(header, [*cells, *[""] * (len(header) - len(cells))], strict=False))
-        texts = {
-            key: next((named[name] for name in names if name in named), "")
-            for key, names in _COLUMNS.items()
-        }
+        # Empty cells at the end of a line may be left out.
+        texts = dict(itertools.zip_longest(header, cells[: len(header)], fillvalue=""))
         where = f"{table}, line {line}"
         label = PersonLabels(
-            texts["person"], _sex(texts["sex"], where), texts["visit"], _day(texts["date"], where)
+            person=_text_of(texts, "person"),
+            sex=_sex(_text_of(texts, "sex"), where),
+            visit=_text_of(texts, "visit"),
+            day=_day(_text_of(texts, "date"), where),
         )
-        if named["file"].casefold() in people:
-            raise FileFormatError(f"{where}: {named['file']} has another line above")
-        for name in (named["file"], Path(named["file"]).stem):
+        file = texts["file"]
+        if file.casefold() in people:
+            raise FileFormatError(f"{where}: {file} has another line above")
+        for name in (file, Path(file).stem):
             people[name.casefold()] = label
     return people
 
 
-def _warn_of_missing_labels(table: Path, subjects: Sequence[SheetSubject], n_known: int) -> None:
+def _text_of(texts: Mapping[str, str], key: str) -> str:
+    """Return a text of a line, from the first of the columns that may hold it."""
+    for name in _COLUMNS[key]:
+        if name in texts:
+            return texts[name]
+    return ""
+
+
+def _warn_of_missing_labels(table: Path, n_subjects: int, n_labelled: int) -> None:
     """Warn if a table of labels does not name all bodies."""
-    if n_known == len(subjects):
+    if n_labelled == n_subjects:
         return
-    names = f"{n_known or 'none'} of the {len(subjects)} bodies"
+    names = f"{n_labelled or 'none'} of the {n_subjects} bodies"
     warn(
         f"{table} names {names}; bodies without labels are compared with adults of both sexes",
         UserWarning,
@@ -171,8 +188,10 @@ def _sex(text: str, where: str) -> str:
 
 
 def _day(text: str, where: str) -> str:
+    if not text:
+        return ""
     try:
-        return text and date.fromisoformat(text).isoformat()
+        return date.fromisoformat(text).isoformat()
     except ValueError as error:
         raise FileFormatError(
             f"{where}: date must be written as 2026-03-31; found {text[:40]!r}"
@@ -189,35 +208,33 @@ def _table_of(paths: Sequence[Path], labels: str | os.PathLike[str] | None) -> P
     return beside if beside.is_file() else None
 
 
-def _of_folder(
-    folder: Path, unit: str | None, up: str | None
-) -> tuple[list[SheetSubject], list[ndarray], list[tuple[str, str]]]:
+def _in_folder(folder: Path, unit: str | None, up: str | None) -> _Subjects:
     """Return the bodies of a folder, also those that `register` did not trust."""
     if not (folder / _RECORDS).is_dir():
-        return *_of_files(find_meshes(folder), unit, up), []
+        return _in_files(find_meshes(folder), unit, up)
     records = sorted(read_records(folder), key=lambda record: natural_key(record.name))
     subjects = [subject_of_record(record) for record in records if record.arrays]
     faces = [record.arrays["faces"] for record in records if record.arrays]
     failures = [(record.name, record.message) for record in records if not record.arrays]
     names = {record.name for record in records}
     try:
-        others = [file for file in find_meshes(folder) if file.stem not in names]
+        unregistered = [file for file in find_meshes(folder) if file.stem not in names]
     except FileError:  # all of them are in its subfolders
-        others = []
-    if others:
-        more, triangles = _of_files(others, unit, up)
-        subjects, faces = subjects + more, faces + triangles
-    return subjects, faces, failures
+        unregistered = []
+    if unregistered:
+        meshes = _in_files(unregistered, unit, up)
+        subjects += meshes.subjects
+        faces += meshes.faces
+    return _Subjects(subjects, faces, failures)
 
 
-def _of_files(
-    files: Sequence[Path], unit: str | None, up: str | None
-) -> tuple[list[SheetSubject], list[ndarray]]:
+def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> _Subjects:
     """Return the bodies of mesh files; those of registered scans with their records."""
-    subjects, faces = [], []
-    known: dict[Path, dict[str, ScanRecord]] = {}
+    subjects = []
+    faces = []
+    records_of_folders: dict[Path, dict[str, ScanRecord]] = {}
     for file in files:
-        record = _record_beside(file, known)
+        record = _record_beside(file, records_of_folders)
         if record is not None:
             subjects.append(subject_of_record(record))
             faces.append(record.arrays["faces"])
@@ -234,16 +251,22 @@ def _of_files(
             )
         )
         faces.append(meshes.faces)
-    return subjects, faces
+    return _Subjects(subjects, faces, [])
 
 
-def _record_beside(file: Path, known: dict[Path, dict[str, ScanRecord]]) -> ScanRecord | None:
-    """Return the record of the registered scan in a file, if `register` kept one."""
+def _record_beside(
+    file: Path, records_of_folders: dict[Path, dict[str, ScanRecord]]
+) -> ScanRecord | None:
+    """Return the record of the registered scan in a file, if `register` kept one.
+
+    Records that are read are added to those of folders.
+    """
     for folder in (file.parent, file.parent.parent):
         if (folder / _RECORDS / f"{file.stem}.npz").is_file():
-            if folder not in known:
-                known[folder] = {record.name: record for record in read_records(folder)}
-            record = known[folder][file.stem]
+            if folder not in records_of_folders:
+                records = {record.name: record for record in read_records(folder)}
+                records_of_folders[folder] = records
+            record = records_of_folders[folder][file.stem]
             return record if record.arrays else None
     return None
 
@@ -280,19 +303,14 @@ def subject_of_scan(
     matched_share: float,
 ) -> SheetSubject:
     """Return a registered scan in upright axes."""
-
-    def upright(places: ndarray) -> ndarray:
-        moved = np.asarray(places, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
-        return np.asarray(moved)
-
     return SheetSubject(
         name=name,
-        points=upright(points),
+        points=apply_transform(transform, np.asarray(points, dtype=np.float64)),
         file=name,
         trusted_vertices=trusted_vertices,
         is_trusted=is_trusted,
         message=message,
-        scan=upright(scan),
+        scan=apply_transform(transform, np.asarray(scan, dtype=np.float64)),
         median_distance=median_distance,
         matched_share=matched_share,
     )

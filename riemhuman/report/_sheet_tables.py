@@ -19,19 +19,17 @@ Cell = str | float | None
 Rows = list[list[Cell]]
 Sheets = Sequence[tuple[SheetSubject, SheetValues]]
 
-_WIDEST, _NARROWEST = 40, 9  # characters of a column
+# Widths of columns, characters.
+_WIDEST = 40
+_NARROWEST = 9
 
 
 def table_text(sheets: Sheets) -> str:
     """Return a row per body as comma-separated text: SI units, which the header names."""
-    parts = [
-        _people(sheets),
-        _values(sheets, "value"),
-        _values(sheets, "percentile"),
-        _values(sheets, "uncertainty"),
-        _posture(sheets),
-    ]
-    return csv_text([[cell for part in row for cell in part] for row in zip(*parts, strict=True)])
+    rows = _people(sheets)
+    for what in ("value", "percentile", "uncertainty"):
+        rows = _beside(rows, _values(sheets, what))
+    return csv_text(_beside(rows, _posture(sheets)))
 
 
 def save_workbook(sheets: Sheets, file: Path) -> None:
@@ -60,22 +58,35 @@ def _beside(left: Rows, right: Rows) -> Rows:
 
 
 def _people(sheets: Sheets) -> Rows:
-    header: list[Cell] = ["name", "person", "sex", "visit", "file", "trust", "message"]
-    header += ["distance from the scan (m)", "matched share"]
-    return [header] + [
+    rows: Rows = [
         [
-            subject.name,
-            subject.person,
-            subject.sex,
-            subject.visit,
-            subject.file,
-            badge(subject)[1],
-            subject.message,
-            _number(subject.median_distance),
-            _number(subject.matched_share),
+            "name",
+            "person",
+            "sex",
+            "visit",
+            "file",
+            "trust",
+            "message",
+            "distance from the scan (m)",
+            "matched share",
         ]
-        for subject, _ in sheets
     ]
+    for subject, _ in sheets:
+        _, trust = badge(subject)
+        rows.append(
+            [
+                subject.name,
+                subject.person,
+                subject.sex,
+                subject.visit,
+                subject.file,
+                trust,
+                subject.message,
+                _number(subject.median_distance),
+                _number(subject.matched_share),
+            ]
+        )
+    return rows
 
 
 def _values(sheets: Sheets, what: str) -> Rows:
@@ -94,8 +105,7 @@ def _values(sheets: Sheets, what: str) -> Rows:
         for name in names:
             row = values.by_name.get(name)
             # Tables are named after the fields of a row.
-            known = {} if row is None else vars(row)
-            cells.append(_number(known.get(what, float("nan"))))
+            cells.append(None if row is None else _number(getattr(row, what)))
         rows.append(cells)
     return rows
 
@@ -109,19 +119,26 @@ def _posture(sheets: Sheets) -> Rows:
 
 
 def _changes(sheets: Sheets) -> Rows:
-    header: list[Cell] = ["name", "person", "visit", "since", "measurement", "unit"]
-    rows: Rows = [[*header, "before", "after", "change", "noise, ±", "changed"]]
+    header = ["name", "person", "visit", "since", "measurement", "unit"]
+    header += ["before", "after", "change", "noise, ±", "changed"]
+    rows: Rows = [[*header]]
     for subject, values in sheets:
         result = values.changes
         if result is None:
             continue
         for k, name in enumerate(result.names):
-            numbers = (result.before, result.after, result.changes, result.thresholds)
             rows.append(
                 [
-                    *(subject.name, subject.person, subject.visit, values.since),
-                    *(name, result.units[k]),
-                    *(_number(float(column[k])) for column in numbers),
+                    subject.name,
+                    subject.person,
+                    subject.visit,
+                    values.since,
+                    name,
+                    result.units[k],
+                    _number(result.before[k]),
+                    _number(result.after[k]),
+                    _number(result.changes[k]),
+                    _number(result.thresholds[k]),
                     "yes" if result.is_significant[k] else "no",
                 ]
             )
@@ -139,9 +156,9 @@ def _add_page(openpyxl: ModuleType, book: Any, title: str, rows: Rows) -> None:
     bold = openpyxl.styles.Font(bold=True)
     for cell in page[1]:
         cell.font = bold
-    for column, cells in enumerate(zip(*rows, strict=True), start=1):
-        longest = max(len(str(cell)) for cell in cells if cell is not None)
-        letter = openpyxl.utils.get_column_letter(column)
+    for column in range(len(rows[0])):
+        longest = max(len(str(row[column])) for row in rows if row[column] is not None)
+        letter = openpyxl.utils.get_column_letter(column + 1)
         page.column_dimensions[letter].width = min(max(longest + 1, _NARROWEST), _WIDEST)
     page.freeze_panes = "B2"
     page.auto_filter.ref = page.dimensions

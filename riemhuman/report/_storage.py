@@ -82,8 +82,10 @@ class ResultStore:
 
     def __init__(self, folder: Path, common: JSONRecord, progress: Progress = nullcontext) -> None:
         self.steps: list[Step] = []
-        # All results depend on `common`: the library's source, its dependencies and the bodies.
-        self._folder, self._common, self._progress = folder, common, progress
+        self._folder = folder
+        self._progress = progress
+        # What all results depend on: the library's source, its dependencies and the bodies.
+        self._common = common
 
     def step(
         self, name: str, compute: Callable[[], Computed], title: str, **inputs: object

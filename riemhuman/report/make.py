@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -119,72 +119,84 @@ def make_report(
     import_optional("sklearn.manifold", "report")
     started = _now()
     bodies = _bodies_to_report(bodies, basis, quick, progress)
-    compared = {**table_metrics(bodies), **(of_extensions if quick else representations)(bodies)}
-    first = [] if scans is None else [scan_section(read_records(scans), units=units)]
+    compared = table_metrics(bodies)
+    compared |= of_extensions(bodies) if quick else representations(bodies)
+    sections = [] if scans is None else [scan_section(read_records(scans), units=units)]
     folder = open_folder(output)
-    digest, results = fingerprint(bodies), folder / "results"
+    digest = fingerprint(bodies)
     common = {**_identity(), "bodies": digest}
-    store = ResultStore(results, common, progress)
+    store = ResultStore(folder / "results", common, progress)
+    figures = ResultStore(folder / "results" / "figures", common, progress)
     plan = QUICK if quick else Plan()
-    figures = ResultStore(results / "figures", common, progress)
     files = Output(folder, figures, plan.dots_an_inch)
     report = Report(bodies, plan, store, files, compared, basis, units)
-    with figure_style():
-        has_retrieval = any(task.is_retrieval for task in report.tasks)
-        # With few scans, people want measurements first.
-        order = _SECTIONS if has_retrieval else sorted(_SECTIONS, key=_comes_later)
-        made = [section for make in order if (section := make(report)) is not None]
-    sizes = _sizes(report)
+    sections += _sections_of(report)
     steps = _rows_of_steps(store)
     making = fill("making", steps=files.table("steps", steps))
+    sections.append(Section("making", "How this was made", "Making", making))
+    write_text(folder / "index.html", _page_text(report, sections, quick=quick))
+    write_provenance(
+        folder,
+        {
+            "status": "finished",
+            "started": started,
+            "finished": _now(),
+            "versions": _versions(),
+            "machine": {"system": platform.system(), "processor": platform.machine()},
+            "sizes": _sizes(report),
+            "fingerprint": digest,
+            "basis": report.basis[1],
+            "parameters": asdict(plan),
+            "seeds": {"t-sne": plan.seed},
+            "steps": steps,
+        },
+    )
+    return folder / "index.html"
+
+
+def _sections_of(report: Report) -> list[Section]:
+    """Return the sections for which there are enough bodies and labels."""
+    makers = list(_SECTIONS)
+    if not report.has_retrieval:
+        # With few scans, people want measurements first.
+        makers.remove(measurement_section)
+        makers.insert(0, measurement_section)
+    with figure_style():
+        sections = [maker(report) for maker in makers]
+    return [section for section in sections if section is not None]
+
+
+def _page_text(report: Report, sections: Sequence[Section], *, quick: bool) -> str:
+    bodies = report.bodies
     lead = fill(
         "lead",
         poses=[readable(name) for name in bodies.pose_names[:3]],
         quick=quick,
-        has_retrieval=has_retrieval,
+        has_retrieval=report.has_retrieval,
         has_poses=report.has_poses,
         count=len(bodies),
     )
-    text = page(
-        _TITLE,
-        lead,
-        [
-            (f"{number:,}", _ONE.get(name, name) if number == 1 else name)
-            for name, number in sizes.items()
-        ],
-        [*first, *made, Section("making", "How this was made", "Making", making)],
+    facts = []
+    for name, number in _sizes(report).items():
+        facts.append((f"{number:,}", _ONE.get(name, name) if number == 1 else name))
+    end = (
         f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
-        "Bodies in 3-D are drawn by three.js (MIT licence).",
+        "Bodies in 3-D are drawn by three.js (MIT licence)."
     )
-    write_text(folder / "index.html", text)
-    made_how = {"started": started, "sizes": sizes, "fingerprint": digest, "steps": steps}
-    write_provenance(folder, _provenance(report, plan, made_how))
-    return folder / "index.html"
-
-
-def _provenance(report: Report, plan: Plan, made_how: JSONRecord) -> JSONRecord:
-    """Return what a finished report says of itself, in the order of its file."""
-    return {
-        "status": "finished",
-        "started": made_how["started"],
-        "finished": _now(),
-        "versions": _versions(),
-        "machine": {"system": platform.system(), "processor": platform.machine()},
-        "sizes": made_how["sizes"],
-        "fingerprint": made_how["fingerprint"],
-        "basis": report.basis[1],
-        "parameters": asdict(plan),
-        "seeds": {"t-sne": plan.seed},
-        "steps": made_how["steps"],
-    }
+    return page(_TITLE, lead, facts, sections, end)
 
 
 def _rows_of_steps(store: ResultStore) -> list[JSONRecord]:
     """Return the steps of the experiments; figures, which have a store of their own, are none."""
     return [
-        {"title": s.title, "step": s.name, "seconds": s.seconds}
-        | {"reused": s.is_reused, "fingerprint": s.fingerprint}
-        for s in store.steps
+        {
+            "title": step.title,
+            "step": step.name,
+            "seconds": step.seconds,
+            "reused": step.is_reused,
+            "fingerprint": step.fingerprint,
+        }
+        for step in store.steps
     ]
 
 
@@ -205,22 +217,16 @@ def _bodies_to_report(
     return bodies
 
 
-def _comes_later(make: Callable[[Report], Section | None]) -> bool:
-    return make is not measurement_section
-
-
 def _sizes(report: Report) -> dict[str, int]:
     bodies = report.bodies
-    labelled = {
-        "people": len(set(bodies.subject.tolist())),
-        "poses": len(set(bodies.pose.tolist())),
-    }
-    return {
-        "bodies": len(bodies),
-        **(labelled if report.has_poses else {}),
-        "vertices each": bodies.template.n_vertices,
-        **({"pairs": len(bodies) * (len(bodies) - 1) // 2} if len(bodies) > 1 else {}),
-    }
+    sizes = {"bodies": len(bodies)}
+    if report.has_poses:
+        sizes["people"] = len(set(bodies.subject.tolist()))
+        sizes["poses"] = len(set(bodies.pose.tolist()))
+    sizes["vertices each"] = bodies.template.n_vertices
+    if len(bodies) > 1:
+        sizes["pairs"] = len(bodies) * (len(bodies) - 1) // 2
+    return sizes
 
 
 def _now() -> str:

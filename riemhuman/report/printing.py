@@ -27,13 +27,16 @@ _MAC = (
     "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
 )
 _OPTIONS = ("--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer")
-_SECONDS = 90
+_SECONDS = 90  # that printing may take; a page takes a few
 
 
 def find_browser() -> str | None:
     """Return the program of Chromium or a browser of its family, or None."""
-    browser = next((path for path in map(shutil.which, _BROWSERS) if path), None)
-    return browser or next((path for path in _MAC if os.access(path, os.X_OK)), None)
+    for name in _BROWSERS:
+        program = shutil.which(name)
+        if program is not None:
+            return program
+    return next((program for program in _MAC if os.access(program, os.X_OK)), None)
 
 
 def check_printing() -> None:
@@ -45,16 +48,17 @@ def check_printing() -> None:
 def print_page(browser: str, page: Path, pdf: Path) -> bool:
     """Print a page into a PDF file; return whether the browser did so."""
     with tempfile.TemporaryDirectory(prefix="riemhuman-") as profile:
-        # A profile of its own, since browsers that share one wait for each other. Chromium refuses
-        # its sandbox to root, and the page is ours.
-        is_root = hasattr(os, "geteuid") and os.geteuid() == 0
-        command = [browser, *_OPTIONS, *["--no-sandbox"] * is_root]
-        command += [f"--user-data-dir={profile}", f"--print-to-pdf={pdf}", page.resolve().as_uri()]
+        # A profile of its own, since browsers that share one wait for each other.
+        command = [browser, *_OPTIONS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf}"]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            # Chromium refuses its sandbox to root, and the page is ours.
+            command.append("--no-sandbox")
+        command.append(page.resolve().as_uri())
         try:
-            done = subprocess.run(
+            process = subprocess.run(
                 command, capture_output=True, timeout=_SECONDS, stdin=subprocess.DEVNULL
             )
         except (OSError, subprocess.TimeoutExpired):
             return False
     is_written = pdf.is_file() and pdf.stat().st_size > 0
-    return done.returncode == 0 and is_written
+    return process.returncode == 0 and is_written

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
@@ -20,6 +19,7 @@ from riemhuman.plots.scan_views import view_scan
 from riemhuman.plots.viewer import web_file
 from riemhuman.plots.windows import View, window_around
 from riemhuman.registration import ScanRecord, read_records
+from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report._page import Image, Section, fill, page
 from riemhuman.surfaces import triangle_areas
 
@@ -27,7 +27,8 @@ _LARGEST_METRES = 0.02  # distance of the last colour, also used for larger dist
 _HEIGHT = 300  # pixels
 _VIEWS = "views"  # folder of the pages of scans over their bodies
 # Colours of parts of a body without and with a counterpart in its scan.
-_UNMATCHED, _MATCHED = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
+_UNMATCHED = (0.62, 0.68, 0.76)
+_MATCHED = (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
@@ -48,7 +49,7 @@ def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
     >>> page = rh.report.scan_page("bodies")  # doctest: +SKIP
     """
     records = read_records(folder)
-    views = _write_views(Path(folder), records)
+    views = _write_views(Path(folder), records, units)
     trusted = sum(record.trusted for record in records)
     text = page(
         "Registered scans",
@@ -62,7 +63,7 @@ def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
     return place
 
 
-def _write_views(folder: Path, records: Sequence[ScanRecord]) -> dict[str, str]:
+def _write_views(folder: Path, records: Sequence[ScanRecord], units: str) -> dict[str, str]:
     """Write the pages of scans over their bodies, and return their addresses by names of scans."""
     views = {}
     for record in records:
@@ -70,7 +71,7 @@ def _write_views(folder: Path, records: Sequence[ScanRecord]) -> dict[str, str]:
             continue
         with convert_errors(folder / _VIEWS, "cannot be made"):
             (folder / _VIEWS).mkdir(exist_ok=True)
-        viewer = view_scan(record)
+        viewer = view_scan(record, system=units)
         title = f"{record.name}: {viewer.title[0].lower()}{viewer.title[1:]}"
         replace(viewer, title=title).save(folder / _VIEWS / f"{record.name}.html")
         views[record.name] = f"{_VIEWS}/{quote(record.name)}.html"
@@ -89,6 +90,10 @@ def scan_section(
         Addresses of the pages of scans over their bodies, by names of scans.
     units : {"cm", "in"}
     """
+
+    def gap(metres: float) -> str:
+        return readable_gap(metres, units)
+
     html = fill(
         "scans",
         css=web_file("report", "scans.css"),
@@ -99,7 +104,7 @@ def scan_section(
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
         colors=VALUE_COLORS,
-        gap=partial(readable_gap, system=units),
+        gap=gap,
         largest=_LARGEST_METRES,
     )
     return Section("scans", "Scans and their bodies", "Scans", html)
@@ -137,23 +142,24 @@ def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:
     if not record.arrays:
         return []
     transform = record.arrays["transform"]
-    body, scan = (
-        record.arrays[name] @ transform[:3, :3].T + transform[:3, 3] for name in ("points", "shown")
-    )
-    faces, view = record.arrays["faces"], View()
+    body = apply_transform(transform, record.arrays["points"])
+    scan = apply_transform(transform, record.arrays["shown"])
+    faces = record.arrays["faces"]
+    view = View()
     window = window_around(np.concatenate([body, scan]), view)
     is_matched = record.arrays["matched"][faces].any(axis=1)
     colors = np.where(is_matched[:, np.newaxis], _MATCHED, _UNMATCHED)
     errors = value_colors(record.arrays["shown_distances"], _LARGEST_METRES)
-    shown = render(body, faces, height=_HEIGHT, view=view, window=window, color=colors)
+    surface = render(body, faces, height=_HEIGHT, view=view, window=window, color=colors)
     pictures = {
         f"points of the scan {record.name}": points_picture(scan, window, _HEIGHT),
-        f"body registered to the scan {record.name}": shown,
+        f"body registered to the scan {record.name}": surface,
         f"distances of the scan {record.name} from its body": points_picture(
             scan, window, _HEIGHT, errors
         ),
     }
-    return [
-        (Image(image_source(picture), picture.shape[1], picture.shape[0]), alt)
-        for alt, picture in pictures.items()
-    ]
+    images = []
+    for alt, picture in pictures.items():
+        height, width = picture.shape[:2]
+        images.append((Image(image_source(picture), width, height), alt))
+    return images

@@ -27,7 +27,7 @@ from riemhuman.report._sheet_making import (
     save_pdf,
 )
 from riemhuman.report._sheet_page import Entry, index_page, sheet_page
-from riemhuman.report._sheet_subjects import Found, find_subjects
+from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
 from riemhuman.report.printing import check_printing, find_browser
 from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
@@ -37,7 +37,9 @@ from riemhuman.surfaces.template import check_body_sizes
 SHEET_FILES = r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)"
 """Pattern of the names of files in a folder of sheets."""
 
-_INDEX, _TABLE, _WORKBOOK = "index.html", "measurements.csv", "measurements.xlsx"
+_INDEX = "index.html"
+_TABLE = "measurements.csv"
+_WORKBOOK = "measurements.xlsx"
 _BATCH = 8  # bodies whose measurements are taken together
 _MOST_BROWSERS = 4
 Progress = Callable[[str], AbstractContextManager[object]]
@@ -97,80 +99,95 @@ def make_sheets(
     places = [bodies] if isinstance(bodies, (str, os.PathLike)) else list(bodies)
     paths = [file_path(place, "bodies") for place in places]
     folder = file_path(output, "output", "folder")
-    is_ours = re.compile(SHEET_FILES).fullmatch
-    check_output_folder(folder, lambda name: bool(is_ours(name)), force=replace_output)
+    check_output_folder(folder, _is_sheet_file, force=replace_output)
     with progress("Reading bodies"):
-        subjects_found = find_subjects(paths, labels, unit=unit, up=up)
-    known = _known(subjects_found, measurements, units, progress)
-    with atomic_folder(folder, lambda name: bool(is_ours(name))) as temporary:
-        _write(temporary, known, progress)
+        subjects = find_subjects(paths, labels, unit=unit, up=up)
+    sheets = _measured(subjects, measurements, units, progress)
+    with atomic_folder(folder, _is_sheet_file) as temporary:
+        _write(temporary, sheets, progress)
     return folder / _INDEX
 
 
-@dataclass(frozen=True, eq=False)
-class _Known:
-    """What is known about the bodies of a folder: their values, and the measurements of each."""
+def _is_sheet_file(name: str) -> bool:
+    return re.fullmatch(SHEET_FILES, name) is not None
 
-    found: Found
+
+@dataclass(frozen=True, eq=False)
+class _Sheets:
+    """The bodies of a folder, their values, and the measurements of each."""
+
+    labelled: LabelledSubjects
     values: Sequence[SheetValues]
     measurements: Mapping[int, Measurements]  # by the number of vertices
     units: str
 
     def content(self, number: int) -> Content:
-        subject = self.found.subjects[number]
+        subject = self.labelled.subjects[number]
         measurements = self.measurements[len(subject.points)]
         return content_for(measurements, subject, self.values[number], self.units)
 
 
-def _known(
-    subjects_found: Found, measurements: Measurements | None, units: str, progress: Progress
-) -> _Known:
-    """Return what is known about all bodies, those of one triangulation measured together."""
-    kinds: dict[int, list[int]] = {}
-    measurements_of: dict[int, Measurements] = {}
-    for number, (subject, faces) in enumerate(
-        zip(subjects_found.subjects, subjects_found.faces, strict=True)
-    ):
-        key = len(subject.points)
-        if key not in measurements_of:
-            measurements_of[key] = _measurements_of_file(measurements, subject, faces)
-        surface = measurements_of[key].definitions.surface
+def _measured(
+    labelled: LabelledSubjects, measurements: Measurements | None, units: str, progress: Progress
+) -> _Sheets:
+    """Measure all bodies, those of one triangulation together, and compare visits."""
+    subjects = labelled.subjects
+    numbers_by_size: dict[int, list[int]] = {}
+    measurements_by_size: dict[int, Measurements] = {}
+    for number, (subject, faces) in enumerate(zip(subjects, labelled.faces, strict=True)):
+        n_vertices = len(subject.points)
+        if n_vertices not in measurements_by_size:
+            own = _measurements_of_file(measurements, subject, faces)
+            measurements_by_size[n_vertices] = own
+        surface = measurements_by_size[n_vertices].definitions.surface
         surface.check_faces(faces, subject.file)
         check_body_sizes(subject.points, surface, subject.file)
-        kinds.setdefault(key, []).append(number)
+        numbers_by_size.setdefault(n_vertices, []).append(number)
     values: dict[int, SheetValues] = {}
-    for key, numbers in kinds.items():
-        average = average_for(measurements_of[key])
+    for n_vertices, numbers in numbers_by_size.items():
+        own = measurements_by_size[n_vertices]
+        average = average_for(own)
         for part, words in _parts(numbers):
             with progress(f"Measurements of {words}"):
-                measured = values_of(
-                    measurements_of[key], [subjects_found.subjects[k] for k in part], average
-                )
-            values |= dict(zip(part, measured, strict=True))
-    for number, subject in enumerate(subjects_found.subjects):
-        earlier = subjects_found.earlier(number)
-        if subjects_found.is_without_order(number):
-            remark = (
-                "changes since an earlier visit are left out: the labels do not give this "
-                "person's bodies different dates or visits"
-            )
-            remarks = (*values[number].remarks, remark)
-            values[number] = replace(values[number], remarks=remarks)
-        if earlier is None:
-            continue
-        before = subjects_found.subjects[earlier]
-        if len(before.points) != len(subject.points):
-            remark = f"no comparison with {before.name}: its triangles differ"
-            remarks = (*values[number].remarks, remark)
-            values[number] = replace(values[number], remarks=remarks)
-            continue
-        with progress(f"Changes of {subject.name} since {before.name}"):
-            values[number] = with_changes(
-                measurements_of[len(subject.points)], values[number], before, subject
-            )
-        if values[number].doubt:
-            warn(f"{before.name} and {subject.name} are {values[number].doubt}", UserWarning)
-    return _Known(subjects_found, [values[k] for k in range(len(values))], measurements_of, units)
+                values_of_part = values_of(own, [subjects[k] for k in part], average)
+            values |= dict(zip(part, values_of_part, strict=True))
+    for number, subject in enumerate(subjects):
+        own = measurements_by_size[len(subject.points)]
+        values[number] = _since_earlier(labelled, number, values[number], own, progress)
+    ordered = [values[number] for number in range(len(subjects))]
+    return _Sheets(labelled, ordered, measurements_by_size, units)
+
+
+def _since_earlier(
+    labelled: LabelledSubjects,
+    number: int,
+    values: SheetValues,
+    measurements: Measurements,
+    progress: Progress,
+) -> SheetValues:
+    """Return the values of a body with its changes since the visit before, if there was one."""
+    subject = labelled.subjects[number]
+    if labelled.is_without_order(number):
+        return _with_remark(
+            values,
+            "changes since an earlier visit are left out: the labels do not give this "
+            "person's bodies different dates or visits",
+        )
+    earlier = labelled.earlier(number)
+    if earlier is None:
+        return values
+    before = labelled.subjects[earlier]
+    if len(before.points) != len(subject.points):
+        return _with_remark(values, f"no comparison with {before.name}: its triangles differ")
+    with progress(f"Changes of {subject.name} since {before.name}"):
+        values = with_changes(measurements, values, before, subject)
+    if values.doubt:
+        warn(f"{before.name} and {subject.name} are {values.doubt}", UserWarning)
+    return values
+
+
+def _with_remark(values: SheetValues, remark: str) -> SheetValues:
+    return replace(values, remarks=(*values.remarks, remark))
 
 
 def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
@@ -183,38 +200,38 @@ def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
         yield part, which
 
 
-def _write(folder: Path, known: _Known, progress: Progress) -> None:
+def _write(folder: Path, sheets: _Sheets, progress: Progress) -> None:
     """Write all files of a folder of sheets."""
-    subjects, version = known.found.subjects, library_version()
+    subjects = sheets.labelled.subjects
+    version = library_version()
+    has_pdf = True
     try:
         check_printing()
-        endings = (".html", ".pdf")
     except MissingDependencyError as error:
+        has_pdf = False
         warn(
             f"no PDF is written, because Chromium or Chrome is missing; alternatively: {error}",
             UserWarning,
         )
-        endings = (".html", "")
-    files = [
-        tuple(end and f"{name}{end}" for end in endings)
-        for name in _file_names([subject.name for subject in subjects])
-    ]
+    names = _file_names([subject.name for subject in subjects])
+    files = [(f"{name}.html", f"{name}.pdf" if has_pdf else "") for name in names]
     entries: list[Entry] = []
     # Pictures take memory: those of a part are written before the next is drawn.
     for part, words in _parts(range(len(subjects))):
         with progress(f"Pictures of {words}"):
-            contents = list(mapped(known.content, part, thread_count(-1)))
+            contents = list(mapped(sheets.content, part, thread_count(-1)))
         with progress(f"Pages and PDF files of {words}"):
             _write_files(folder, contents, [files[number] for number in part], version)
         for number, content in zip(part, contents, strict=True):
-            of_body = subjects[number], known.values[number], content
-            entries.append(Entry.of(*of_body, *files[number]))
-    tables = _write_tables(folder, list(zip(subjects, known.values, strict=True)))
-    write_text(folder / _INDEX, index_page(entries, known.found.failures, tables, version))
+            page, pdf = files[number]
+            entry = Entry.of(subjects[number], sheets.values[number], content, page, pdf)
+            entries.append(entry)
+    tables = _write_tables(folder, list(zip(subjects, sheets.values, strict=True)))
+    write_text(folder / _INDEX, index_page(entries, sheets.labelled.failures, tables, version))
 
 
 def _write_files(
-    folder: Path, contents: Sequence[Content], files: Sequence[tuple[str, ...]], version: str
+    folder: Path, contents: Sequence[Content], files: Sequence[tuple[str, str]], version: str
 ) -> None:
     """Write pages and, if they have names, PDF files, by several browsers at a time."""
     browser = find_browser()
@@ -243,16 +260,18 @@ def _write_tables(folder: Path, sheets: Sequence[tuple[SheetSubject, SheetValues
 
 def _file_names(names: Sequence[str]) -> list[str]:
     """Return names of files that differ on every file system, and from that of the index."""
-    taken, chosen = {"index"}, []
+    used = {"index"}
+    file_names = []
     for name in names:
         plain = name.lstrip(".") or "body"
-        candidate, number = plain, 1
-        while candidate.casefold() in taken:
+        file_name = plain
+        number = 1
+        while file_name.casefold() in used:
             number += 1
-            candidate = f"{plain}_{number}"
-        taken.add(candidate.casefold())
-        chosen.append(candidate)
-    return chosen
+            file_name = f"{plain}_{number}"
+        used.add(file_name.casefold())
+        file_names.append(file_name)
+    return file_names
 
 
 def _measurements_of_file(

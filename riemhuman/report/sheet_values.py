@@ -21,67 +21,8 @@ from riemhuman.measurements import (
     person_distance,
     posture_angles,
 )
+from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
 
-# Measurements that people ask for, by group, with the names that people use.
-KEY_GROUPS: Mapping[str, Mapping[str, str]] = {
-    "Whole body": {
-        "stature": "Stature",
-        "body mass": "Weight, estimated",
-        "volume": "Volume",
-        "surface area": "Surface area",
-    },
-    "Neck and trunk": {
-        "neck girth": "Neck girth",
-        "shoulder (biacromial) breadth": "Shoulder breadth",
-        "chest girth": "Chest girth",
-        "under-bust girth": "Under-bust girth",
-        "waist girth": "Natural waist girth",
-        "waist girth (omphalion)": "Waist at the navel",
-        "hip girth": "Hip girth",
-        "back length": "Back length",
-    },
-    "Arms": {
-        "arm length": "Arm length",
-        "upper arm girth": "Upper arm girth",
-        "forearm girth": "Forearm girth",
-        "wrist girth": "Wrist girth",
-    },
-    "Legs": {
-        "inside leg height": "Inside leg",
-        "outside leg length": "Outside leg",
-        "thigh girth": "Thigh girth",
-        "knee girth": "Knee girth",
-        "calf girth": "Calf girth",
-        "ankle girth": "Ankle girth",
-        "foot length": "Foot length",
-    },
-}
-_KEY_NAMES = {name: title for group in KEY_GROUPS.values() for name, title in group.items()}
-# Words of anatomists in the names of others.
-_PLAIN_NAMES = {
-    "cervical height": "Height of the neck's base",
-    "waist height (omphalion)": "Navel height",
-    "suprasternale height": "Breastbone height",
-    "iliocristale height": "Hip bone height",
-    "trochanter height": "Height of the thigh bone",
-    "knee height (midpatella)": "Kneecap height",
-    "lateral epicondyle height": "Outer knee height",
-    "tibial height": "Height of the shin bone",
-    "tragion to crown": "Ear to crown",
-    "arm length along joints": "Arm length between joints",
-    "back length (omphalion)": "Back length to the navel",
-    "front length (omphalion)": "Front length to the navel",
-    "crotch length (omphalion)": "Crotch length at the navel",
-    "posterior crotch length (omphalion)": "Crotch length, back half",
-    "back breadth (interscye)": "Back breadth at the armpits",
-    "back breadth (midscye)": "Back breadth above them",
-    "bitragion-chin arc": "Ear to ear by the chin",
-    "bitragion-submandibular arc": "Ear to ear below the jaw",
-    "waist breadth (omphalion)": "Navel breadth",
-    "waist depth (omphalion)": "Navel depth",
-    "iliac crest breadth": "Hip bone breadth",
-    "interpupillary breadth": "Between the pupils",
-}
 # Quotients of two measurements, and powers of the second.
 _RATIOS = {
     "Body mass index": ("body mass", "stature", 2, "kg/m²"),
@@ -192,18 +133,18 @@ def values_of(
     measurements: Measurements, subjects: Sequence[SheetSubject], average: Average
 ) -> list[SheetValues]:
     """Return what is known about bodies, whose measurements are taken together."""
-    chosen = [number for number, each in enumerate(subjects) if each.is_measurable]
+    measurable = [number for number, subject in enumerate(subjects) if subject.is_measurable]
     standing: dict[int, ndarray] = {}
     measured = None
-    if chosen:
-        points = np.stack([subjects[number].points for number in chosen])
+    if measurable:
+        points = np.stack([subjects[number].points for number in measurable])
         straight = in_standard_pose(measurements.definitions, points)
-        standing = dict(zip(chosen, straight, strict=True))
+        standing = dict(zip(measurable, straight, strict=True))
         measured = measurements.measure(
             straight,
             axes="space",
             missing="nan",
-            trusted_vertices=np.stack([subjects[number].known_vertices for number in chosen]),
+            trusted_vertices=np.stack([subjects[number].known_vertices for number in measurable]),
         )
     results = []
     for number, subject in enumerate(subjects):
@@ -211,7 +152,7 @@ def values_of(
             values = np.full(len(measurements.names), np.nan)
             reasons = dict.fromkeys(measurements.names, "the registration is not trusted")
         else:
-            place = chosen.index(number)
+            place = measurable.index(number)
             values = measured.values[place]
             reasons = {
                 name: reason for (k, name), reason in measured.why_missing.items() if k == place
@@ -226,20 +167,22 @@ class Average:
     """Average adults for comparison, made once for a stature in millimetres and a sex."""
 
     def __init__(self, resolution: str, faces: ndarray) -> None:
-        self._resolution, self.faces = resolution, faces
-        self._made: dict[tuple[int, str], ndarray] = {}
+        self.faces = faces
+        self._resolution = resolution
+        self._bodies: dict[tuple[int, str], ndarray] = {}
 
     def of(self, stature: float, sex: str) -> ndarray | None:
         """Return the average body, or None if the stature is unknown or no adult has it."""
         if not np.isfinite(stature):
             return None
-        key = round(1000 * stature), sex
-        if key not in self._made:
+        millimetres = round(1000 * stature)
+        key = (millimetres, sex)
+        if key not in self._bodies:
             try:
-                self._made[key] = average_adult(key[0] / 1000, sex, self._resolution)
+                self._bodies[key] = average_adult(millimetres / 1000, sex, self._resolution)
             except ArgumentError:
                 return None
-        return self._made[key]
+        return self._bodies[key]
 
 
 def _values(
@@ -252,16 +195,16 @@ def _values(
 ) -> SheetValues:
     named = dict(zip(measurements.names, values.tolist(), strict=True))
     stature = named.get("stature", float("nan"))
-    found = _percentiles(named, subject.sex, stature)
+    percentiles_by_name = _percentiles(named, subject.sex, stature)
     noise = noise_of_measurements(measurements.names)
     rows = tuple(
         SheetRow(
             name,
-            _KEY_NAMES.get(name) or _PLAIN_NAMES.get(name) or name[:1].upper() + name[1:],
+            everyday_name(name),
             unit,
             named[name],
             _DEVIATIONS * deviation,
-            found.get(name, float("nan")),
+            percentiles_by_name.get(name, float("nan")),
             reasons.get(name, ""),
         )
         for name, unit, deviation in zip(
@@ -292,11 +235,11 @@ def _percentiles(named: Mapping[str, float], sex: str, stature: float) -> dict[s
 
 
 def _ratios(named: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-    found = {}
+    ratios = {}
     for title, (above, below, power, unit) in _RATIOS.items():
         if above in named and below in named:
-            found[title] = (named[above] / named[below] ** power, unit)
-    return found
+            ratios[title] = (named[above] / named[below] ** power, unit)
+    return ratios
 
 
 def _posture(
@@ -311,11 +254,11 @@ def _posture(
         )
     except ArgumentError:
         return {}, []  # another set, without these landmarks
-    found = {name: float(angle) for name, angle in angles.items()}
-    leans = [found["trunk lean forward"], found["trunk lean to the left"]]
+    posture = {name: float(angle) for name, angle in angles.items()}
+    leans = [posture["trunk lean forward"], posture["trunk lean to the left"]]
     if np.nanmax(np.abs(leans), initial=0.0) > _LARGEST_LEAN:
         return {}, ["posture is left out: the body is lying, or another axis points up (see --up)"]
-    return found, []
+    return posture, []
 
 
 def with_changes(

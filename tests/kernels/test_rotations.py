@@ -129,6 +129,18 @@ def test_quaternions(angle):
     np.testing.assert_allclose(found, expected, atol=1e-15)
 
 
+def test_signs_of_quaternions_do_not_jump():
+    angles = np.linspace(0.0, 3.0 * np.pi, 40)
+    about_x = Rotation.from_rotvec(angles[:, np.newaxis] * [1.0, 0.0, 0.0]).as_quat()
+    about_y = Rotation.from_rotvec(angles[:, np.newaxis] * [0.0, 1.0, 0.0]).as_quat()
+    quaternions = np.stack([about_x, about_y], axis=1)
+    quaternions[7, 0] *= -1.0
+    continuous = so3.with_continuous_signs(quaternions)
+    assert np.abs(np.diff(quaternions, axis=0)).max() > 1.0
+    assert np.abs(np.diff(continuous, axis=0)).max() < 0.2
+    np.testing.assert_array_equal(np.abs(continuous), np.abs(quaternions))
+
+
 @pytest.mark.parametrize("angle", [1e-12, 1e-6, 0.3, 2.0, 3.1])
 def test_logarithm_and_exponential(angle):
     start, vectors = random_rotations(56), turns(angle)

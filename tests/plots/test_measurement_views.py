@@ -46,6 +46,11 @@ def test_numbers_of_a_picture_are_those_of_its_table():
     values = few.measure(BODIES[20], axes="space")
     table = [text.get_text() for text in figure.axes[2].texts]
     assert table[:3] == ["1", "waist girth", f"{100 * float(values['waist girth']):.1f} cm"]
+    renamed = rh.plots.plot_measurements(
+        few, BODIES[20], pose="as is", height=80, names={"waist girth": "Natural waist"}
+    )
+    names = [text.get_text() for text in renamed.axes[2].texts if text.get_ha() == "left"]
+    assert names == ["Natural waist", "hip girth"]
     inches = rh.plots.plot_measurements(few, BODIES[20], pose="as is", system="in", height=80)
     assert inches.axes[2].texts[2].get_text().endswith(" in")
 

@@ -51,7 +51,7 @@ if (beforeCut < 2.0 * fwidth(beforeCut)) diffuseColor = vec4(edgeColor, 1.0);`);
 function discsAt(points, normals, radius) {
   const count = points.length / 3;
   const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
-  const made = {
+  const squares = {
     positions: new Float32Array(12 * count), normals: new Float32Array(12 * count),
     discs: new Float32Array(8 * count), faces: new Uint32Array(6 * count),
   };
@@ -64,15 +64,15 @@ function discsAt(points, normals, radius) {
     corners.forEach(([x, y], corner) => {
       const k = 4 * i + corner;
       for (let axis = 0; axis < 3; axis += 1) {
-        made.positions[3 * k + axis] = point.getComponent(axis)
+        squares.positions[3 * k + axis] = point.getComponent(axis)
           + radius * (x * right.getComponent(axis) + y * up.getComponent(axis));
-        made.normals[3 * k + axis] = across.getComponent(axis);
+        squares.normals[3 * k + axis] = across.getComponent(axis);
       }
-      made.discs.set([x, y], 2 * k);
+      squares.discs.set([x, y], 2 * k);
     });
-    made.faces.set([0, 1, 2, 0, 2, 3].map((corner) => 4 * i + corner), 6 * i);
+    squares.faces.set([0, 1, 2, 0, 2, 3].map((corner) => 4 * i + corner), 6 * i);
   }
-  return made;
+  return squares;
 }
 
 class ScanOverBody extends Panel {
@@ -90,7 +90,7 @@ class ScanOverBody extends Panel {
     this.seen = seen;
     this.faces = faces;
     this.points = Float32Array.from(places, (value, i) => data.low[i % 3] + data.step[i % 3] * value);
-    this.distances = Float32Array.from(new Int16Array(distances.buffer), (value) => value / 10);
+    this.distances = Float32Array.from(new Int16Array(distances.buffer), (value) => value * data.unit.step);
     this.normals = normals && Float32Array.from(new Int8Array(normals.buffer), (value) => value / 127);
     this.cut = new Float32Array([0, 0, 0, 1]);
     this.inputs = {};
@@ -209,18 +209,18 @@ class ScanOverBody extends Panel {
     if (this.showsBackground === withBackground) return;
     this.showsBackground = withBackground;
     const pointOf = (corner) => Math.floor(corner / this.perPoint);
-    const kept = [];
+    const drawn = [];
     for (let i = 0; i < this.triangles.length; i += 3) {
       const corners = this.triangles.slice(i, i + 3);
-      if (withBackground || corners.every((corner) => !this.background[pointOf(corner)])) kept.push(...corners);
+      if (withBackground || corners.every((corner) => !this.background[pointOf(corner)])) drawn.push(...corners);
     }
-    this.geometry.setIndex(new THREE.BufferAttribute(Uint32Array.from(kept), 1));
+    this.geometry.setIndex(new THREE.BufferAttribute(Uint32Array.from(drawn), 1));
   }
 
   // What the pointer is on: the scan with its distance, unless the body hides it.
-  describe(place, found, said) {
+  describe(place, hit, text) {
     const first = (mesh) => this.viewer.ray.intersectObject(mesh, false)
-      .find((hit) => this.isBeforeCut(mesh, hit.point)) || null;
+      .find(({ point }) => this.isBeforeCut(mesh, point)) || null;
     const onScan = this.mesh.visible ? first(this.mesh) : null;
     const onBody = first(this.body.mesh);
     const isOpaque = Number(this.inputs.body.value) > 99;
@@ -229,12 +229,14 @@ class ScanOverBody extends Panel {
       if (this.background[point]) return "Floor, hair or stray point";
       const distance = this.distances[point];
       const where = distance < 0 ? "inside" : "outside";
-      const part = said.replace(/^Body: /, "");
-      return `${Math.abs(distance).toFixed(1)} mm ${where} the body${part && found ? ` (${part})` : ""}`;
+      const { digits, name } = this.data.unit;
+      const part = text.replace(/^Body: /, "");
+      const ofBody = part && hit ? ` (${part})` : "";
+      return `${Math.abs(distance).toFixed(digits)} ${name} ${where} the body${ofBody}`;
     }
     if (!onBody) return "";
     const isUnseen = !this.seen[onBody.face.a];
-    return isUnseen ? [said, "not seen by the scan"].filter(Boolean).join(", ") : said;
+    return isUnseen ? [text, "not seen by the scan"].filter(Boolean).join(", ") : text;
   }
 
   isBeforeCut(mesh, point) {
