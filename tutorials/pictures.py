@@ -1,6 +1,7 @@
-"""Draw the pictures of README.md into tutorials/pictures: `python tutorials/pictures.py`.
+"""Draw the pictures of README.md and overview.md: `python tutorials/pictures.py`.
 
-The picture of the report needs Chromium; without it, the picture that is there stays.
+They go into tutorials/pictures. The picture of the report needs Chromium; without it, the picture
+that is there stays.
 """
 
 import shutil
@@ -81,16 +82,19 @@ def moving(bodies, space) -> None:
     geodesic = rh.solvers.BasisPath(basis, n_nodes=n_nodes).solve(metric, start, end).path
     faces = bodies.template.faces
     colors = [shrinking_colors(area_change(path, faces)) for path in (straight, geodesic)]
-    middle = (start + end).mean(axis=0) / 2 * [1.0, 1.0, 0.0]
+    middle = (start + end).mean(axis=0) / 2
+    middle[2] = 0.0
     view = rh.plots.View(azimuth=0.0)
     window = window_around(np.concatenate([*straight, *geodesic]) - middle, view, margin=0.1)
     ground = Ground.below([surface - middle for surface in (*straight, *geodesic)])
     frames = []
-    for surfaces in zip(straight, geodesic, *colors, strict=True):
+    for number in range(n_nodes):
         halves = []
-        for surface, painted in zip(surfaces[:2] - middle, surfaces[2:], strict=True):
-            settings = {"height": 380, "view": view, "window": window}
-            body = rh.plots.render(surface, faces, color=painted, **settings)
+        for path, path_colors in zip((straight, geodesic), colors, strict=True):
+            surface = path[number] - middle
+            body = rh.plots.render(
+                surface, faces, height=380, view=view, window=window, color=path_colors[number]
+            )
             below = ground.picture(surface, view, window, body.shape[:2])
             halves.append(np.round(over(body, below)).astype(np.uint8))
         picture = np.concatenate(halves, axis=1)
@@ -102,11 +106,11 @@ def moving(bodies, space) -> None:
         frames.append(canvas.convert("RGB"))
     hold = [600, *[90] * (n_nodes - 2), 600]
     back_and_forth = [*range(n_nodes), *range(n_nodes - 2, 0, -1)]
-    first, *others = (frames[number].quantize(64) for number in back_and_forth)
-    first.save(
+    pictures = [frames[number].quantize(64) for number in back_and_forth]
+    pictures[0].save(
         FOLDER / "moving.gif",
         save_all=True,
-        append_images=others,
+        append_images=pictures[1:],
         duration=[hold[number] for number in back_and_forth],
         loop=0,
     )
@@ -171,17 +175,18 @@ def path_and_mean(bodies, space, people) -> None:
     some = people[[1, 4, 8], 0]
     mean = rh.FrechetMean(space, solver=rh.solvers.BasisMean(basis)).fit(some).estimate_
     figure, ax = plt.subplots(figsize=(9, 2.8), layout="constrained")
-    rh.plots.plot_path([*some, mean], faces, colors=3 * [SKIN] + [GOLD], ax=ax, spacing=1.7)
+    colors = [SKIN, SKIN, SKIN, GOLD]
+    rh.plots.plot_path([*some, mean], faces, colors=colors, ax=ax, spacing=1.7)
     save(figure, "mean")
 
 
 def scan() -> None:
     """Draw a scan with holes, the body that is registered to it, and their distances."""
     bodies = rh.datasets.load_open_bodies("coarse")
-    found = rh.registration.simulated_scan(
+    simulated = rh.registration.simulated_scan(
         bodies[57], bodies.template.faces, rng=3, n_points=12000, missing=0.12
     )
-    result = rh.registration.ScanRegistration(bodies.model).solve(found.surface)
+    result = rh.registration.ScanRegistration(bodies.model).solve(simulated.surface)
     figure = rh.plots.plot_scan(rh.registration.lay_over_body(result))
     save(figure, "scan", dpi=100)
 
@@ -199,7 +204,9 @@ def motions() -> None:
     """Draw two performances of one motion aligned in time, one above the other."""
     people = ["lean runner", "older heavy man"]
     recorded = rh.datasets.load_open_motions("coarse", people, ["knees"])
-    first, second = (motion[: 60 + 18 * k : 2 + k] for k, motion in enumerate(recorded))
+    # The second is slower.
+    first = recorded[0][:60:2]
+    second = recorded[1][:78:3]
     template = recorded[0].template
     space = rh.AlignedSurfaces(template).equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
     warping = rh.motions.DynamicTimeWarping(space.metric, centered=True)
@@ -238,16 +245,16 @@ def sheet() -> None:
     pose = rh.datasets.pose_vectors(rh.datasets.joint_rotations(angles, model), model)
     body = model(bodies.betas[person][0], pose)
     settings = {"n_points": 12_000, "mesh": True, "noise": 0.0015, "missing": 0.06}
-    seen = rh.registration.simulated_scan(body, model.faces, rng=3, **settings)
-    result = rh.registration.ScanRegistration(model).solve((seen.points, seen.faces))
-    made = rh.report.sheet(result, name="Anna", sex="woman")
+    scan = rh.registration.simulated_scan(body, model.faces, rng=3, **settings)
+    result = rh.registration.ScanRegistration(model).solve((scan.points, scan.faces))
+    anna = rh.report.sheet(result, name="Anna", sex="woman")
     browser = rh.report.printing.find_browser()
     if browser is None:
         print("sheet.png is left as it is: no Chromium was found")
         return
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "sheet.html"
-        made.save(page)
+        anna.save(page)
         options = ["--headless=new", "--no-sandbox", "--hide-scrollbars", "--window-size=1040,1270"]
         picture = FOLDER / "sheet.png"
         subprocess.run(
