@@ -103,8 +103,10 @@ def gallery(notebooks: list[Path]) -> str:
 def first_sentence(cell: dict[str, Any]) -> str:
     """Return the first sentence below the title, and the second if the first is short."""
     paragraph = "".join(cell["source"]).split("\n\n")[1].replace("\n", " ")
-    first, *more = re.split(r"(?<=[.?])\s", re.sub(r"[*_]", "", paragraph))
-    return f"{first} {more[0]}" if more and len(first) < _SHORT_SENTENCE else first
+    without_emphasis = re.sub(r"[*_]", "", paragraph)
+    sentences = re.split(r"(?<=[.?])\s", without_emphasis)  # at spaces behind a stop
+    count = 2 if len(sentences[0]) < _SHORT_SENTENCE else 1
+    return " ".join(sentences[:count])
 
 
 class Task(NamedTuple):
@@ -232,8 +234,8 @@ def is_module(module: Any, name: str) -> bool:
 
 def defined_in(module: ModuleType, name: str) -> bool:
     """Return whether a public class or function is the module's own."""
-    found = getattr(module, name)
-    return not name.startswith("_") and getattr(found, "__module__", None) == module.__name__
+    value = getattr(module, name)
+    return not name.startswith("_") and getattr(value, "__module__", None) == module.__name__
 
 
 def from_command_line() -> int:

@@ -38,11 +38,11 @@ def executed(path: Path) -> NotebookNode:
     that is installed, if it is.
     """
     notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
-    dropped = ("MPLBACKEND", "OPENBLAS_NUM_THREADS", "PYTHONWARNINGS")
-    kept = {name: value for name, value in os.environ.items() if name not in dropped}
+    left_out = ("MPLBACKEND", "OPENBLAS_NUM_THREADS", "PYTHONWARNINGS")
+    variables = {name: value for name, value in os.environ.items() if name not in left_out}
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch.dict(os.environ, kept | {"PYTHONPATH": str(LIBRARY)}, clear=True),
+        mock.patch.dict(os.environ, variables | {"PYTHONPATH": str(LIBRARY)}, clear=True),
     ):
         shutil.copytree(FOLDER / "recordings", Path(folder) / "recordings")
         nbclient.NotebookClient(
@@ -78,13 +78,13 @@ def small(notebook: NotebookNode) -> NotebookNode:
 
 def joined(outputs: list[NotebookNode]) -> list[NotebookNode]:
     """Return outputs with the pieces of a text, which come as they are flushed, in one."""
-    kept: list[NotebookNode] = []
+    whole: list[NotebookNode] = []
     for output in outputs:
-        if kept and output.output_type == "stream" and kept[-1].get("name") == output.name:
-            kept[-1].text += output.text
+        if whole and output.output_type == "stream" and whole[-1].get("name") == output.name:
+            whole[-1].text += output.text
         else:
-            kept.append(output)
-    return kept
+            whole.append(output)
+    return whole
 
 
 def few_colours(picture: str) -> str:

@@ -38,11 +38,15 @@ _BODY_MASS_INDEX = {
 _MEDIAN = 4  # where it is among the percentiles
 # Mean and spread of gender and age, and the parameters of the distribution of ancestry.
 _GENDER = {"woman": 0.95, "man": 0.05}
-_GENDER_RANGE, _AGE_RANGE, _ANCESTRY = 0.15, (0.66, 0.93), (1.0, 0.7, 1.3)
+_GENDER_RANGE = 0.15
+_AGE_RANGE = (0.66, 0.93)
+_ANCESTRY = (1.0, 0.7, 1.3)
 
 # Measurements that bodies get from people, with the deviation that costs as much as one standard
 # deviation of a parameter, as a share of the standard deviation among people of one sex.
-_CLOSE, _FAIR, _LOOSE = 0.07, 0.15, 0.35
+_CLOSE = 0.07
+_FAIR = 0.15
+_LOOSE = 0.35
 _SHARES = {
     **dict.fromkeys(
         (
@@ -106,7 +110,9 @@ _SEATED = ("bideltoidbreadth", "forearmhandlength", "shoulderelbowlength")
 _PATH_POINTS = 12
 
 _STEP = 0.06  # of finite differences
-_N_STEPS, _N_BINS, _BATCH = 5, 4, 25
+_N_STEPS = 5
+_N_BINS = 4  # of people by their body mass index, who share derivatives
+_BATCH = 25  # bodies measured at a time
 _FAILED = 5.0  # largest deviation of a person's measurement, standard deviations
 
 
@@ -188,13 +194,26 @@ class PeopleFitter:
             error = np.nan_to_num(np.abs(measured - wanted) / table.std(axis=0), nan=0.0)
             good = error.max(axis=1) < _FAILED
             _say(f"{sex}: {good.sum()} of {len(good)} people have a body with their measurements")
-            is_woman = np.full(good.sum(), sex == "woman")
-            rows = parameters, given, wanted, measured, unwidened
-            parts.append((is_woman, *(array[good] for array in rows)))
-        is_woman, parameters, given, wanted, measured, unwidened = map(
-            np.concatenate, zip(*parts, strict=True)
+            parts.append(
+                Adults(
+                    parameters=parameters[good],
+                    given=given[good],
+                    is_woman=np.full(good.sum(), sex == "woman"),
+                    wanted=wanted[good],
+                    measured=measured[good],
+                    names=self.names,
+                    unwidened=unwidened[good],
+                )
+            )
+        return Adults(
+            parameters=np.concatenate([part.parameters for part in parts]),
+            given=np.concatenate([part.given for part in parts]),
+            is_woman=np.concatenate([part.is_woman for part in parts]),
+            wanted=np.concatenate([part.wanted for part in parts]),
+            measured=np.concatenate([part.measured for part in parts]),
+            names=self.names,
+            unwidened=np.concatenate([part.unwidened for part in parts]),
         )
-        return Adults(parameters, given, is_woman, wanted, measured, self.names, unwidened)
 
     def _fit_mean(self, target: np.ndarray, tolerances: np.ndarray, sex: str) -> np.ndarray:
         given = np.array([_GENDER[sex], np.mean(_AGE_RANGE), *_ANCESTRY])
@@ -217,19 +236,23 @@ class PeopleFitter:
         rng: np.random.Generator,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return parameters, what is given and measurements: random people, moved to be these."""
-        n, spreads, limits = len(wanted), self._generator.spreads, self._generator.limits
+        n = len(wanted)
+        spreads = self._generator.spreads
+        limits = self._generator.limits
         given = np.empty((n, len(GIVEN)))
         given[:, 0] = np.abs((sex == "woman") - rng.uniform(0.0, _GENDER_RANGE, n))
         given[:, 1] = rng.uniform(*_AGE_RANGE, n)
         given[:, 2:] = rng.dirichlet(_ANCESTRY, n)
         start = np.clip(mean + spreads * rng.standard_normal((n, len(mean))), *limits.T)
-        stature, mass = (wanted[:, self.names.index(name)] for name in ("stature", "weightkg"))
-        index = mass / stature**2
+        stature = wanted[:, self.names.index("stature")]
+        index = wanted[:, self.names.index("weightkg")] / stature**2
         cuts = np.quantile(index, np.linspace(0, 1, _N_BINS + 1)[1:-1])
         bins = np.searchsorted(cuts, index)
 
         parameters = 0.3 * start + 0.7 * mean
-        best, least, measured = parameters, np.full(n, np.inf), np.full(wanted.shape, np.nan)
+        best = parameters
+        least = np.full(n, np.inf)
+        measured = np.full(wanted.shape, np.nan)
         face = None
         for number in range(_N_STEPS + 1):
             values = self.measure(parameters, given)
@@ -314,7 +337,8 @@ def public_body_mass_index(normal: np.ndarray, sex: str) -> np.ndarray:
 
 def widened(table: np.ndarray, names: Sequence[str], sex: str) -> tuple[np.ndarray, np.ndarray]:
     """Return measurements with the public's spread of body mass, and weights to undo it."""
-    stature, mass = (table[:, names.index(name)] for name in ("stature", "weightkg"))
+    stature = table[:, names.index("stature")]
+    mass = table[:, names.index("weightkg")]
     own = np.log(mass / stature**2)
     normal = norm.ppf((rankdata(own, method="ordinal") - 0.5) / len(own))
     offsets = public_body_mass_index(normal, sex)

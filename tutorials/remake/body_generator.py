@@ -26,7 +26,10 @@ _DOUBLES = ("measure-upperleg-height-incr", "measure-lowerleg-height-incr")
 _LEAST_METRES = 0.25e-3  # root mean square displacement of local changes that show
 # Spread of phenotypes around the mean of a sex; and of local changes, whose extremes are ±1.
 _PHENOTYPE_SPREADS = (0.25, 0.35, 0.2, 0.3, 0.25, 0.2)
-_BODY_SPREAD, _HEAD_SPREAD, _FACE_SPREAD, _EAR_SPREAD = 0.32, 0.22, 0.2, 0.12
+_BODY_SPREAD = 0.32
+_HEAD_SPREAD = 0.22
+_FACE_SPREAD = 0.2
+_EAR_SPREAD = 0.12
 _FACE = ("cheek", "chin", "eyebrows", "eye", "forehead", "mouth", "nose")
 _PHENOTYPE_LIMITS = (
     (-0.1, 1.15),
@@ -82,7 +85,9 @@ class BodyGenerator:
     def _weights(self, parameters: np.ndarray, given: np.ndarray) -> np.ndarray:
         """Return the weight of every shape, (n, K)."""
         n, n_phenotypes = len(parameters), len(_LEVELS)
-        gender, age, ancestry = given[:, 0], given[:, 1], given[:, 2:]
+        gender = given[:, 0]
+        age = given[:, 1]
+        ancestry = given[:, 2:]
         levels = [
             ancestry / ancestry.sum(axis=1, keepdims=True),
             _interpolation(gender, 2),

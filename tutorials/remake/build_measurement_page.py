@@ -64,7 +64,9 @@ other.
 def page() -> str:
     """Return the text of the page."""
     adults = json.loads((DATA / "measurements_of_adults.json").read_text(encoding="utf-8"))
-    lines, agree, count = [], 0, 0
+    lines = []
+    agree = 0
+    count = 0
     for pose in ("standing", "seated"):
         definitions = open_measurements("full", pose)
         lines.append(f"| **{pose}** | | | | | | | | |")

@@ -38,7 +38,9 @@ from riemhuman.measurements.measurement_set import DATA
 from riemhuman.surfaces.nearest_points import nearest_points
 
 _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
-_UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]
+_UP = np.array([0.0, 1.0, 0.0])
+_FORWARD = np.array([0.0, 0.0, 1.0])
+_RIGHT = np.array([-1.0, 0.0, 0.0])
 # Height of the glabella, just above the brows, as a share of the stature.
 _GLABELLA = 0.953
 # Distances below the crotch and below the fold of the breast, and between levels, metres.

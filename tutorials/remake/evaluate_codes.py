@@ -92,30 +92,33 @@ class UnseenBodies:
         return people, others, self.model(self._betas[people], self._poses[others])
 
 
-def mean_error(found: ndarray, wanted: ndarray) -> float:
+def mean_error(surfaces: ndarray, expected: ndarray) -> float:
     """Return the mean distance of vertices after rigid alignment, in millimetres.
 
     Parameters
     ----------
-    found, wanted : array, shape (n, V, 3)
+    surfaces, expected : array, shape (n, V, 3)
         Surfaces, metres.
 
     Returns
     -------
     float
     """
-    moved = [procrustes(one, to=other) for one, other in zip(found, wanted, strict=True)]
-    return float(1000.0 * np.linalg.norm(np.stack(moved) - wanted, axis=-1).mean())
+    moved = [
+        procrustes(surface, to=target) for surface, target in zip(surfaces, expected, strict=True)
+    ]
+    return float(1000.0 * np.linalg.norm(np.stack(moved) - expected, axis=-1).mean())
 
 
 def _two_codes(network: PairedCodes, bodies: UnseenBodies, vertices: Any) -> str:
-    first, second = network.split(codes := network.transform(bodies.points))
+    codes = network.transform(bodies.points)
+    first, second = network.split(codes)
     people, others, truth = bodies.transfers()
     mixed = network.inverse_transform(np.concatenate([first[people], second[others]], axis=1))
     again = mean_error(network.inverse_transform(codes), bodies.points[:, vertices])
-    one, other = network.code_names
+    first_name, second_name = network.code_names
     return (
-        f"reconstruction {again:.1f} mm, {one} of one and {other} of another "
+        f"reconstruction {again:.1f} mm, {first_name} of one and {second_name} of another "
         f"{mean_error(mixed, truth[:, vertices]):.1f} mm"
     )
 
@@ -127,9 +130,9 @@ def _shape_pose(bodies: UnseenBodies) -> str:
 def _intrinsic_extrinsic(bodies: UnseenBodies) -> str:
     network = IntrinsicExtrinsicCodes.load_pretrained()
     faces, count = bodies.model.faces, network.n_eigenvalues
-    values = [spectrum(f, faces, count).eigenvalues for f in bodies.points]
-    found = network.spectra(network.transform(bodies.points))
-    error = np.abs(found / np.stack(values) - 1.0).mean()
+    exact = [spectrum(surface, faces, count).eigenvalues for surface in bodies.points]
+    predicted = network.spectra(network.transform(bodies.points))
+    error = np.abs(predicted / np.stack(exact) - 1.0).mean()
     return (
         f"{_two_codes(network, bodies, network.vertices_)}, error of an eigenvalue "
         f"{100 * error:.1f} %"

@@ -32,18 +32,16 @@ PARTS = {
     "trunk": (*_TRUNK_JOINTS, "left_collar", "right_collar"),
     "neck": ("neck",),
     "head": ("head",),
-    **{
-        f"{side} {limb}": tuple(f"{side}_{joint}" for joint in joints)
-        for side in ("left", "right")
-        for limb, joints in (
-            ("arm", ("shoulder", "elbow", "wrist")),
-            ("leg", ("hip", "knee", "ankle", "toes")),
-        )
-    },
+    "left arm": ("left_shoulder", "left_elbow", "left_wrist"),
+    "left leg": ("left_hip", "left_knee", "left_ankle", "left_toes"),
+    "right arm": ("right_shoulder", "right_elbow", "right_wrist"),
+    "right leg": ("right_hip", "right_knee", "right_ankle", "right_toes"),
 }
 """Parts of the body: a triangle belongs to the part of the joint with its largest weight."""
 
-TRUNK, ARMS, LEGS = ("trunk",), ("left arm", "right arm"), ("left leg", "right leg")
+TRUNK = ("trunk",)
+ARMS = ("left arm", "right arm")
+LEGS = ("left leg", "right leg")
 
 # Landmarks chosen on the mean body of the full model: vertices and weights. Those of bones that the
 # surface does not show are at their mean height among the people of ANSUR II.
