@@ -272,7 +272,7 @@ def plot_scan(
     titles = {
         "scan": f"scan, {over.n_points:,} points",
         "body": "registered body",
-        "distances": f"distance, {median} in the median" if median else "",
+        "distances": f"median distance: {median}" if median else "",
     }
     for ax, (name, picture) in zip(axes, pictures.items(), strict=True):
         ax.imshow(picture, interpolation="antialiased")

@@ -81,7 +81,7 @@ def test_a_figure_in_inches_shows_the_same_distances(over):
     bars, titles = {}, {}
     for system in ("cm", "in"):
         figure = rh.plots.plot_scan(over, height=100, system=system)
-        titles[system] = float(figure.axes[2].get_title().split()[1])
+        titles[system] = float(figure.axes[2].get_title().split()[2])
         bars[system] = figure.axes[3].get_ylabel()
     assert bars == {"cm": "outside of the body, mm", "in": "outside of the body, in"}
     assert titles["in"] == pytest.approx(titles["cm"] / 25.4, abs=0.0025)

@@ -164,7 +164,7 @@ def test_people_read_centimetres_and_tables_name_their_si_units(page, folder):
             assert shown == pytest.approx(scale * float(attributes["value"]), abs=0.0501)
             assert low <= shown <= high
     text = (folder / "index.html").read_text(encoding="utf-8")
-    for heading in ("stature, cm", "body mass, kg", "Median person, mm", "mm from model"):
+    for heading in ("Stature, cm", "Weight, estimated, kg", "Median person, mm", "mm from model"):
         assert f">{heading}</th>" in text
 
 
