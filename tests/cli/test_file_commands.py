@@ -288,6 +288,9 @@ def test_view_lays_a_scan_over_its_body_in_either_order(run, refused, bodies, tm
         finished = run("view", *[tmp_path / name for name in files], "-o", page, "--force")
         assert finished.code == 0
         assert "scan.npy over body.ply" in page.read_text(encoding="utf-8")
+    assert " mm of the body" in page.read_text(encoding="utf-8")
+    run("view", *[tmp_path / name for name in files], "-o", page, "--force", "--units", "in")
+    assert " in of the body" in page.read_text(encoding="utf-8")
     np.save(tmp_path / "other.npy", np.random.default_rng(0).uniform(0, 1.7, (2000, 3)))
     message = refused("view", tmp_path / "other.npy", tmp_path / "body.ply", "-o", page, "-f")
     assert "does not lie over the body" in message

@@ -143,7 +143,12 @@ def test_the_page_shows_every_scan(registered, folders):
     assert text.count('class="colour-bar"') == 1
     assert 'href="views/anna.html"' in text
     assert "views/broken.html" not in text  # it has no body
-    assert 'data-scan="cut"' in (folders[1] / "views" / "anna.html").read_text(encoding="utf-8")
+    view = folders[1] / "views" / "anna.html"
+    assert 'data-scan="cut"' in view.read_text(encoding="utf-8")
+    assert " mm of the body" in view.read_text(encoding="utf-8")
+    rh.report.scan_page(folders[1], units="in")
+    assert " in of the body" in view.read_text(encoding="utf-8")
+    assert " mm" not in view.read_text(encoding="utf-8").split("<script")[0]
 
 
 def test_folders_without_scans_are_refused(tmp_path, registration):
