@@ -145,12 +145,10 @@ def body_record(body: ViewedBody, faces: ndarray) -> JSONRecord:
         record["value_label"] = body.value_label
         record["value_caption"] = body.value_caption
     if body.components is not None:
-        changes = (body.components.linear, body.components.quadratic)
-        pairs = [
-            [_packed_changes(change) for change in pair] for pair in zip(*changes, strict=True)
-        ]
+        components = zip(body.components.linear, body.components.quadratic, strict=True)
         record["components"] = [
-            {"linear": linear, "quadratic": quadratic} for linear, quadratic in pairs
+            {"linear": _packed_changes(linear), "quadratic": _packed_changes(quadratic)}
+            for linear, quadratic in components
         ]
     return record
 
