@@ -133,10 +133,13 @@ class Ground:
         share = 0.65 * self.height**2 / len(surface) / (2 * self.radius / _CELLS) ** 2
         light = np.ones((_CELLS, _CELLS))
         for height, width, strength in _LAYERS:
-            cover, *_ = np.histogram2d(
-                cells[:, 0], cells[:, 1], bins=_CELLS, range=[[0, _CELLS]] * 2,
+            cover, _, _ = np.histogram2d(
+                cells[:, 0],
+                cells[:, 1],
+                bins=_CELLS,
+                range=[[0, _CELLS], [0, _CELLS]],
                 weights=share * np.exp(-above / height),
-            )  # fmt: skip
+            )
             for _ in range(2):
                 cover = uniform_filter(cover, width, mode="constant")
             light *= 1 - strength * (1 - np.exp(-cover))
@@ -145,9 +148,9 @@ class Ground:
 
 def window_of(surface: ndarray, view: View, *, ground: bool) -> Window:
     """Return the window that shows a surface, and the ground below it."""
-    return (
-        Ground.below([surface]).window([surface], view) if ground else window_around(surface, view)
-    )
+    if ground:
+        return Ground.below([surface]).window([surface], view)
+    return window_around(surface, view)
 
 
 def _lines(place: ndarray, wide: ndarray, spacing: float) -> ndarray:
@@ -165,7 +168,10 @@ def _smooth_step(low: float, high: float, values: ndarray) -> ndarray:
 
 def over(front: ndarray, back: ndarray) -> ndarray:
     """Lay a picture over another, shape (rows, columns, 4), colours and opacity up to 255."""
-    hides, shows = front[..., 3:] / 255, back[..., 3:] / 255 * (1 - front[..., 3:] / 255)
-    opacity = hides + shows
-    color = (front[..., :3] * hides + back[..., :3] * shows) / np.maximum(opacity, 1e-9)
+    # Shares of the colour that come from the front and from the back.
+    front_share = front[..., 3:] / 255
+    back_share = back[..., 3:] / 255 * (1 - front_share)
+    opacity = front_share + back_share
+    colors = front[..., :3] * front_share + back[..., :3] * back_share
+    color = colors / np.maximum(opacity, 1e-9)
     return np.concatenate([color, 255 * opacity], axis=-1)
