@@ -388,6 +388,8 @@ def real_number(
         if getattr(getattr(value, "dtype", None), "kind", "f") not in "fiub":
             raise TypeError
         number = float(value)  # type: ignore[arg-type]  # TypeError where it is no number
+    except OverflowError:  # a whole number beyond the range of floats
+        number = np.inf
     except (TypeError, ValueError) as error:
         raise ArgumentTypeError(f"{name} must be a real number; found {_shown(value)}") from error
     if not np.isfinite(number) or number < minimum or (strict and number == minimum):
@@ -409,7 +411,11 @@ def whole_number(value: SupportsIndex, name: str, *, minimum: int | None = None)
 
 def one_of(value: Choice, name: str, choices: Sequence[object]) -> Choice:
     """Return `value`, or raise an ArgumentError if it is not one of `choices`."""
-    if value not in choices:
+    try:
+        is_known = not isinstance(value, np.ndarray) and value in choices
+    except (TypeError, ValueError):  # what compares by elements, such as a series of pandas
+        is_known = False
+    if not is_known:
         listed = ", ".join(repr(choice) for choice in choices)
         raise ArgumentError(f"{name} must be one of {listed}; found {_shown(value)}")
     return value

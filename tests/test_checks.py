@@ -207,3 +207,15 @@ def test_generators():
     for wrong in (0.5, "seed", np.random.RandomState(0)):
         with pytest.raises(ArgumentTypeError, match="rng must be a whole number; found"):
             checks.generator(wrong)
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400)])
+def test_whole_numbers_beyond_all_floats_are_no_real_numbers(value):
+    with pytest.raises(ArgumentError, match="step must be a finite number"):
+        checks.real_number(value, "step")
+
+
+@pytest.mark.parametrize("value", [np.zeros((2, 2)), np.array(["a"]), np.zeros(2, [("x", "f8")])])
+def test_no_array_is_one_of_some_choices(value):
+    with pytest.raises(ArgumentError, match="name must be one of 'a', 'b'"):
+        checks.one_of(value, "name", ("a", "b"))

@@ -47,7 +47,13 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
         raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
     if "\0" in str(place):
         raise FileError(f"{name} must be the path of a {kind}; found a null character in {path!r}")
-    longest = max(map(len, map(os.fsencode, place.parts)), default=0)
+    try:
+        longest = max(map(len, map(os.fsencode, place.parts)), default=0)
+    except UnicodeEncodeError as error:
+        raise FileError(
+            f"{name} must be the path of a {kind}; found {path!r}, a name that the file system "
+            f"cannot hold: {error}"
+        ) from error
     if longest > _LONGEST_NAME:
         raise FileError(
             f"{name} must be the path of a {kind}; found a name of {longest} bytes, but file "

@@ -62,7 +62,12 @@ def percentiles(
     """
     one_of(sex, "sex", ("adult", *SEXES))
     names = list(_adults()["woman"]["measurements"])
-    known_values = as_mapping(_without_missing(values), names)
+    if hasattr(values, "to_dict"):  # a series of pandas, or measured bodies
+        values = values.to_dict()
+    known = values
+    if isinstance(known, Mapping):  # anything else is refused
+        known = {name: value for name, value in known.items() if not _is_missing(value)}
+    known_values = as_mapping(known, names)
     height = known_values.get(_STATURE) if stature is None else real_number(stature, "stature")
     if height is None:
         raise ArgumentError("stature must be given, as an argument or among the values")
@@ -143,8 +148,8 @@ def _adults() -> JSONRecord:
     return record
 
 
-def _without_missing(values: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if not np.isnan(value)}
+def _is_missing(value: object) -> bool:
+    return isinstance(value, float | np.floating) and bool(np.isnan(value))
 
 
 def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:

@@ -122,9 +122,17 @@ def checked_values(
         unit = units.get(name, "m")
         _check_value(name, value, typical.get(name, value), unit)
         errors[name] = _LENGTH_TOLERANCE if unit == "m" else _SHARE_TOLERANCE * value
-    for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
+    for name, error in _given_tolerances(tolerances, given).items():
         errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
     return given, errors
+
+
+def _given_tolerances(
+    tolerances: Mapping[str, float] | None, given: Mapping[str, float]
+) -> dict[str, float]:
+    if tolerances is None or (isinstance(tolerances, Mapping) and not tolerances):
+        return {}
+    return as_mapping(tolerances, list(given))
 
 
 def _check_value(name: str, value: float, usual: float, unit: str) -> None:

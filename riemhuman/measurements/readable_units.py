@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from riemhuman.checks import one_of
+from riemhuman.checks import one_of, refuse_type
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,8 @@ def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
     'L'
     """
     one_of(system, "system", tuple(READABLE_UNITS))
+    if not isinstance(unit, str):
+        refuse_type(unit, "unit", "a text such as 'm'")
     return READABLE_UNITS[system].get(unit, ReadableUnit(unit, 1.0, 4))
 
 

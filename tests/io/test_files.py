@@ -15,6 +15,7 @@ import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, OutOfMemoryError
 from riemhuman.io.files import (
     atomic_file,
+    file_path,
     format_errors,
     json_value,
     lock_file,
@@ -251,3 +252,8 @@ def test_sound_files_with_little_memory_left(tmp_path):
         assert found.startswith("OutOfMemoryError: "), line
         assert f"large.{suffix} of " in found
         assert "too little memory" in found
+
+
+def test_names_that_the_file_system_cannot_hold():
+    with pytest.raises(FileError, match=r"found '\\ud800', a name that the file system cannot"):
+        file_path("\ud800")

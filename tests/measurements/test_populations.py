@@ -8,7 +8,7 @@ from build_percentiles import drawn_betas
 from scipy.stats import norm
 
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.measurements import (
     Measurements,
     average_adult,
@@ -106,3 +106,11 @@ def test_noise_has_the_order_of_the_names():
     assert np.isnan(noise).tolist() == [False, True, False]
     assert (noise[[0, 2]] > 0.001).all()
     assert (noise[[0, 2]] < 0.02).all()
+
+
+@pytest.mark.parametrize(
+    "values", [None, "stature", [1.7], {"stature": "1.7"}, {"stature": None}, {"stature": [1.7]}]
+)
+def test_percentiles_of_what_is_no_measurement(values):
+    with pytest.raises(RiemhumanError, match="must map names|must be a real number"):
+        percentiles(values, "woman")
