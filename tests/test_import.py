@@ -70,11 +70,28 @@ def test_commands_import_what_they_use():
     late = {f"scipy.{name}" for name in ("interpolate", "ndimage", "optimize", "signal", "stats")}
     result = run(
         "import riemhuman as rh\n"
-        "rh.bodies, rh.datasets, rh.measurements, rh.registration, rh.retrieval, rh.solvers\n"
+        "rh.bodies, rh.datasets, rh.measurements, rh.motions, rh.registration, rh.retrieval\n"
+        "rh.solvers\n"
         f"print(*sorted({late | HEAVY} & sys.modules.keys()))"
     )
     assert result.returncode == 0, result.stderr
     assert result.stdout.split() == []
+
+
+def test_facts_of_a_mesh_need_no_registration(tmp_path):
+    """`riemhuman info` answers a third sooner without the subpackage of scans."""
+    result = run(
+        "import riemhuman as rh\n"
+        "from riemhuman.cli import main\n"
+        "import numpy as np\n"
+        f"file = {str(tmp_path / 'tetrahedron.ply')!r}\n"
+        "faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])\n"
+        "rh.save_mesh(file, np.concatenate([np.zeros((1, 3)), np.eye(3)]), faces)\n"
+        "assert main(['info', file, '--json']) == 0\n"
+        "assert 'riemhuman.registration' not in sys.modules"
+    )
+    assert result.returncode == 0, result.stderr
+    assert '"triangles_facing_inward": 0' in result.stdout
 
 
 def test_type_checkers_know_the_names_of_the_top_level():

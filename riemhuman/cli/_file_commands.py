@@ -276,14 +276,14 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> JSONRecord:
     import numpy as np
 
     from riemhuman.io.mesh_arrays import place_numbers
-    from riemhuman.surfaces.measures import vertex_components
+    from riemhuman.surfaces.measures import find_inward_triangles, vertex_components
 
     n_triangles, is_passed_once = _edge_uses(faces)
     is_used = np.zeros(len(vertices), dtype=bool)
     is_used[faces] = True
     part = vertex_components(faces, len(vertices))
     extents = np.ptp(vertices[is_used], axis=0)
-    inward = rh.registration.find_inward_triangles(vertices, faces)
+    inward = find_inward_triangles(vertices, faces)
     is_closed = bool((n_triangles == 2).all())
     oriented = is_passed_once and bool(inward.all() or not inward.any())
     areas = rh.surfaces.triangle_areas(vertices, faces)

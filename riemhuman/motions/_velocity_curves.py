@@ -20,10 +20,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
 from riemhuman.arrays import Array
 from riemhuman.errors import NotDefinedError
@@ -38,6 +37,10 @@ from riemhuman.geometry import (
 )
 from riemhuman.kernels.compilation import compiled
 from riemhuman.motions._frames import Motion, frame_runs
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
 
 # Steps in which the length of the spline is measured, for every side and chord.
 _FINER = 8
@@ -141,6 +144,8 @@ def _chart_at(base: Array, metric: RiemannianMetric, weight: float) -> _Chart:
 
 def even_segments(segments: Array, n_segments: int, smoothing: float) -> tuple[Array, Array]:
     """Return chords of equal arcs of a smooth spline, and where on a polygon they begin and end."""
+    from scipy.interpolate import CubicSpline  # takes long to import
+
     n = len(segments)
     products = segments @ segments.T
     lengths = np.sqrt(np.diag(products))
@@ -180,6 +185,8 @@ def _even_times(curve: CubicSpline, within: Array, n_arcs: int) -> Array:
 
 def _smooth(points: Array, deviation: float) -> Array:
     """Return Gaussian means of points in a row, continued point-symmetrically beyond the ends."""
+    from scipy.ndimage import gaussian_filter1d  # takes long to import
+
     n_beyond = math.ceil(_CUT_OFF * deviation)
     beyond = ((n_beyond, n_beyond), (0, 0))
     extended = np.pad(points, beyond, "reflect", reflect_type="odd")

@@ -14,7 +14,7 @@ from riemhuman.registration.folders import (
 from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scan_registration import ScanRegistration
-from riemhuman.registration.scans import Scan, find_inward_triangles, load_landmarks, load_scan
+from riemhuman.registration.scans import Scan, load_landmarks, load_scan
 from riemhuman.registration.scans_over_bodies import ScanOverBody, lay_over_body
 from riemhuman.registration.settings import (
     ArmSettings,
@@ -34,6 +34,7 @@ from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 from riemhuman.registration.template_registration import TemplateRegistration
 from riemhuman.registration.topology_map import TopologyMap
 from riemhuman.registration.transferred_models import transfer_model
+from riemhuman.surfaces.measures import find_inward_triangles
 
 __all__ = [
     "ArmSettings",

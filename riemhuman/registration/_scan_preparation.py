@@ -22,15 +22,13 @@ from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.scans import (
     FEWEST_POINTS,
     Scan,
-    find_inward_triangles,
-    oriented_alike,
 )
 from riemhuman.registration.settings import (
     DEFAULT_SETTINGS,
     PreparationSettings,
     RegistrationSettings,
 )
-from riemhuman.surfaces.measures import vertex_components
+from riemhuman.surfaces.measures import find_inward_triangles, oriented_alike, vertex_components
 
 # Number of bodies fitted at once; like the next constant, it changes no result.
 N_THREADS = 2

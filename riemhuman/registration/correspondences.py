@@ -15,8 +15,8 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration.registered_scans import RegisteredScan
-from riemhuman.registration.scans import Scan, find_inward_triangles
-from riemhuman.surfaces.measures import adjacent_triangles, triangle_areas
+from riemhuman.registration.scans import Scan
+from riemhuman.surfaces.measures import adjacent_triangles, find_inward_triangles, triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points_around
 
 # Lengths are shares of the diagonal of a body's bounding box, about 2 m, because templates have any

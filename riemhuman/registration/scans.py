@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from riemhuman.checks import UNITS, check_resolution, is_human_size, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -17,16 +15,12 @@ from riemhuman.io.kinds_of_files import AFTER, BY_SCAN, FileKind, reads
 from riemhuman.io.meshes import POINT_SUFFIXES, WRITTEN_SUFFIXES, as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.surfaces.measures import adjacent_triangles
 
 FEWEST_POINTS = 200
 
 _INFERRED_UNITS = ("metres", "centimetres", "millimetres")
 # Coordinates beyond this multiple of the scan's size are mistakes in a file, not strays.
 _LARGEST_OUTLIER = 1e6
-# A part of a mesh has a sign of its own if its triangles look away from its centre by more than
-# this share of their distance from it, and if it has more than this share of the area.
-_LEAST_CURVATURE, _LEAST_AREA = 0.12, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,60 +115,6 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     except ArgumentError as error:
         raise FileFormatError(f"{file}: {error}") from error
     return dict(zip(rows, positions, strict=True))
-
-
-def find_inward_triangles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return which triangles face inward, shape (F,); scanners join parts of both orientations.
-
-    A part consists of triangles connected by consistently oriented neighbours. It faces outward if
-    its triangles face away from its centre; small or nearly flat parts are oriented like the whole
-    mesh.
-
-    Parameters
-    ----------
-    points : array, shape (V, 3)
-        Vertices.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> inward_faces = bodies.template.faces[:, ::-1]
-    >>> bool(rh.registration.find_inward_triangles(bodies[0], inward_faces).all())
-    True
-    """
-    corners = points[faces]
-    centres = corners.mean(axis=1)
-    directed = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(directed, axis=1)
-
-    def outwardness(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far each part looks away from its centre, between -1 and 1, and its area."""
-        area = np.maximum(np.bincount(part, areas), np.finfo(float).tiny)
-        middle = np.stack([np.bincount(part, areas * x) for x in centres.T], axis=1)
-        offsets = centres - (middle / area[:, np.newaxis])[part]
-        along = np.bincount(part, np.einsum("fx,fx->f", offsets, directed))
-        most = np.bincount(part, np.linalg.norm(offsets, axis=1) * areas)
-        return along / np.maximum(most, np.finfo(float).tiny), area
-
-    pairs, alike = oriented_alike(faces)
-    links = sparse.coo_array((alike[alike], pairs[alike].T), shape=(len(faces),) * 2)
-    part = connected_components(links, directed=False)[1]
-    curvature, area = outwardness(part)
-    together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
-    decided = (np.abs(curvature) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
-    return np.where(decided, curvature < 0, together[0] < 0)[part]
-
-
-def oriented_alike(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of triangles that share an edge, (P, 2), and which pass it in opposite ways."""
-    pairs, edges = adjacent_triangles(faces)
-    first, second = (
-        (faces[triangles] == edges[:, :1]) & (np.roll(faces[triangles], -1, axis=1) == edges[:, 1:])
-        for triangles in pairs.T
-    )
-    return pairs, first.any(axis=1) != second.any(axis=1)
 
 
 def as_scan(scan: Any, unit: str | None = None) -> Scan:

@@ -1,4 +1,4 @@
-"""Triangle areas, edge lengths and volumes of surfaces, and adjacency of triangles."""
+"""Triangle areas, edge lengths and volumes of surfaces, adjacency and orientation of triangles."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from riemhuman.arrays import Array, Integers, Points, Triangles
+from riemhuman.arrays import Array, Booleans, Integers, Points, Triangles
 from riemhuman.checks import real_array
 from riemhuman.io.mesh_arrays import check_edges, check_triangles
 from riemhuman.kernels.surface import triangle_corners
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
 _FLAT = 1e-4
+# A part of a mesh has a sign of its own if its triangles look away from its centre by more than
+# this share of their distance from it, and if it has more than this share of the area.
+_LEAST_CURVATURE, _LEAST_AREA = 0.12, 0.01
 
 
 def triangle_areas(points: Points, faces: Triangles) -> Array:
@@ -167,3 +170,58 @@ def vertex_components(faces: Triangles, n_vertices: int) -> Integers:
     links = sparse.coo_array((np.ones(len(starts)), (starts, ends)), shape=shape)
     components: Integers = connected_components(links, directed=False)[1]
     return components
+
+
+def find_inward_triangles(points: Array, faces: Triangles) -> Booleans:
+    """Return which triangles face inward, shape (F,); scanners join parts of both orientations.
+
+    A part consists of triangles connected by consistently oriented neighbours. It faces outward if
+    its triangles face away from its centre; small or nearly flat parts are oriented like the whole
+    mesh.
+
+    Parameters
+    ----------
+    points : array, shape (V, 3)
+        Vertices.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Examples
+    --------
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> inward_faces = bodies.template.faces[:, ::-1]
+    >>> bool(rh.registration.find_inward_triangles(bodies[0], inward_faces).all())
+    True
+    """
+    corners = points[faces]
+    centres = corners.mean(axis=1)
+    directed = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(directed, axis=1)
+
+    def outwardness(part: Integers) -> tuple[Array, Array]:
+        """Return how far each part looks away from its centre, between -1 and 1, and its area."""
+        area = np.maximum(np.bincount(part, areas), np.finfo(float).tiny)
+        middle = np.stack([np.bincount(part, areas * x) for x in centres.T], axis=1)
+        offsets = centres - (middle / area[:, np.newaxis])[part]
+        along = np.bincount(part, np.einsum("fx,fx->f", offsets, directed))
+        most = np.bincount(part, np.linalg.norm(offsets, axis=1) * areas)
+        return along / np.maximum(most, np.finfo(float).tiny), area
+
+    pairs, alike = oriented_alike(faces)
+    links = sparse.coo_array((alike[alike], pairs[alike].T), shape=(len(faces),) * 2)
+    part = connected_components(links, directed=False)[1]
+    curvature, area = outwardness(part)
+    together, _ = outwardness(np.zeros(len(faces), dtype=np.int64))
+    decided = (np.abs(curvature) > _LEAST_CURVATURE) & (area > _LEAST_AREA * area.sum())
+    is_inward: Booleans = np.where(decided, curvature < 0, together[0] < 0)[part]
+    return is_inward
+
+
+def oriented_alike(faces: Triangles) -> tuple[Integers, Booleans]:
+    """Return pairs of triangles that share an edge, (P, 2), and which pass it in opposite ways."""
+    pairs, edges = adjacent_triangles(faces)
+    first, second = (
+        (faces[triangles] == edges[:, :1]) & (np.roll(faces[triangles], -1, axis=1) == edges[:, 1:])
+        for triangles in pairs.T
+    )
+    return pairs, first.any(axis=1) != second.any(axis=1)
