@@ -79,7 +79,7 @@ def test_commands_import_what_they_use():
 
 
 def test_facts_of_a_mesh_need_no_registration(tmp_path):
-    """`riemhuman info` answers a third sooner without the subpackage of scans."""
+    """`riemhuman info` answers a tenth sooner without the subpackage of scans."""
     result = run(
         "import riemhuman as rh\n"
         "from riemhuman.cli import main\n"
