@@ -19,10 +19,19 @@ from riemhuman.datasets import Bodies, load_open_bodies
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
 def pytest_collection_modifyitems(items):
     """Mark the cases that a test marked `everyday` does not name as slow."""
+    cases = {}
     for item in items:
         everyday = item.get_closest_marker("everyday")
-        if everyday is not None and item.callspec.id not in everyday.args:
-            item.add_marker("slow")
+        if everyday is not None:
+            cases.setdefault((item.path, item.function), []).append(item.callspec.id)
+            if item.callspec.id not in everyday.args:
+                item.add_marker("slow")
+    for item in items:
+        everyday = item.get_closest_marker("everyday")
+        collected = cases.get((item.path, item.function), [])
+        # Who asks for a single case collects no others.
+        if len(collected) > 1 and {*everyday.args}.isdisjoint(collected):
+            raise pytest.UsageError(f"{item.nodeid}: everyday names no case that it has")
 
 
 @pytest.fixture(scope="session")
