@@ -4,8 +4,8 @@ import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
 
 from riemhuman.bodies.skinning import SMPL_JOINTS, usual_joint_names
+from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._start_poses import (
-    BodyParts,
     joint_precisions,
     other_arms,
     start_poses,
