@@ -100,7 +100,7 @@ def _run(words: Sequence[str]) -> int:
     options.written = []  # places of outputs, which the declarations of outputs add
     options.files = {}  # those of them that are files, by the name of their option
     compilation_time.tell(terminal.say_compilation if options.bars else None)
-    start = time.perf_counter()
+    options.start = time.perf_counter()
     status = f"{options.parser.prog}: {options.summary}" if options.bars else ""
     try:
         with terminal.short_warnings() as unconverged, terminal.status.of_command(status):
@@ -108,7 +108,7 @@ def _run(words: Sequence[str]) -> int:
                 check(options)
             answer = _answer(options)
     except Exception as error:
-        if terminal.interruptions.last(start):  # C libraries report interruptions in their own ways
+        if terminal.interruptions.last(options.start):  # C libraries rename interruptions
             raise KeyboardInterrupt from error
         if getattr(options, "debug", False):
             raise
@@ -130,14 +130,14 @@ def _answer(options: argparse.Namespace) -> Answer:
     """Run a command, whose files appear together."""
     if not options.files:
         answer: Answer = options.run(options)
-        terminal.interruptions.check()
+        terminal.interruptions.check(options.start)
         return answer
     from riemhuman.io.outputs import files_together
 
     with files_together(options.files) as places:
         vars(options).update(places)  # options are attributes named by `dest`
         answer = options.run(options)
-        terminal.interruptions.check()
+        terminal.interruptions.check(options.start)
     vars(options).update(options.files)
     return answer
 

@@ -354,18 +354,20 @@ def read_motions(
     options: argparse.Namespace, *places: Path, **choice: Sequence[str] | None
 ) -> Motions:
     """Return motions in files and folders, those of Dynamic FAUST by people and sequences."""
+    from riemhuman.io.files import visible_files
+
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
     units = {"unit": options.unit, "up": options.up}
     loaded_motions: list[tuple[str, Motion | Array, ndarray]] = []
     for place in places:
-        files = sorted(place.rglob("*")) if place.is_dir() else [place]
-        recorded = [
-            file
-            for file in files
-            if file.suffix.lower() in rh.datasets.recordings.RECORDING_ENDINGS
-        ]
-        is_hdf5 = place.suffix.lower() in (".hdf5", ".h5") or bool(list(place.glob("*.hdf5")))
+        recording_endings = rh.datasets.recordings.RECORDING_ENDINGS
+        files = [place]
+        is_hdf5 = place.suffix.lower() in (".hdf5", ".h5")
+        if place.is_dir():
+            files = visible_files(place, *recording_endings, *cli.MESH_ENDINGS, deep=True)
+            is_hdf5 = bool(visible_files(place, ".hdf5"))
+        recorded = [file for file in files if file.suffix.lower() in recording_endings]
         if any(choice.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
         if recorded and not any(file.suffix.lower() in cli.MESH_ENDINGS for file in files):

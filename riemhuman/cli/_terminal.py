@@ -194,32 +194,36 @@ class Interruptions:
     """Signals that stopped the process, and when."""
 
     def __init__(self) -> None:
-        self._moments: list[tuple[float, int]] = []
-        self._waiting: tuple[float, int] | None = None
+        self._arrivals: list[tuple[float, int]] = []
+        self._waits_since: float | None = None
+        self._raised = -_SAME
 
     def add(self, number: int, frame: FrameType | None) -> None:
         """Raise a KeyboardInterrupt for a signal, unless another has just done so."""
         now = time.perf_counter()
-        if self._moments and now - self._moments[-1][0] < _SAME:
+        if now - self._raised < _SAME:
             return  # the work is about to end; a second exception would stop its end
-        if self._waiting is None:
-            self._waiting = now, number
-        if _is_importing(frame) and now - self._waiting[0] < _LONGEST_IMPORT:
+        self._arrivals.append((now, number))
+        if self._waits_since is None:
+            self._waits_since = now
+        if _is_importing(frame) and now - self._waits_since < _LONGEST_IMPORT:
             # Libraries in C discard what is raised while they are imported, or raise another error.
             _thread.start_new_thread(_send_later, (number,))
             return
-        self.check()
+        self._waits_since = None
+        self._raised = now
+        raise KeyboardInterrupt
 
-    def check(self) -> None:
-        """Raise a KeyboardInterrupt if a signal came during an import that has just ended."""
-        if self._waiting is not None:
-            self._moments.append((time.perf_counter(), self._waiting[1]))
-            self._waiting = None
+    def check(self, since: float) -> None:
+        """Raise a KeyboardInterrupt if a signal came since a moment: an import may hide it."""
+        if self.last(since) is not None:
+            self._waits_since = None
+            self._raised = time.perf_counter()
             raise KeyboardInterrupt
 
     def last(self, since: float) -> int | None:
         """Return the last signal since a moment, or None if there was none."""
-        return next((number for at, number in reversed(self._moments) if at >= since), None)
+        return next((number for at, number in reversed(self._arrivals) if at >= since), None)
 
 
 def _is_importing(frame: FrameType | None) -> bool:

@@ -20,7 +20,7 @@ from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
-from riemhuman.io.files import convert_errors, file_path, format_errors
+from riemhuman.io.files import convert_errors, file_path, format_errors, visible_files
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.retargeting.body_size import model_of_size
@@ -160,7 +160,8 @@ def load_amass(
     root = file_path(path, kind="file or folder")
     files = [root]
     if root.is_dir():
-        files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_SKIPPED)]
+        files = visible_files(root, ".npz", deep=True)
+        files = [file for file in files if not file.name.endswith(_SKIPPED)]
     if not files:
         raise FileError(f"{root} holds no .npz file with a motion")
     motions: list[AmassMotion | ArrayMotion | RetargetedMotion] = []

@@ -20,7 +20,14 @@ from riemhuman.arrays import Array
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import file_path, memory_errors, read_bytes, short_message, suffix_of
+from riemhuman.io.files import (
+    file_path,
+    memory_errors,
+    read_bytes,
+    short_message,
+    suffix_of,
+    visible_files,
+)
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 
 _INCH = 0.0254
@@ -116,9 +123,7 @@ def load_amc(
 
 def _skeleton_beside(file: Path) -> Path:
     """Return the skeleton in a recording's folder that its name points to."""
-    candidates = sorted(
-        candidate for candidate in file.parent.iterdir() if candidate.suffix.lower() == ".asf"
-    )
+    candidates = visible_files(file.parent, ".asf")
     named = [
         candidate
         for candidate in candidates

@@ -24,11 +24,10 @@ from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
     existing_folder,
     find_meshes,
-    is_visible,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
 from riemhuman.io import save_glb
-from riemhuman.io.files import file_path, natural_key, suffix_of
+from riemhuman.io.files import file_path, natural_key, suffix_of, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
@@ -362,7 +361,8 @@ def load_mesh_motions(
     if _holds_meshes(root):
         folders = [root]
     else:
-        folders = [place for place in root.iterdir() if place.is_dir() and _holds_meshes(place)]
+        places = [place for place in root.iterdir() if not place.name.startswith(".")]
+        folders = [place for place in places if place.is_dir() and _holds_meshes(place)]
         folders.sort(key=lambda folder: natural_key(folder.name))
     if not folders:
         raise FileError(
@@ -372,4 +372,4 @@ def load_mesh_motions(
 
 
 def _holds_meshes(folder: Path) -> bool:
-    return any(is_visible(file, MESH_ENDINGS) for file in folder.iterdir())
+    return bool(visible_files(folder, *MESH_ENDINGS))

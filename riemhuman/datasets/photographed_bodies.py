@@ -15,7 +15,7 @@ from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.checks import check_human_size, integer_array, one_of, real_array
 from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
-from riemhuman.io.files import file_path, format_errors, natural_key
+from riemhuman.io.files import file_path, format_errors, natural_key, visible_files
 from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
@@ -230,10 +230,13 @@ def _files(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> 
     files: list[Path] = []
     for path in several:
         place = file_path(path)
-        contents = sorted(place.glob("*.npz"), key=lambda file: natural_key(file.name))
-        if place.is_dir() and not contents:
+        if not place.is_dir():
+            files.append(place)
+            continue
+        contents = visible_files(place, ".npz")
+        if not contents:
             raise FileFormatError(f"{place} holds no .npz file of SAM 3D Body")
-        files += contents if place.is_dir() else [place]
+        files += sorted(contents, key=lambda file: natural_key(file.name))
     if not files:
         raise FileFormatError("paths holds no file of SAM 3D Body; at least one is needed")
     return files

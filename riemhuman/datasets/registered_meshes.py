@@ -15,7 +15,7 @@ from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import convert_errors, file_path, natural_key
+from riemhuman.io.files import convert_errors, file_path, natural_key, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
@@ -173,7 +173,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     """
     root = existing_folder(folder)
     with convert_errors(root, "cannot be read"):
-        files = [file for file in root.iterdir() if is_visible(file, MESH_ENDINGS)]
+        files = visible_files(root, *MESH_ENDINGS)
     if not files:
         raise no_meshes(root)
     # Next to other meshes, a GLB file is their animation.
@@ -414,14 +414,9 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
     return root
 
 
-def is_visible(file: Path, endings: tuple[str, ...]) -> bool:
-    """Return whether a path has one of these suffixes and is not hidden."""
-    return file.suffix.lower() in endings and not file.name.startswith(".")
-
-
 def in_one_format(files: Iterable[Path]) -> list[Path]:
     """Return the visible meshes, each in the first format of `MESH_ENDINGS`, in natural order."""
-    meshes = [file for file in files if is_visible(file, MESH_ENDINGS)]
+    meshes = [file for file in files if file.suffix.lower() in MESH_ENDINGS]
     # The best format comes last and replaces the others.
     meshes.sort(key=lambda file: MESH_ENDINGS.index(file.suffix.lower()), reverse=True)
     file_of_mesh = {file.with_suffix(""): file for file in meshes}

@@ -16,11 +16,10 @@ from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     existing_folder,
     in_one_format,
-    is_visible,
     no_meshes,
 )
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.io.files import file_path, format_errors, read_text, short_message
+from riemhuman.io.files import file_path, format_errors, read_text, short_message, visible_files
 from riemhuman.io.meshes import load_mesh
 from riemhuman.representation import Record, join_names
 
@@ -105,7 +104,7 @@ def load_shrec14(
     class_file = _find_class_file(root) if classes is None else file_path(classes, "classes")
     members = read_classes(class_file)
     by_name: dict[str, list[Path]] = {}
-    for file in in_one_format(file for file in root.rglob("*") if file.is_file()):
+    for file in in_one_format(visible_files(root, *MESH_ENDINGS, deep=True)):
         for name in {file.stem, _last_number(file.stem)}:
             by_name.setdefault(name, []).append(file)
     if not by_name:
@@ -175,7 +174,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
 
 
 def _find_class_file(root: Path) -> Path:
-    files = sorted(file for file in root.rglob("*") if is_visible(file, (".cla",)))
+    files = visible_files(root, ".cla", deep=True)
     if not files:
         raise FileError(
             f"{root} holds no class file: no file there ends in .cla; pass its path as classes="

@@ -13,7 +13,7 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import check_file, format_errors, natural_key, read_text
+from riemhuman.io.files import check_file, format_errors, natural_key, read_text, visible_files
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.representation import Record, join_names
 
@@ -139,7 +139,8 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     >>> mesh, other = meshes[0], meshes[1]  # doctest: +SKIP
     """
     root = existing_folder(folder)
-    meshes = [file for file in root.rglob("*.mat") if re.fullmatch(r"[0-9]+", file.stem)]
+    matlab_files = visible_files(root, ".mat", deep=True)
+    meshes = [file for file in matlab_files if re.fullmatch(r"[0-9]+", file.stem)]
     files = sorted(meshes, key=lambda file: natural_key(file.name))
     if not files:
         raise FileError(f"{root} holds no meshes of SHREC'19: no file has a name such as 1.mat")
@@ -148,7 +149,7 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     if twice:
         raise FileError(f"{root} holds several meshes {join_names(twice, 5)}; keep one of each")
     match_files: dict[tuple[str, str], Path] = {}
-    for file in sorted(root.rglob("*_*.txt")):
+    for file in visible_files(root, ".txt", deep=True):
         pair = re.fullmatch(r"([0-9]+)_([0-9]+)", file.stem)
         if pair:
             match_files[pair[1], pair[2]] = file
@@ -157,7 +158,8 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
 
 def _read_pairs(root: Path, names: Sequence[str]) -> Integers:
     """Return the pairs of the list in a folder as indices of meshes."""
-    lists = sorted(root.rglob("PAIRS_list*.txt"))
+    texts = visible_files(root, ".txt", deep=True)
+    lists = [file for file in texts if file.name.startswith("PAIRS_list")]
     if len(lists) != 1:
         what = "no list of pairs" if not lists else f"{len(lists)} lists of pairs"
         raise FileError(

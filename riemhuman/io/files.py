@@ -157,6 +157,19 @@ def neighbour(path: Path) -> Path:
     return path.with_name(f".{shortened(path)}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
+def visible_files(folder: Path, *endings: str, deep: bool = False) -> list[Path]:
+    """Return the files of a folder with these suffixes, with `deep` those of its folders, too.
+
+    Hidden ones are left out: what systems and version control add, and what is being written.
+    """
+    files = []
+    for file in folder.rglob("*") if deep else folder.iterdir():
+        is_hidden = any(name.startswith(".") for name in file.relative_to(folder).parts)
+        if file.suffix.lower() in endings and not is_hidden and not file.is_dir():
+            files.append(file)
+    return sorted(files)
+
+
 @contextmanager
 def convert_errors(path: Path, problem: str = "cannot be written") -> Iterator[None]:
     """Raise errors of the system as `FileError` with the path and the problem."""

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.checks import real_array
-from riemhuman.datasets.registered_meshes import existing_folder, is_visible
+from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.io.files import convert_errors, file_path, natural_key, read_bytes
+from riemhuman.io.files import convert_errors, file_path, natural_key, read_bytes, visible_files
 from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.progress import ProgressBar
@@ -224,8 +224,8 @@ def register_folder(
 def _scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the files of scans in a folder, in the natural order of their names."""
     place = existing_folder(folder)
-    files = [file for file in place.iterdir() if is_visible(file, POINT_SUFFIXES)]
-    files = sorted((file for file in files if file.is_file()), key=lambda f: natural_key(f.name))
+    files = visible_files(place, *POINT_SUFFIXES)
+    files.sort(key=lambda file: natural_key(file.name))
     if not files:
         raise FileError(f"{place} holds no scans; they end in {', '.join(POINT_SUFFIXES)}")
     for first, second in pairwise(files):
@@ -247,7 +247,7 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
     >>> records = rh.registration.read_records("bodies")  # doctest: +SKIP
     """
     place = existing_folder(folder) / RECORDS
-    files = sorted(place.glob("*.npz")) if place.is_dir() else []
+    files = visible_files(place, ".npz") if place.is_dir() else []
     if not files:
         raise FileError(
             f"{folder} holds no registered scans; to register scans, run riemhuman register "

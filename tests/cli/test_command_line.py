@@ -300,26 +300,29 @@ def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
     assert "there is no file" in finished.err
 
 
+# Signals come within imports, once or until one is raised and swallowed, as libraries in C do.
 _WITHIN_AN_IMPORT = """
 class Finder:
     def find_spec(name, path=None, target=None):
         if name == "riemhuman.datasets.markers":
             try:
                 os.kill(os.getpid(), signal.SIGINT)
+                time.sleep({seconds})
             except KeyboardInterrupt:
-                pass  # as libraries in C do
+                pass
 
 sys.meta_path.insert(0, Finder)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
-def test_no_import_swallows_an_interruption(scans):
+@pytest.mark.parametrize("seconds", [0.0, 1.0])
+def test_no_import_swallows_an_interruption(scans, seconds):
     """Not even one with which the work nearly ends."""
     code = (
-        "import os, signal, sys\nfrom riemhuman.__main__ import main\n"
+        "import os, signal, sys, time\nfrom riemhuman.__main__ import main\n"
         f"sys.argv[1:] = ['dist', {str(scans / 'body_0.ply')!r}, {str(scans / 'body_1.ply')!r}]\n"
-        f"{_WITHIN_AN_IMPORT}\nsys.exit(main())"
+        f"{_WITHIN_AN_IMPORT.format(seconds=seconds)}\nsys.exit(main())"
     )
     finished = subprocess.run(
         [sys.executable, "-c", code],

@@ -22,6 +22,7 @@ from riemhuman.io.files import (
     read_bytes,
     read_text,
     short_message,
+    visible_files,
     write_text,
 )
 
@@ -116,6 +117,24 @@ def test_only_regular_files_are_read(tmp_path):
     with pytest.raises(FileError, match="it is a device or a pipe"):
         rh.io.is_registered_scan(tmp_path / "pipe.ply")
     assert len(short_message(ValueError("x" * 9999))) == 300
+
+
+def test_hidden_files_are_left_out(tmp_path):
+    for name in (
+        "b.npz",
+        "a.NPZ",
+        "a.txt",
+        "._a.npz",
+        "in/c.npz",
+        ".git/d.npz",
+        ".b.part.npz/b.npz",
+    ):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    names = [file.name for file in visible_files(tmp_path, ".npz")]
+    assert names == ["a.NPZ", "b.npz"]
+    deep = [file.name for file in visible_files(tmp_path, ".npz", deep=True)]
+    assert sorted(deep) == ["a.NPZ", "b.npz", "c.npz"]
 
 
 def test_brackets_that_nest_too_deep_are_refused(tmp_path):
