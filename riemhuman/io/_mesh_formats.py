@@ -31,6 +31,8 @@ _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
 _HEADER_BYTES = 2**16  # longer than any header of a PLY file
 _SHOWN = 60  # characters of a name or a line in messages
+# A row of a triangle in a binary PLY file.
+_PLY_TRIANGLE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
 # A binary STL file: bytes of the comment and of the number of triangles, and a triangle's row.
 _STL_HEADER = 84
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
@@ -319,9 +321,12 @@ def write_ply(vertices: Values, faces: Triangles, trusted: Values | None = None)
         plyfile.PlyElement.describe(points, "vertex"),
         plyfile.PlyElement.describe(triangles, "face"),
     ]
-    stream = io.BytesIO()
-    plyfile.PlyData(elements, byte_order="<").write(stream)
-    return stream.getvalue()
+    header = plyfile.PlyData(elements, byte_order="<").header + "\n"
+    # plyfile would write the triangles one by one.
+    rows = np.empty(len(faces), _PLY_TRIANGLE)
+    rows["count"], rows["corners"] = 3, faces
+    little_endian = points.astype(points.dtype.newbyteorder("<"), copy=False)
+    return header.encode("ascii") + little_endian.tobytes() + rows.tobytes()
 
 
 def write_obj(vertices: Values, faces: Triangles) -> bytes:

@@ -357,10 +357,12 @@ def free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray
     grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
     halves, free = sizes / 2, []
     for half in halves:
-        inside = np.all((grid >= half) & (grid <= size - half), axis=1)
-        offsets = np.abs(grid[:, np.newaxis] - points)
-        covers = np.all(offsets < half + _POINT_INCHES, axis=2).any(axis=1)
-        free.append(grid[inside & ~covers])
+        possible = grid[np.all((grid >= half) & (grid <= size - half), axis=1)]
+        reach = half + _POINT_INCHES
+        # Columns by themselves: arrays whose last axis has two entries are slow to reduce.
+        beside = np.abs(possible[:, :1] - points[:, 0]) < reach[0]
+        above = np.abs(possible[:, 1:] - points[:, 1]) < reach[1]
+        free.append(possible[~(beside & above).any(axis=1)])
     farthest_first = np.argsort(-np.linalg.norm(centres - points.mean(axis=0), axis=1))
     rng = np.random.default_rng(0)
     orders = [farthest_first, *(rng.permutation(len(centres)) for _ in range(_N_ORDERS))]
@@ -380,9 +382,8 @@ def _places_in_order(
         open_places = free[k]
         for earlier in order[:number]:
             reach = halves[k] + halves[earlier]
-            open_places = open_places[
-                np.any(np.abs(open_places - places[earlier]) >= reach, axis=1)
-            ]
+            x, y = np.abs(open_places - places[earlier]).T
+            open_places = open_places[(x >= reach[0]) | (y >= reach[1])]
         if not len(open_places):
             return None
         places[k] = open_places[np.linalg.norm(open_places - centres[k], axis=1).argmin()]

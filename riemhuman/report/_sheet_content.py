@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -110,8 +111,9 @@ class Drawing:
     def height(self) -> int:
         return self.picture_height + _TITLE_PIXELS
 
-    @property
+    @cached_property
     def source(self) -> str:
+        """The address of the picture, encoded once for the page and the PDF file."""
         return image_source(self.picture.pixels)
 
 

@@ -1,5 +1,6 @@
 """Mesh files of every kind are read in their own order; damaged ones raise errors."""
 
+import io
 import os
 import struct
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import plyfile
 import pytest
 import trimesh
 from cases import sphere_template
@@ -28,6 +30,7 @@ from riemhuman.io import (
     save_mesh,
     to_trimesh,
 )
+from riemhuman.io._mesh_formats import write_ply
 from riemhuman.surfaces import Template
 
 ENDINGS = [".ply", ".obj", ".off"]
@@ -341,6 +344,39 @@ def test_saved_mesh_reads_back_bit_for_bit(mesh, tmp_path, ending):
     by_trimesh = trimesh.load_mesh(file, process=False, maintain_order=True)
     np.testing.assert_array_equal(by_trimesh.vertices, mesh[0][:-1])
     np.testing.assert_array_equal(by_trimesh.faces, mesh[1])
+
+
+@pytest.mark.parametrize("scalar", ["<f8", "<f4", ">f8"])
+def test_written_ply_is_that_of_plyfile(mesh, scalar):
+    vertices, faces = mesh[0].astype(scalar), mesh[1].astype(np.int32)
+    places = [("x", scalar), ("y", scalar), ("z", scalar), ("trusted", "u1")]
+    points = np.array([(*place, place[0] > 0.0) for place in vertices.tolist()], places)
+    triangles = np.array([(row,) for row in faces], [("vertex_indices", "i4", (3,))])
+    points["trusted"] = vertices[:, 0] > 0.0
+    elements = [
+        plyfile.PlyElement.describe(points, "vertex"),
+        plyfile.PlyElement.describe(triangles, "face"),
+    ]
+    expected = io.BytesIO()
+    plyfile.PlyData(elements, byte_order="<").write(expected)
+    assert write_ply(vertices, faces, vertices[:, 0] > 0.0) == expected.getvalue()
+
+
+def test_ply_is_written_without_a_call_for_each_triangle():
+    vertices, faces = sphere_template(2).vertices, sphere_template(2).faces
+    write_ply(vertices, faces)  # what is imported comes first
+    assert calls_of(write_ply, vertices, faces) == calls_of(write_ply, vertices, faces[:20])
+
+
+def calls_of(function, *arguments):
+    """Return how many functions of Python a call runs."""
+    calls = []
+    sys.setprofile(lambda frame, event, _: event == "call" and calls.append(frame.f_code.co_name))
+    try:
+        function(*arguments)
+    finally:
+        sys.setprofile(None)
+    return len(calls)
 
 
 def test_trusted_vertices_of_ply_files(mesh, tmp_path):
