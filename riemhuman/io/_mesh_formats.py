@@ -321,7 +321,7 @@ def write_ply(vertices: Values, faces: Triangles, trusted: Values | None = None)
         plyfile.PlyElement.describe(points, "vertex"),
         plyfile.PlyElement.describe(triangles, "face"),
     ]
-    header = plyfile.PlyData(elements, byte_order="<").header + "\n"
+    header: str = plyfile.PlyData(elements, byte_order="<").header + "\n"
     # plyfile would write the triangles one by one.
     rows = np.empty(len(faces), _PLY_TRIANGLE)
     rows["count"], rows["corners"] = 3, faces
