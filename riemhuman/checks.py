@@ -8,20 +8,21 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Hashable, Mapping, Sequence, Set
+from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
 from contextlib import suppress
 from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 
 import numpy as np
 from autograd.tracer import getval
 
-from riemhuman.arrays import Array, ArrayLike, DType, Integers, Labels, Values
+from riemhuman.arrays import Array, ArrayLike, Booleans, DType, Integers, Labels, Values
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
 from riemhuman.memory import too_little
 
 Rng = int | np.random.Generator | None
 
 Choice = TypeVar("Choice")
+Kind = TypeVar("Kind")
 
 
 class SpaceOfPoints(Protocol):
@@ -236,7 +237,9 @@ def distance_matrix(distances: ArrayLike, name: str, *, symmetric: bool = True) 
 def length_of(points: object, name: str) -> int:
     """Return the number of points of an array, or of an object that has a length and slices."""
     has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
-    if not has_slices or isinstance(points, (Mapping, str, bytes, memoryview)):
+    # Arrays of no dimension have both, and classes have those of their objects.
+    is_none = isinstance(points, type) or getattr(points, "shape", None) == ()
+    if is_none or not has_slices or isinstance(points, (Mapping, str, bytes, memoryview)):
         raise ArgumentTypeError(
             f"{name} must be an array, or have a length and slices; found {type(points).__name__}"
         )
@@ -563,6 +566,56 @@ def refuse_type(value: object, name: str, expected: str) -> NoReturn:
     """Raise an ArgumentTypeError that says which class was found, or that it was a class itself."""
     kind = f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
     raise ArgumentTypeError(f"{name} must be {expected}; found {kind}")
+
+
+def check_instance(value: object, name: str, kind: type[object], expected: str = "") -> None:
+    """Raise an ArgumentTypeError, which says what was found, unless an object is of this class."""
+    if not isinstance(value, kind):
+        refuse_type(value, name, expected or f"a {kind.__name__}")
+
+
+def items_of(values: Iterable[Kind], name: str, expected: str) -> tuple[Kind, ...]:
+    """Return the items of an iterable that is no text and no mapping."""
+    if isinstance(values, (str, bytes, memoryview, Mapping)):
+        refuse_type(values, name, expected)
+    try:
+        return tuple(values)
+    except TypeError as error:
+        raise ArgumentTypeError(
+            f"{name} must be {expected}; found {type(values).__name__}"
+        ) from error
+
+
+def texts_of(
+    values: Iterable[str], name: str, expected: str = "a list of texts"
+) -> tuple[str, ...]:
+    """Return the texts of an iterable, as Python texts."""
+    items = items_of(values, name, expected)
+    for item in items:
+        if not isinstance(item, str):
+            raise ArgumentTypeError(f"{name} must be {expected}; found {_shown(item)} among them")
+    return tuple(map(str, items))
+
+
+def flag(value: object, name: str) -> bool:
+    """Return an answer, yes or no, as a bool; 0 and 1 are answers as well."""
+    if isinstance(value, (bool, np.bool_)) or (
+        isinstance(value, (int, np.integer)) and 0 <= value <= 1
+    ):
+        return bool(value)
+    raise ArgumentTypeError(f"{name} must be True or False; found {_shown(value)}")
+
+
+def mask(values: object, name: str, shapes: Sequence[tuple[int, ...]]) -> Booleans:
+    """Return a Boolean array of one of these shapes."""
+    array = values_of(values, name)
+    if array.dtype != bool or array.shape not in shapes:
+        expected = " or ".join(dict.fromkeys(map(str, shapes)))
+        raise ArgumentError(
+            f"{name} must be Boolean, of shape {expected}; found {array.dtype} of shape "
+            f"{array.shape}"
+        )
+    return array
 
 
 def check_methods(value: object, name: str, expected: str, *methods: str) -> None:

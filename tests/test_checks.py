@@ -219,3 +219,35 @@ def test_whole_numbers_beyond_all_floats_are_no_real_numbers(value):
 def test_no_array_is_one_of_some_choices(value):
     with pytest.raises(ArgumentError, match="name must be one of 'a', 'b'"):
         checks.one_of(value, "name", ("a", "b"))
+
+
+def test_items_and_texts():
+    assert checks.items_of(iter([1, 2]), "parts", "a list") == (1, 2)
+    for value in (None, 3, "ab", b"ab", {"a": 1}, np.array(1.0)):
+        with pytest.raises(ArgumentTypeError, match="parts must be a list; found"):
+            checks.items_of(value, "parts", "a list")
+    assert checks.texts_of(np.array(["a", "b"]), "names") == ("a", "b")
+    for value in ([1], [None], "ab", None, np.zeros(2)):
+        with pytest.raises(ArgumentTypeError, match="names must be a list of texts; found"):
+            checks.texts_of(value, "names")
+
+
+def test_flags():
+    for value, answer in ((True, True), (np.bool_(False), False), (1, True), (np.int64(0), False)):
+        assert checks.flag(value, "scale") is answer
+    for value in (None, "yes", 2, -1, 0.5, [True], np.array([True, False]), object()):
+        with pytest.raises(ArgumentTypeError, match="scale must be True or False; found"):
+            checks.flag(value, "scale")
+
+
+def test_masks():
+    assert checks.mask([True, False], "trusted", ((3, 2), (2,))).tolist() == [True, False]
+    for value in ([1, 0], [True], [[True], [True, False]], None, "x", np.nan):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match="trusted"):
+            checks.mask(value, "trusted", ((3, 2), (2,)))
+
+
+@pytest.mark.parametrize("value", [np.array(1.0), list, 3, None, "ab"])
+def test_no_number_and_no_class_has_a_length(value):
+    with pytest.raises(ArgumentTypeError, match="points must be an array"):
+        checks.length_of(value, "points")

@@ -27,6 +27,7 @@ from riemhuman.checks import (
     one_of,
     real_array,
     real_number,
+    refuse_type,
     weight_shares,
     whole_number,
 )
@@ -203,7 +204,7 @@ def _surfaces_of(
     model: SkinnedModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
 ) -> Array:
     """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
-    surfaces = real_array(points, "points", ("n_points", 3))
+    surfaces = real_array(points, "points", ("n_points", 3), lengths=True)
     n_points = combine.shape[0]
     if surfaces.shape[-2] != n_points:
         what = "the model's vertices" if whole else "the rows of correspondence"
@@ -258,6 +259,8 @@ def correspondence_matrix(
     >>> (centres @ model.template.vertices).shape
     (2, 3)
     """
+    if not isinstance(getattr(model, "n_vertices", None), int):
+        refuse_type(model, "model", "a BodyModel or a Template")
     n_vertices = model.n_vertices
     if correspondence is None:
         return sparse.eye_array(n_vertices, format="csr")

@@ -6,13 +6,20 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import real_array, real_number
+from riemhuman.checks import (
+    check_instance,
+    items_of,
+    real_array,
+    real_number,
+    texts_of,
+    whole_number,
+)
 from riemhuman.datasets._motion_files import (
     PosedPerson,
     write_amass,
@@ -76,8 +83,9 @@ class Motion(ABC):
     ) -> None:
         self.subject = subject
         self.sequence = sequence
-        self.frames_per_second = frames_per_second
-        self.n_frames = n_frames
+        name = "frames_per_second"
+        self.frames_per_second = real_number(frames_per_second, name, minimum=0.0, strict=True)
+        self.n_frames = whole_number(n_frames, "n_frames", minimum=0)
         self.faces = faces
 
     def __len__(self) -> int:
@@ -160,6 +168,7 @@ class ModelMotion(Motion):
     def __init__(
         self, subject: str, sequence: str, frames_per_second: float, n_frames: int, model: BodyModel
     ) -> None:
+        check_instance(model, "model", BodyModel)
         super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
         self.model = model
 
@@ -221,6 +230,14 @@ class ModelMotion(Motion):
         return frames
 
 
+def pair_of_names(names: Sequence[str]) -> tuple[str, str]:
+    """Return the names of a person and of a motion."""
+    texts = texts_of(names, "names", "the names of the person and of the motion")
+    if len(texts) != 2:
+        raise ArgumentError(f"names must be those of a person and of a motion; found {texts}")
+    return texts[0], texts[1]
+
+
 class ArrayMotion(ModelMotion):
     """A motion of a model whose poses and translations are arrays.
 
@@ -253,10 +270,14 @@ class ArrayMotion(ModelMotion):
         pose_vectors: Array,
         translations: Array,
     ) -> None:
-        super().__init__(*names, frames_per_second, len(pose_vectors), model)
-        self._betas = betas
-        self._poses = pose_vectors
-        self._translations = translations
+        subject, sequence = pair_of_names(names)
+        check_instance(model, "model", BodyModel)
+        self._betas = real_array(betas, "betas", (model.n_betas,), batched=False)
+        shape = ("n_frames", model.n_joints, 3)
+        self._poses = real_array(pose_vectors, "pose_vectors", shape, batched=False)
+        n_frames = len(self._poses)
+        self._translations = real_array(translations, "translations", (n_frames, 3), batched=False)
+        super().__init__(subject, sequence, frames_per_second, n_frames, model)
 
     @property
     def betas(self) -> Array:
@@ -274,6 +295,9 @@ class Motions(tuple[M, ...]):
     >>> rh.datasets.load_open_motions("coarse", sequences=["knees", "hips"])
     <Motions: 20 of 10 people, 2 sequences>
     """
+
+    def __new__(cls, motions: Iterable[M] = ()) -> Self:
+        return super().__new__(cls, items_of(motions, "motions", "a list of motions"))
 
     def __repr__(self) -> str:
         people = {motion.subject for motion in self}

@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import real_array
+from riemhuman.checks import check_instance, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import log
 from riemhuman.kernels.surface import unit_vectors
@@ -72,6 +72,8 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     >>> rh.datasets.joint_rotations({"shoulder": ("z", 90)}, model).shape
     (23, 3, 3)
     """
+    check_instance(model, "model", BodyModel)
+    check_instance(angles, "angles", Mapping, "a mapping of joints to axes and degrees")
     rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
     for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
         try:
@@ -134,6 +136,7 @@ def pose_vectors(rotations: ArrayLike, model: BodyModel) -> Array:
     >>> model(pose=t_pose).shape
     (1202, 3)
     """
+    check_instance(model, "model", BodyModel)
     straight = _rest_to_t_pose(model)
     parent = np.where(model.parents[:, None, None] < 0, np.eye(3), straight[model.parents])
     rotations = real_array(rotations, "rotations", (model.n_joints, 3, 3))

@@ -11,7 +11,7 @@ from typing import TypedDict
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers
-from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of
+from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of, texts_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -362,7 +362,7 @@ def read_labels(
     """
     file = file_path(table, "labels")
     by_name: dict[str, list[int]] = {}
-    for number, name in enumerate(names):
+    for number, name in enumerate(texts_of(names, "names", "a list of names of files")):
         for spelling in {name, Path(name).stem}:
             by_name.setdefault(spelling, []).append(number)
     rows: dict[int, tuple[int, str, str]] = {}

@@ -12,8 +12,8 @@ import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array, refuse_type
-from riemhuman.datasets.motions import ModelMotion
+from riemhuman.checks import check_instance, one_of, real_array, real_number, refuse_type
+from riemhuman.datasets.motions import ModelMotion, pair_of_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.memory import enough_memory
 from riemhuman.retargeting.body_size import own_person, recorded_person, scaled_model
@@ -81,8 +81,10 @@ class RetargetedMotion(ModelMotion):
         up: str | Callable[[], str] | None = None,
         size: float = 1.0,
     ) -> None:
+        check_instance(model, "model", BodyModel)
+        size = real_number(size, "size", minimum=0.0, strict=True)
         performer = model if size == 1.0 else scaled_model(model, size)
-        super().__init__(*names, frames_per_second, n_frames, performer)
+        super().__init__(*pair_of_names(names), frames_per_second, n_frames, performer)
         self._recording = recording
         self._joints = joints
         self._up = up

@@ -8,7 +8,15 @@ from collections.abc import Callable, Sequence
 import autograd.numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Features, Fields, Points, TangentVectors
-from riemhuman.checks import Rng, generator, joint_shape, real_array, refuse_type, values_of
+from riemhuman.checks import (
+    Rng,
+    check_instance,
+    generator,
+    joint_shape,
+    real_array,
+    refuse_type,
+    values_of,
+)
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -34,6 +42,7 @@ class TriangleFields(Manifold):
     value_name: str
 
     def __init__(self, template: Template, equip: bool = True) -> None:
+        check_instance(template, "template", Template)
         self.template, n_faces = template, template.n_faces
         super().__init__(self.value_dim * n_faces, (n_faces, *self.value_shape), equip)
 

@@ -8,7 +8,7 @@ from copy import copy
 from typing import Self, TypeGuard
 
 from riemhuman.arrays import Array, Points, TangentVectors, Triangles
-from riemhuman.checks import real_number, refuse_type, whole_number
+from riemhuman.checks import flag, real_number, refuse_type, whole_number
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.point_space import PointSpace
@@ -64,7 +64,7 @@ class Manifold(PointSpace):
 
     def __init__(self, dim: int, shape: tuple[int, ...], equip: bool = True) -> None:
         super().__init__(dim, shape)
-        if equip and self.default_metric() is not None:
+        if flag(equip, "equip") and self.default_metric() is not None:
             self.equip_with_metric()
 
     @property
@@ -106,7 +106,7 @@ class Manifold(PointSpace):
         space = copy(self)
         if space.is_equipped:
             del space.metric
-        if equip and space.default_metric() is not None:
+        if flag(equip, "equip") and space.default_metric() is not None:
             space.equip_with_metric()
         return space
 
@@ -179,7 +179,7 @@ def holds_surfaces(space: PointSpace) -> TypeGuard[SurfaceSpace]:
 
 def surface_space(space: PointSpace) -> SurfaceSpace:
     """Return a space of surfaces; raise an ArgumentTypeError for any other space."""
-    if not holds_surfaces(space):
+    if not isinstance(space, PointSpace) or not holds_surfaces(space):
         refuse_type(space, "space", "a space of surfaces, such as AlignedSurfaces(template)")
     return space
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -310,7 +309,7 @@ def _blocks(
     if not isinstance(points, ndarray):
         # Other sequences may not be safe to read in several threads.
         n_threads = 1
-    size = min(_BLOCK, math.ceil((last - first) / n_threads))
+    size = min(_BLOCK, -((first - last) // n_threads))
     parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
 
     def of_part(part: slice[int, int, None]) -> tuple[slice[int, int, None], Features]:

@@ -10,7 +10,15 @@ from typing import Unpack
 import autograd.numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Points, TangentVectors
-from riemhuman.checks import Rng, generator, joint_shape, metric_weight, real_array
+from riemhuman.checks import (
+    Rng,
+    check_instance,
+    generator,
+    items_of,
+    joint_shape,
+    metric_weight,
+    real_array,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -40,9 +48,11 @@ class ProductManifold(Manifold):
     """
 
     def __init__(self, factors: Sequence[Manifold], equip: bool = True) -> None:
-        if not factors:
+        self.factors = items_of(factors, "factors", "a list of manifolds")
+        if not self.factors:
             raise ArgumentError("factors must hold at least one manifold; found none")
-        self.factors = tuple(factors)
+        for number, factor in enumerate(self.factors):
+            check_instance(factor, f"factors[{number}]", Manifold)
         self._sizes = [math.prod(factor.shape) for factor in self.factors]
         self._ends = np.cumsum(self._sizes).tolist()
         super().__init__(sum(factor.dim for factor in self.factors), (sum(self._sizes),), equip)

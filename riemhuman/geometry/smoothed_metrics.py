@@ -13,7 +13,7 @@ from riemhuman.arrays import Array, Booleans, Features, Points, TangentVectors
 from riemhuman.checks import real_number, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
-from riemhuman.geometry.manifold import SurfaceSpace
+from riemhuman.geometry.manifold import SurfaceSpace, surface_space
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.product import PullbackMetric
@@ -118,6 +118,7 @@ class RotationMetric(SmoothedMetric):
         time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:
+        space = surface_space(space)
         template = space.template
         axes = surface.polar_frames(*space.partial_derivatives(template.vertices))
         self._axes = of_one_kind(axes)
@@ -225,6 +226,7 @@ class AreaMetric(SmoothedMetric):
         time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:
+        space = surface_space(space)
         areas = space.template.vertex_heat.masses
         fields = VectorSpace((len(areas),)).equip_with_metric(FlatMetric, weights=areas)
         super().__init__(space, fields.metric, self.log_areas, time, **solvers)

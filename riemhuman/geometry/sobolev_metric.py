@@ -9,7 +9,7 @@ import numpy as np
 
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.manifold import SurfaceSpace
+from riemhuman.geometry.manifold import SurfaceSpace, surface_space
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.surface import derivatives
@@ -97,6 +97,7 @@ class SobolevMetric(MidpointMetric):
         a2: float = 0.0,
         **solvers: Unpack[Solvers],
     ) -> None:
+        space = surface_space(space)
         given = {"a0": a0, "a1": a1, "b1": b1, "c1": c1, "d1": d1, "a2": a2}
         weights = {name: metric_weight(value, name) for name, value in given.items()}
         self.a0, self.a1, self.b1, self.c1, self.d1, self.a2 = weights.values()

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import autograd.numpy as np
 
 from riemhuman.arrays import Array, Booleans, Fields, Points, TangentVectors
-from riemhuman.checks import Rng, generator, metric_weight, real_array
+from riemhuman.checks import (
+    Rng,
+    check_instance,
+    generator,
+    items_of,
+    metric_weight,
+    real_array,
+    whole_number,
+)
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.fields import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.surface import Derivatives
 from riemhuman.terms import FlatTerm
+
+# NumPy's limit, and numbers that fill a terabyte.
+_MOST_AXES, _MOST_NUMBERS = 32, 2**37
 
 
 class VectorSpace(Manifold):
@@ -32,7 +45,17 @@ class VectorSpace(Manifold):
     """
 
     def __init__(self, shape: tuple[int, ...], equip: bool = True) -> None:
-        super().__init__(int(np.prod(shape)), tuple(shape), equip)
+        lengths = tuple(
+            whole_number(length, f"shape[{axis}]", minimum=1)
+            for axis, length in enumerate(items_of(shape, "shape", "a tuple of whole numbers"))
+        )
+        size = math.prod(lengths)
+        if not 1 <= len(lengths) <= _MOST_AXES or size > _MOST_NUMBERS:
+            raise ArgumentError(
+                f"shape must have 1 to {_MOST_AXES} lengths and {_MOST_NUMBERS:,} numbers at most; "
+                f"found {len(lengths)} lengths, of at most {min(max(lengths, default=0), 2**63)}"
+            )
+        super().__init__(size, lengths, equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
         return FlatMetric
@@ -79,6 +102,7 @@ class FlatMetric(FieldMetric):
     _term = _Numbers()
 
     def __init__(self, space: Manifold, weights: Array | None = None) -> None:
+        check_instance(space, "space", Manifold)
         super().__init__(space)
         length = space.shape[0]
         if weights is None:

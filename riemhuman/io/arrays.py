@@ -17,6 +17,7 @@ from typing import IO, Literal, overload
 import numpy as np
 
 from riemhuman.arrays import DType, MemoryMap, Values
+from riemhuman.checks import check_instance, flag, texts_of
 from riemhuman.errors import ArgumentTypeError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
 
@@ -50,11 +51,13 @@ def save_arrays(
     >>> rh.io.load_arrays("lengths.npz", ["arms"])["arms"]
     array([0.61, 0.63])
     """
-    plain = {name: np.asanyarray(array) for name, array in arrays.items()}
+    check_instance(arrays, "arrays", Mapping, "a mapping of names to arrays")
+    texts_of(arrays.keys(), "names of arrays")
+    plain = {name: _plain_array(array, name) for name, array in arrays.items()}
     for name, array in plain.items():
         if array.dtype.hasobject:
             raise ArgumentTypeError(f"{name} must hold numbers or text; found {arrays[name]!r:.60}")
-    compression = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    compression = zipfile.ZIP_DEFLATED if flag(compressed, "compressed") else zipfile.ZIP_STORED
     # `np.savez` of NumPy 2.0 would leave the archive open when the disk is full.
     with (
         atomic_file(file_path(path)) as temporary,
@@ -63,6 +66,13 @@ def save_arrays(
         for name, array in plain.items():
             with archive.open(name + _SUFFIX, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)
+
+
+def _plain_array(array: object, name: str) -> Values:
+    try:
+        return np.asanyarray(array)
+    except ValueError as error:
+        raise ArgumentTypeError(f"{name} must be an array; its items differ in shape") from error
 
 
 def load_arrays(
@@ -85,7 +95,7 @@ def load_arrays(
     ['arms']
     """
     arrays = {}
-    required = list(required)
+    required = texts_of(required, "required", "a list of names of arrays")
     with _open_archive(path) as (archive, members, limit):
         names = members if optional is None else [*required, *optional]
         check_fields(members, required)

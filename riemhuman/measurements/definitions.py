@@ -17,7 +17,7 @@ import autograd.numpy as np
 from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, JSONRecord, JSONValue
-from riemhuman.checks import one_of, real_number, values_of
+from riemhuman.checks import items_of, one_of, real_number, texts_of, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
@@ -200,15 +200,14 @@ def _sum(arrays: Sequence[Array]) -> Array:
 
 
 def _checked_parts(parts: Sequence[str], name: str) -> Parts:
-    if isinstance(parts, str) or not all(isinstance(part, str) for part in parts):
-        raise ArgumentTypeError(f"{name} must be a list of names; found {parts!r}")
-    return tuple(parts)
+    return texts_of(parts, name, "a list of names")
 
 
 def _checked_places(places: Sequence[Place], name: str) -> Places:
-    if isinstance(places, (str, Mapping)) or len(places) < 2:
+    several = items_of(places, name, "a list of two or more places")
+    if len(several) < 2:
         raise ArgumentError(f"{name} must hold two or more places; found {places!r}")
-    return tuple(places)
+    return several
 
 
 def _checked_axis(axis: str | Sequence[Place], name: str) -> Axis:

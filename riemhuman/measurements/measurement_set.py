@@ -15,7 +15,16 @@ from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, JSONRecord, Triangles
 from riemhuman.bodies import BodyModel, correspondence_matrix
-from riemhuman.checks import one_of, real_array, real_number, refuse_type
+from riemhuman.checks import (
+    check_instance,
+    integer_array,
+    items_of,
+    one_of,
+    real_array,
+    real_number,
+    refuse_type,
+    texts_of,
+)
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path, json_value, memory_errors, read_bytes, write_text
@@ -77,6 +86,12 @@ class MeasurementSet:
     standard_pose: Mapping[str, ArrayLike] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.template, (Template, BodyModel)):
+            refuse_type(self.template, "template", "a Template or a BodyModel")
+        check_instance(self.landmarks, "landmarks", Mapping, "a mapping of names to landmarks")
+        check_instance(self.parts, "parts", Mapping, "a mapping of names to triangles")
+        check_instance(self.standard_pose, "standard_pose", Mapping, "a mapping of joints to poses")
+        object.__setattr__(self, "frame", texts_of(self.frame, "frame", "four landmarks"))
         marks = {name: self._checked_landmark(name, m) for name, m in self.landmarks.items()}
         if self.model is not None:
             for name, row in zip(self.model.joint_names, self.model.joint_regressor, strict=True):
@@ -84,7 +99,10 @@ class MeasurementSet:
                 marks.setdefault(name, (vertices, row[vertices]))
             for name in self.standard_pose:
                 nearest_name(name, "joint", self.model.joint_names)
-        parts = {name: np.asarray(faces, dtype=np.int64) for name, faces in self.parts.items()}
+        parts = {
+            name: integer_array(faces, f"part {name!r}", ("n_triangles",))
+            for name, faces in self.parts.items()
+        }
         for name, faces in parts.items():
             _check_numbers(f"part {name!r} has triangle", faces, len(self.faces))
         object.__setattr__(self, "landmarks", marks)
@@ -93,12 +111,17 @@ class MeasurementSet:
         if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-6):
             raise ArgumentError(f"axes must be orthonormal; found {axes.tolist()}")
         object.__setattr__(self, "axes", axes)
-        object.__setattr__(self, "measurements", tuple(self.measurements))
+        object.__setattr__(self, "measurements", _listed(self.measurements))
         self._check_names()
 
     def _checked_landmark(self, name: str, mark: Sequence[ArrayLike]) -> tuple[Integers, Array]:
-        vertices = np.asarray(mark[0], dtype=np.int64)
-        weights = np.asarray(mark[1], dtype=np.float64)
+        pair = items_of(mark, f"landmark {name!r}", "a pair of vertices and weights")
+        if len(pair) != 2:
+            raise ArgumentError(
+                f"landmark {name!r} must be a pair of vertices and weights; found {len(pair)} items"
+            )
+        vertices = integer_array(pair[0], f"vertices of landmark {name!r}", ("n",))
+        weights = real_array(pair[1], f"weights of landmark {name!r}", ("n",), batched=False)
         if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > _WEIGHT_TOLERANCE:
             raise ArgumentError(
                 f"landmark {name!r} must have one weight for each vertex, with sum 1; found "
@@ -227,7 +250,7 @@ class MeasurementSet:
         """
         by_name = dict(zip(self.names, self.measurements, strict=True))
         chosen_measurements: list[Measurement] = []
-        for entry in measurements:
+        for entry in _listed(measurements):
             if isinstance(entry, str):
                 entry = by_name[nearest_name(entry, "measurement", by_name)]
             chosen_measurements.append(entry)
@@ -364,6 +387,10 @@ class MeasurementSet:
 
 def _surface_of(template: Template | BodyModel) -> Template:
     return template.template if isinstance(template, BodyModel) else template
+
+
+def _listed(measurements: Iterable[Measurement | str]) -> tuple[Measurement | str, ...]:
+    return items_of(measurements, "measurements", "a list of measurements")
 
 
 def _check_numbers(what: str, numbers: Integers, count: int) -> None:

@@ -12,7 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel, joints_between
-from riemhuman.checks import check_resolution, one_of, real_array, real_number, refuse_type
+from riemhuman.checks import (
+    check_instance,
+    check_resolution,
+    mask,
+    one_of,
+    real_array,
+    real_number,
+    refuse_type,
+)
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
@@ -198,7 +206,7 @@ class Measurements:
         one_of(missing, "missing", ("raise", "nan"))
         one_of(axes, "axes", _AXES)
         dtype = getattr(points, "dtype", None)
-        points = real_array(points, "points", (self.definitions.n_vertices, 3))
+        points = real_array(points, "points", (self.definitions.n_vertices, 3), lengths=True)
         check_resolution(points, "points", dtype)
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
@@ -259,7 +267,7 @@ class Measurements:
             Empty lists for volumes, areas and measurements that are not defined.
         """
         shape = (self.definitions.n_vertices, 3)
-        surface = real_array(surface, "surface", shape, batched=False)
+        surface = real_array(surface, "surface", shape, batched=False, lengths=True)
         axes = one_of(axes, "axes", _AXES) if self.definitions.frame else "space"
         check_body_sizes(surface, self.definitions.surface, "surface")
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
@@ -399,11 +407,13 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     >>> straight.shape
     (1202, 3)
     """
+    check_instance(definitions, "definitions", MeasurementSet)
     model = definitions.model
     if model is None:
         raise ArgumentError(
             'pose="standard" needs a body model, whose fit removes the pose; found a surface'
         )
+    points = real_array(points, "points", (definitions.n_vertices, 3), lengths=True)
     hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
     fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
     space = AlignedSurfaces(model.template, equip=False, scale=None)
@@ -441,12 +451,7 @@ def _standard_pose_of(definitions: MeasurementSet, fitted: Array) -> Array:
 
 
 def _checked_trust(trusted_vertices: ArrayLike, shape: tuple[int, ...]) -> Array:
-    trusted = np.asarray(trusted_vertices)
-    if trusted.dtype != bool or trusted.shape not in (shape, shape[-1:]):
-        raise ArgumentError(
-            f"trusted_vertices must be Boolean, of shape {shape}; found {trusted.dtype} of shape "
-            f"{trusted.shape}"
-        )
+    trusted = mask(trusted_vertices, "trusted_vertices", (shape, shape[-1:]))
     return np.broadcast_to(trusted, shape)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_function, check_methods, real_array
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, AreaMetric, RiemannianMetric
 from riemhuman.surfaces import Template
@@ -83,8 +83,11 @@ def usual_distances(metric_of: Callable[[Template], RiemannianMetric]) -> UsualD
     >>> round(usual.one_person, 3)
     0.084
     """
+    check_function(metric_of, "metric_of")
     bodies = load_open_bodies("coarse")
-    distances = metric_of(bodies.template).dist_pairwise(bodies.points)
+    metric = metric_of(bodies.template)
+    check_methods(metric, "metric_of(template)", "a metric", "dist_pairwise")
+    distances = metric.dist_pairwise(bodies.points)
     same_person = np.equal.outer(bodies.subject, bodies.subject)
     same_pose = np.equal.outer(bodies.pose, bodies.pose)
     return UsualDistances(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import check_instance, mask, one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measuring import Measurements
 
@@ -66,6 +66,7 @@ def posture_angles(
     >>> bool(abs(angles["shoulder tilt"]) < 4.0)
     True
     """
+    check_instance(measurements, "measurements", Measurements)
     definitions = measurements.definitions
     missing = [name for name in _landmarks() if name not in definitions.landmarks]
     if missing:
@@ -73,13 +74,16 @@ def posture_angles(
         raise ArgumentError(
             f"measurements must have the landmarks of the open body; it lacks {missing[0]}{more}"
         )
-    points = real_array(points, "points", (definitions.n_vertices, 3))
+    points = real_array(points, "points", (definitions.n_vertices, 3), lengths=True)
+    if trusted_vertices is not None:
+        shape = points.shape[:-1]
+        trusted_vertices = mask(trusted_vertices, "trusted_vertices", (shape, shape[-1:]))
     places = {}
     for name in _landmarks():
         vertices, weights = definitions.landmarks[name]
         place = np.einsum("k,...kc->...c", weights, points[..., vertices, :])
         if trusted_vertices is not None:
-            trusted = np.asarray(trusted_vertices, dtype=bool)[..., vertices]
+            trusted = trusted_vertices[..., vertices]
             place = np.where(trusted.all(axis=-1, keepdims=True), place, np.nan)
         places[name] = place
     stand = _Stand.of(places, np.array(_AXES[one_of(up, "up", tuple(_AXES))]))

@@ -19,7 +19,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
 from riemhuman.arrays import Array, JSONRecord
-from riemhuman.checks import SUSPECTED_UNITS, one_of, real_number
+from riemhuman.checks import SUSPECTED_UNITS, metric_weight, one_of, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import as_mapping
@@ -123,7 +123,7 @@ def checked_values(
         _check_value(name, value, typical.get(name, value), unit)
         errors[name] = _LENGTH_TOLERANCE if unit == "m" else _SHARE_TOLERANCE * value
     for name, error in _given_tolerances(tolerances, given).items():
-        errors[name] = real_number(error, f"tolerance of {name}", minimum=0.0, strict=True)
+        errors[name] = metric_weight(error, f"tolerance of {name}", strict=True)
     return given, errors
 
 

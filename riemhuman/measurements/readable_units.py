@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from riemhuman.checks import one_of, refuse_type
+from riemhuman.checks import one_of, real_number, refuse_type
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def readable_gap(metres: float, system: str = "cm") -> str:
     ('2.4 mm', '0.094 in')
     """
     unit = gap_unit(system)
-    return f"{unit.text(metres)} {unit.name}"
+    return f"{unit.text(real_number(metres, 'metres'))} {unit.name}"
 
 
 def gap_unit(system: str) -> ReadableUnit:

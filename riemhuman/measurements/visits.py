@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
-from riemhuman.checks import real_array
+from riemhuman.checks import check_instance, mask, real_array, texts_of
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.measurement_set import MeasurementSet, load_json
@@ -120,10 +120,14 @@ def compare_visits(
     >>> bool(abs(result.changes[0]) < 0.01)  # the same stature in both poses
     True
     """
+    check_instance(measurements, "measurements", Measurements)
     definitions = measurements.definitions
     shape = (definitions.n_vertices, 3)
     before = real_array(before, "before", shape, batched=False)
     after = real_array(after, "after", shape, batched=False)
+    if trusted_vertices is not None:
+        shape = (2, definitions.n_vertices)
+        trusted_vertices = mask(trusted_vertices, "trusted_vertices", (shape, shape[1:]))
     straight = in_standard_pose(definitions, np.stack([before, after]))
     measured = measurements.measure(
         straight, axes="space", missing="nan", trusted_vertices=trusted_vertices
@@ -178,6 +182,7 @@ def noise_of_measurements(names: Sequence[str]) -> Array:
     >>> float(rh.measurements.noise_of_measurements(["stature"])[0].round(4))
     0.0051
     """
+    names = texts_of(names, "names", "a list of names of measurements")
     # See tutorials/remake/build_noise_of_poses.py.
     noise = load_json("noise_of_poses.json")["measurements"]
     return np.array([noise.get(name, np.nan) for name in names])

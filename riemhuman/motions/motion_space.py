@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
-from riemhuman.checks import Rng, generator, real_array, whole_number
+from riemhuman.checks import Rng, check_instance, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
-from riemhuman.geometry.manifold import sample_count, stack_samples
+from riemhuman.geometry.manifold import SurfaceSpace, metric_of, sample_count, stack_samples
+from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.memory import enough_memory
@@ -26,7 +27,6 @@ from riemhuman.motions._frames import (
 
 if TYPE_CHECKING:
     from riemhuman.geometry import AlignedSurfaces
-    from riemhuman.geometry.manifold import SurfaceSpace
 
 
 class MotionSpace(Manifold):
@@ -53,6 +53,8 @@ class MotionSpace(Manifold):
     """
 
     def __init__(self, frames: AlignedSurfaces, n_times: int = 50, equip: bool = True) -> None:
+        expected = "a space of surfaces, such as AlignedSurfaces(template)"
+        check_instance(frames, "frames", SurfaceSpace, expected)
         self.frames = frames
         self.n_times = whole_number(n_times, "n_times", minimum=2)
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
@@ -142,6 +144,14 @@ def _times_within(at: ArrayLike, last: int) -> Array:
     return times
 
 
+def frame_metric(space: MotionSpace, metric: RiemannianMetric | None) -> RiemannianMetric:
+    """Return the metric that compares frames: the one given, or that of their space."""
+    if metric is None:
+        return metric_of(space.frames)
+    check_metric(metric)
+    return metric
+
+
 class RateDependentMetric(RiemannianMetric):
     r"""The integral over time of a metric on frames.
 
@@ -176,8 +186,9 @@ class RateDependentMetric(RiemannianMetric):
         metric: RiemannianMetric | None = None,
         geodesic_solver: GeodesicSolver | None = None,
     ) -> None:
+        check_instance(space, "space", MotionSpace, "a MotionSpace(...)")
         super().__init__(space, geodesic_solver)
-        self.metric = space.frames.metric if metric is None else metric
+        self.metric = frame_metric(space, metric)
         weights = np.full(space.n_times, 1.0 / (space.n_times - 1))
         weights[[0, -1]] *= 0.5
         self.time_weights = weights

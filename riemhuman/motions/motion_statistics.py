@@ -9,7 +9,8 @@ from typing import Self
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import real_array, whole_number
+from riemhuman.checks import check_instance, real_array, texts_of, whole_number
+from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
 from riemhuman.geometry.manifold import manifold_of
@@ -23,7 +24,7 @@ from riemhuman.motions._frames import (
     rotate_upright,
     surfaces_between,
 )
-from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
+from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric, frame_metric
 from riemhuman.motions.time_warping import DynamicTimeWarping, MotionDistance, Warp
 from riemhuman.progress import ProgressBar
 from riemhuman.solvers.nearest_surface import NearestSurface
@@ -78,13 +79,24 @@ def align_motions(
     >>> first.shape == second.shape == (4, 1202, 3)
     True
     """
+    check_instance(space, "space", MotionSpace, "a MotionSpace(...)")
+    check_alignment(alignment)
+    if len(texts_of(names, "names")) != 2:
+        raise ArgumentError(f"names must be those of two motions; found {names!r}")
     warp = (alignment or _default_alignment(space)).warp(m1, m2)
     first = space.resample(m1, name=names[0])
     return first, _at_shares(space, m2, _even_times(warp, space.n_times), names[1]), warp
 
 
+def check_alignment(alignment: MotionDistance | None) -> None:
+    """Raise an ArgumentTypeError for what cannot align motions."""
+    if alignment is not None:
+        expected = "an alignment such as DynamicTimeWarping(metric)"
+        check_instance(alignment, "alignment", MotionDistance, expected)
+
+
 def _default_alignment(space: MotionSpace) -> MotionDistance:
-    return DynamicTimeWarping(space.frames.metric, centered=True, between_frames=True)
+    return DynamicTimeWarping(frame_metric(space, None), centered=True, between_frames=True)
 
 
 def _at_shares(space: MotionSpace, motion: Motion, times: Array, name: str) -> Array:
@@ -208,6 +220,7 @@ class MotionMean(Estimator):
     ) -> None:
         self.space = space
         self.metric = metric
+        check_alignment(alignment)
         self.alignment = alignment
         self.n_iterations = n_iterations
         self.progress = progress

@@ -15,7 +15,7 @@ from riemhuman.kernels.projections import Projection
 from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import FEWER_FRAMES, Motion, frame_count, frame_runs, sampled_rows
 from riemhuman.motions._velocity_curves import TransportedVelocities, best_matching, even_segments
-from riemhuman.motions.motion_space import MotionSpace
+from riemhuman.motions.motion_space import MotionSpace, frame_metric
 from riemhuman.motions.time_warping import MotionDistance, Warp
 
 # Number of chords that represent a motion.
@@ -88,7 +88,7 @@ class RateInvariantMetric(MotionDistance):
     ) -> None:
         if not isinstance(space, MotionSpace):
             refuse_type(space, "space", "a MotionSpace(...), whose frames have the metric")
-        metric = space.frames.metric if metric is None else metric
+        metric = frame_metric(space, metric)
         super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
         self.space = space
         self._velocities = TransportedVelocities(

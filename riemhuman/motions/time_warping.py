@@ -13,6 +13,7 @@ import numpy as np
 from riemhuman.arrays import Array
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
@@ -84,6 +85,7 @@ class MotionDistance(ABC):
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
+        check_metric(metric)
         self.metric = metric
         self.heading = heading
         self.n_components = n_components

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from riemhuman.arrays import Array, Booleans, JSONRecord, PointsLike
-from riemhuman.checks import length_of, one_of, whole_number
+from riemhuman.checks import check_strategy, flag, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.pairwise import PRECISIONS, squared_dist_rectangle
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.io.arrays import load_array
@@ -209,7 +210,10 @@ def path_job(
     >>> rh.path_job(solver, space.metric, bodies.points[:3], "paths").lengths.shape
     (3, 3)
     """
+    check_metric(metric)
+    check_strategy(solver, "solver")
     thread_count(n_jobs)
+    flag(progress, "progress")
     if length_of(points, "points") < 2:
         raise ArgumentError(f"points must be at least two; found {len(points)}")
     points = metric.check_points(points[:], "points")

@@ -12,6 +12,7 @@ from riemhuman.checks import integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import Projection, in_blocks
 from riemhuman.kernels.threads import mapped, slices, thread_count
 from riemhuman.memory import check_memory, enough_memory
@@ -108,6 +109,7 @@ class NearestNeighbors(Estimator):
         X : array or sequence, shape (n, \*shape)
             Points: an array, or a sequence whose slices are arrays of points.
         """
+        check_metric(self.metric)
         whole_number(self.n_neighbors, "n_neighbors", minimum=1)
         thread_count(self.n_jobs)
         if length_of(X, "X") == 0:

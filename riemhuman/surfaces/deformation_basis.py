@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, PointsOnDemand
-from riemhuman.checks import check_same_scale, real_array, whole_number
+from riemhuman.checks import check_same_scale, flag, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
@@ -72,7 +72,7 @@ class DeformationBasis:
             raise ArgumentError(
                 f"vectors must hold at least one deformation; found shape {values.shape}"
             )
-        if orthonormalize:
+        if flag(orthonormalize, "orthonormalize"):
             rows = orthonormal_rows(values.reshape(len(values), -1), "vectors")
             self._vectors = read_only(rows.reshape(values.shape))
         else:
