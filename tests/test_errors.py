@@ -10,8 +10,7 @@ import pytest
 import riemhuman
 import riemhuman as rh
 from riemhuman import errors
-
-from .support.cases import sphere_template, surfaces
+from tests.support.cases import sphere_template, surfaces
 
 EXPECTED = {
     "ArgumentError": ValueError,
@@ -113,6 +112,9 @@ def doors():
         "align_motions alignment": lambda odd: rh.motions.align_motions(
             motions, points[:1], points, odd
         ),
+        "procrustes scale": lambda odd: rh.procrustes(points, points[0], scale=odd),
+        "procrustes weights": lambda odd: rh.procrustes(points, points[0], weights=odd),
+        "check_solver": lambda odd: rh.testing.check_solver(solve, odd, points),
         "path_job": lambda odd: rh.path_job(solve, odd, points, "job"),
         "NearestNeighbors": lambda odd: rh.NearestNeighbors(odd).fit(points),
         "NearestNeighbors X": rh.NearestNeighbors(space.metric, 2).fit,
@@ -162,7 +164,7 @@ def test_odd_arguments_are_refused_with_a_typed_error(tmp_path, monkeypatch):
                     door(odd)
             except errors.RiemhumanError:
                 continue
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001
                 surprises[name, label] = repr(error)
     assert not surprises
 
@@ -177,6 +179,8 @@ def test_bodies_too_large_to_compute_with_are_refused(size):
         lambda points: rh.measurements.posture_angles(measurements, points),
         lambda points: rh.measurements.in_standard_pose(measurements.definitions, points),
         lambda points: rh.bodies.fit_model(bodies.model, points),
+        lambda points: rh.procrustes(points, bodies[0]),
+        lambda points: rh.generalized_procrustes([points, points]),
     ):
         with pytest.raises(errors.ArgumentError, match="points must have coordinates between"):
             door(huge)

@@ -10,6 +10,7 @@ from riemhuman.checks import (
     UNITS,
     check_resolution,
     check_same_scale,
+    flag,
     one_of,
     real_array,
     real_number,
@@ -67,9 +68,10 @@ def procrustes(
     """
     if to is None:
         return generalized_procrustes(points, scale=scale, weights=weights)[0]
-    surfaces = real_array(points, "points", ("n_vertices", 3))
+    scale = _checked_scale(scale)
+    surfaces = real_array(points, "points", ("n_vertices", 3), lengths=True)
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
-    reference = real_array(to, "to", ("n_vertices", 3), batched=False)
+    reference = real_array(to, "to", ("n_vertices", 3), batched=False, lengths=True)
     if surfaces.shape[-2] != len(reference):
         raise ArgumentError(
             f"points has {surfaces.shape[-2]} vertices per surface (shape {surfaces.shape}); "
@@ -125,7 +127,8 @@ def generalized_procrustes(
     >>> aligned.shape, mean.shape
     ((10, 1202, 3), (1202, 3))
     """
-    surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
+    scale = _checked_scale(scale)
+    surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3), lengths=True)
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
@@ -193,6 +196,10 @@ def _align(surfaces: Points, to: Array, shares: Array, scale: bool) -> Array:
         rotation *= (spread.sum(axis=-1) / squared_size)[..., np.newaxis, np.newaxis]
     aligned: Array = source @ np.swapaxes(rotation, -1, -2) + shares @ to
     return aligned
+
+
+def _checked_scale(scale: bool | None) -> bool | None:
+    return None if scale is None else flag(scale, "scale")
 
 
 def _center(surfaces: Points, shares: Array) -> Array:

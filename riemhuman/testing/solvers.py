@@ -14,6 +14,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.testing.reports import (
     Properties,
     PropertyReport,
@@ -62,6 +63,7 @@ def check_solver(
     True
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
+    check_metric(metric)
     points = metric.check_points(points)
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
