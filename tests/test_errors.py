@@ -169,6 +169,17 @@ def test_odd_arguments_are_refused_with_a_typed_error(tmp_path, monkeypatch):
     assert not surprises
 
 
+@pytest.mark.parametrize("shape", [(0,), (0, 3), (0, 42, 3), (2, 0, 3)])
+def test_there_is_nothing_to_view_of_no_bodies(shape):
+    faces = sphere_template().faces
+    for door in (rh.view, rh.plots.view_bodies):
+        with pytest.raises(errors.RiemhumanError, match="points"):
+            door(np.zeros(shape), faces)
+        for none in ([], ()):
+            with pytest.raises(errors.ArgumentError, match="points must hold at least one mesh"):
+                door(none)
+
+
 @pytest.mark.parametrize("size", [1e155, 1e300])
 def test_bodies_too_large_to_compute_with_are_refused(size):
     bodies = rh.datasets.load_open_bodies("coarse")

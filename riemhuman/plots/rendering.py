@@ -44,6 +44,8 @@ def as_surfaces(points: object, faces: ArrayLike | None = None) -> tuple[object,
         return points, faces
     if not isinstance(points, (list, tuple)):
         return as_arrays(points)
+    if not points:
+        raise ArgumentError("points must hold at least one mesh; found none")
     meshes = [as_arrays(mesh) for mesh in points]
     _, first_triangles = meshes[0]
     if not all(np.array_equal(triangles, first_triangles) for _, triangles in meshes):

@@ -399,6 +399,8 @@ def view_bodies(
     """
     points, triangles = as_surfaces(points, faces)
     surfaces = real_array(points, "points", ("n_vertices", 3))
+    if surfaces.size == 0:
+        raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     names = [""] * len(surfaces) if names is None else names
     bodies = _labelled(names, surfaces, [SKIN] * len(surfaces))
