@@ -122,7 +122,7 @@ _restore_limits: Callable[[], object] | None = None
 
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
-    """Keep libraries in the calling thread, for code that runs threads of its own."""
+    """Keep libraries in the calling thread: for code with threads of its own, or small products."""
     # Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
     global _n_limited, _restore_limits
     with _lock:

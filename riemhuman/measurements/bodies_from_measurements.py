@@ -23,6 +23,7 @@ from scipy.linalg import solve_triangular
 from riemhuman.arrays import Array, Booleans
 from riemhuman.checks import one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements._vertex_slopes import slopes_along
 from riemhuman.measurements.measurement_set import load_json, open_measurements
@@ -146,7 +147,8 @@ def model_from_measurements(
     one_of(resolution, "resolution", ("full", "coarse"))
     whole_number(max_iter, "max_iter", minimum=1)
     remedy = 'ask for resolution="coarse"' if resolution == "full" else "give fewer measurements"
-    with enough_memory("a body from measurements", remedy):
+    # Products of a step are so small that threads of BLAS cost more than they gain.
+    with enough_memory("a body from measurements", remedy), single_threaded_libraries():
         given, errors = checked_values(values, tolerances)
         return _probable_body(given, errors, sex, resolution, max_iter, start)
 
