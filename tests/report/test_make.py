@@ -305,7 +305,7 @@ def test_one_or_two_bodies_have_what_they_can_say(undrawn, nine_bodies, tmp_path
     one = make_report(tmp_path / "one", bodies=single, quick=True, units="in")
     text = one.read_text(encoding="utf-8")
     (row,) = rows_of(tmp_path / "one", "measurements")
-    assert "stature, in</th>" in text
+    assert "Stature, in</th>" in text
     assert f">{float(row['stature (m)']) / 0.0254:.1f}</data>" in text
     with pytest.raises(ArgumentError, match="units must be one of"):
         make_report(tmp_path / "none", bodies=single, units="feet")
