@@ -74,9 +74,14 @@ def test_sliders_mix_in_the_page_what_python_mixes(browser, viewer, tmp_path):
     expected = body.components.mixed(middle, scores())
     assert np.abs(expected - middle).max() > 0.05
     np.testing.assert_allclose(shown(), expected, atol=2e-4)
+    uniform = [0.5, 0.1, 0.2, 0.6, 0.999999, 0.0]
+    browser.run("const given = arguments[0]; Math.random = () => given.shift();", uniform)
     browser.find("[data-action=sample]").click()
     drawn = scores()
-    assert np.unique(drawn).size == 3
+    radii, turns = np.sqrt(-2 * np.log1p(-np.array(uniform[::2]))), uniform[1::2]
+    normal = radii * np.cos(2 * np.pi * np.array(turns))  # Box and Muller
+    np.testing.assert_allclose(drawn, normal.clip(-3, 3), atol=0.026)  # sliders have steps of 0.05
+    assert drawn[2] == 3
     np.testing.assert_allclose(shown(), body.components.mixed(middle, drawn), atol=2e-4)
     browser.find("[data-action=middle]").click()
     assert scores().tolist() == [0, 0, 0]
