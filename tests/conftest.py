@@ -53,6 +53,13 @@ def nine_bodies():
 
 
 @pytest.fixture
+def strict_floats():
+    """Raise an error where floating-point numbers overflow or become NaN."""
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+@pytest.fixture
 def undrawn(monkeypatch):
     """Leave figures of a report empty, which take most of its time."""
     pixels = np.zeros((2, 2, 4))

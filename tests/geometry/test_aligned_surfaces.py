@@ -35,10 +35,7 @@ from riemhuman.surfaces.template import Template
 every_metric = pytest.mark.parametrize("case", SURFACES, ids=name_of)
 
 
-@pytest.fixture(autouse=True)
-def _strict_floats():
-    with np.errstate(divide="raise", over="raise", invalid="raise"):
-        yield
+pytestmark = pytest.mark.usefixtures("strict_floats")
 
 
 def rotations(rng=0):

@@ -12,10 +12,7 @@ from riemhuman.geometry import EbinMetric, MetricFields, NormalFields, RotationF
 SPACE = MetricFields(sphere_template())
 
 
-@pytest.fixture(autouse=True)
-def _strict_floats():
-    with np.errstate(divide="raise", over="raise", invalid="raise"):
-        yield
+pytestmark = pytest.mark.usefixtures("strict_floats")
 
 
 # Through the apex.

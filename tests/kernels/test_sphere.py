@@ -13,10 +13,7 @@ from riemhuman.terms.normals import NormalTerm, squared_arc
 N_PAIRS = 40
 
 
-@pytest.fixture(autouse=True)
-def _strict_floats():
-    with np.errstate(divide="raise", over="raise", invalid="raise"):
-        yield
+pytestmark = pytest.mark.usefixtures("strict_floats")
 
 
 def unit(vectors):

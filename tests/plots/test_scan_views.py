@@ -5,8 +5,7 @@ import pytest
 import trimesh
 
 import riemhuman as rh
-from riemhuman.registration import RegisteredScan, Scan, lay_over_body, simulated_scan
-from riemhuman.surfaces import nearest_points
+from riemhuman.registration import lay_over_body, simulated_scan
 
 BODIES = rh.datasets.load_open_bodies("coarse")
 FACES = BODIES.template.faces
@@ -26,29 +25,6 @@ def over():
     return lay_over_body(scan.points, BODY, FACES)
 
 
-def registered(body):
-    """Return a result as of a registration that found the body itself."""
-    over = lay_over_body((body, FACES), body, FACES)
-    places, _ = nearest_points(body, body, FACES)
-    return RegisteredScan(
-        points=body,
-        trusted=True,
-        trusted_vertices=over.seen,
-        message="",
-        likelihood=np.nan,
-        fit=None,
-        distances=np.abs(over.distances),
-        matched=over.seen,
-        correspondence=places,
-        background=over.background,
-        up=np.array([0.0, 1.0, 0.0]),
-        transform=np.eye(4),
-        unit="metres",
-        faces=FACES,
-        scan=Scan(body, FACES),
-    )
-
-
 @pytest.mark.slow
 def test_larger_scans_are_thinned_and_the_page_says_so():
     finer = BODY, FACES
@@ -58,14 +34,6 @@ def test_larger_scans_are_thinned_and_the_page_says_so():
     assert len(finer[0]) > 70_000
     assert 50_000 < len(viewer.panel.over.scan_points) < 65_000
     assert f"of {len(finer[0]):,} points are drawn" in viewer.description
-
-
-def test_results_view_their_scan_over_their_body():
-    result = registered(BODY)
-    viewer = result.view()
-    assert viewer.title == rh.view(result).title == "Registered scan"
-    assert viewer.panel.name == "scan"
-    assert 'data-scan="body"' in viewer.page()
 
 
 def test_the_figure_has_one_viewpoint_and_a_bar(over):

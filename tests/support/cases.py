@@ -23,6 +23,7 @@ from riemhuman.geometry import (
     GeneralElasticMetric,
     Manifold,
     MetricFields,
+    NormalFieldMetric,
     NormalFields,
     ProductManifold,
     ProductMetric,
@@ -318,6 +319,21 @@ def build_cases() -> list[Case]:
     ]
     return cases
 
+
+def product_of_a_triangle() -> ProductManifold:
+    """Return the metric and normal fields on one triangle."""
+    triangle = triangle_template()
+    return ProductManifold([MetricFields(triangle), NormalFields(triangle)])
+
+
+SPACES = {
+    "metric fields": (MetricFields(sphere_template()), 240, (80, 2, 2), EbinMetric),
+    "normal fields": (NormalFields(sphere_template()), 160, (80, 3), NormalFieldMetric),
+    "vectors": (VectorSpace((80, 3)), 240, (80, 3), FlatMetric),
+    "surfaces": (AlignedSurfaces(sphere_template()), 126, (42, 3), ElasticMetric),
+    "product": (product_of_a_triangle(), 5, (7,), ProductMetric),
+}
+"""Spaces by name, with dimension, shape of a point and class of their default metric."""
 
 CASES = {case.name: case for case in build_cases()}
 """All cases by name."""

@@ -307,3 +307,26 @@ def with_smpls_tree(model):
 def with_other_names(model):
     """Return a model whose joints have names that no other model has."""
     return rename_joints(model, tuple(f"bone_{k}" for k in range(model.n_joints)))
+
+
+def registered_at(body, faces):
+    """Return a result as of a registration that found a body itself: its vertices are the scan."""
+    over = rh.registration.lay_over_body((body, faces), body, faces)
+    places, _ = nearest_points(body, body, faces)
+    return rh.registration.RegisteredScan(
+        points=body,
+        trusted=True,
+        trusted_vertices=over.seen,
+        message="",
+        likelihood=np.nan,
+        fit=None,
+        distances=np.abs(over.distances),
+        matched=over.seen,
+        correspondence=places,
+        background=over.background,
+        up=np.array([0.0, 1.0, 0.0]),
+        transform=np.eye(4),
+        unit="metres",
+        faces=faces,
+        scan=rh.registration.Scan(body, faces),
+    )

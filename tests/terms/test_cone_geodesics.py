@@ -16,11 +16,7 @@ from riemhuman.terms import _cone_geodesics, cone
 from riemhuman.terms._cone_geodesics import hyperbolic_sine_cardinal, product_minus_square
 from riemhuman.terms.cone import inverse_hyperbolic_sine_cardinal
 
-
-@pytest.fixture(autouse=True)
-def _strict_floats():
-    with np.errstate(divide="raise", over="raise", invalid="raise"):
-        yield
+pytestmark = pytest.mark.usefixtures("strict_floats")
 
 
 @pytest.mark.parametrize("lam", LAMBDAS)

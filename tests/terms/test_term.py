@@ -322,31 +322,3 @@ def test_shapes(term, message):
 def test_what_is_no_term(terms, message):
     with pytest.raises(ArgumentTypeError, match=message):
         SurfaceMetric(SPACE, terms)
-
-
-class Unweighted(FlatTerm):
-    """Its `__init__` knows nothing of the weight."""
-
-    def __init__(self, power):
-        self.power = power
-
-    def field(self, first):
-        return first.areas[..., None] ** self.power
-
-
-def test_a_term_that_says_no_weight_has_weight_one():
-    metric = SurfaceMetric(SPACE, [Unweighted(0.5)])
-    points = surfaces(SPACE.template, 3)
-    found = metric.dist_pairwise(points, precision="double")
-    np.testing.assert_allclose(found[0, 1], metric.dist(points[0], points[1]), rtol=1e-12)
-
-
-def test_fields_that_some_triangles_do_not_have_are_none_of_these_slips():
-    class OfSome(FlatTerm):
-        def field(self, first):
-            return anp.where(first.areas > 0.1, first.areas, anp.nan)[..., None]
-
-    metric = SurfaceMetric(SPACE, [OfSome()])
-    f1, f2 = surfaces(SPACE.template, 2)
-    assert np.isfinite(metric.dist(f1, f2))
-    assert np.isnan(metric.dist(f1, 0.3 * f2))
