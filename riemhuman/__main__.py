@@ -20,8 +20,22 @@ def _leave(number: int, frame: FrameType | None) -> None:
     os._exit(128 + number)
 
 
+def _open_closed_streams() -> None:
+    """Open the standard streams that the caller closed, as in ``riemhuman ... >&-``, on nothing.
+
+    Each takes the lowest free descriptor, its own, so that no file of results gets that.
+    """
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull, encoding="utf-8")  # noqa: SIM115
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
 def main() -> int:
     """Run the command line."""
+    _open_closed_streams()
     # Shells, like nohup, start background processes with some of them ignored.
     heard = [number for number in _STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
     for number in heard:

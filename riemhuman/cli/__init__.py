@@ -55,8 +55,8 @@ _EPILOG = """\
 `eval "$(register-python-argcomplete riemhuman)"`.
 
 exit codes: 0 done; 1 done, but some results are not trusted: a scan without a trusted body, or a
-search that has not converged; 2 failed: wrong usage, unusable data or an error; 130
-interrupted; 143 stopped by another process; 141 closed output pipe
+search that has not converged; 2 failed: wrong usage, unusable data or an error; 129
+terminal closed; 130 interrupted; 141 closed output pipe; 143 stopped by another process
 """
 
 
@@ -72,13 +72,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except KeyboardInterrupt:
         number = terminal.interruptions.last(start) or signal.SIGINT
-        terminal.note("interrupted" if number == signal.SIGINT else "stopped by another process")
+        terminal.note_interruption(number)
         return _STOPPED + number
     except BrokenPipeError:
-        terminal.discard_output()
+        terminal.discard(sys.stdout)
         return _BROKEN_PIPE
     except OSError as error:  # of standard output: `_run` reports all others
-        terminal.discard_output()
+        terminal.discard(sys.stdout)
         terminal.note(f"standard output cannot be written: {error.strerror or error}")
         return _NOT_DONE
 

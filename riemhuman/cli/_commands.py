@@ -201,8 +201,12 @@ def output(
     names: str | None = None,
     flags: str = "-o --output",
     required: bool = True,
+    takes_stream: bool = False,
 ) -> Argument:
-    """Return the declaration of an output: a file or, with a pattern of names in it, a folder."""
+    """Return the declaration of an output: a file or, with a pattern of names in it, a folder.
+
+    With `takes_stream`, ``-`` stands for standard output.
+    """
     attribute = _attribute(flags)
 
     def check(options: argparse.Namespace) -> None:
@@ -210,8 +214,12 @@ def output(
         from riemhuman.io.outputs import check_output_file, check_output_folder
 
         text = getattr(options, attribute)
-        if text in (None, "-"):
+        if text is None or (text == "-" and takes_stream):
             return
+        if text == "-":
+            raise ArgumentError(
+                f"{flags.split()[-1]} cannot be standard output (-); name a file or a folder"
+            )
         place = path(text)
         may_be_folder = not endings or text.endswith("/") or place.is_dir() or not place.suffix
         if names is not None and may_be_folder:

@@ -212,6 +212,7 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
         text="table to write; - is standard output",
         flags="--csv",
         required=False,
+        takes_stream=True,
     ),
     cli.option("--jobs", "threads (default: one per core)", metavar="N", type=int, default=-1),
     cli.choice(

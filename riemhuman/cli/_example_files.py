@@ -62,7 +62,7 @@ _VISIT_NOISE = 0.0005
 _STRIDE_SECONDS = 1.1
 _STRIDES = 4
 _FRAMES_PER_SECOND = 60
-_STEPS, _STEP_FRAMES = 12, 66
+_STEPS, _FRAMES_BETWEEN_STEPS = 11, 6  # one stride
 # Joint angles of a walk in degrees, at equal intervals of one stride of the left side, which begins
 # when its heel touches the floor.
 _HIP = (28, 24, 12, 0, -10, -2, 20, 30)
@@ -91,7 +91,7 @@ def write_example_files(folder: Path) -> dict[str, str]:
     (run,) = rh.datasets.load_open_motions("coarse", "average man", "running_on_spot")
     run.save(folder / "run.bvh")
     (folder / "steps").mkdir()
-    for number, frame in enumerate(walk[: _STEP_FRAMES : _STEP_FRAMES // _STEPS]):
+    for number, frame in enumerate(walk[: _STEPS * _FRAMES_BETWEEN_STEPS : _FRAMES_BETWEEN_STEPS]):
         rh.save_mesh(folder / "steps" / f"frame_{number:04d}.ply", frame, walk.faces)
     _write_other_mesh(folder / "other_mesh.ply", betas["david"], rng)
     contents = {
@@ -103,7 +103,7 @@ def write_example_files(folder: Path) -> dict[str, str]:
         "visit1.ply, visit2.ply": "one person before and after losing four kilograms",
         "walk.bvh, walk.npz": "a walk, as a recorded skeleton and in the layout of AMASS",
         "run.bvh": "another person, running on the spot",
-        "steps/": "the first stride of the walk, as twelve registered bodies",
+        "steps/": f"the first stride of the walk, as {_STEPS} registered bodies",
         "other_mesh.ply": "a body whose mesh has different vertices and triangles",
     }
     lines = [

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import is_dataclass
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from riemhuman.cli._commands import Answer
 from riemhuman.errors import ConvergenceWarning
@@ -252,9 +252,23 @@ def tolerate_ascii() -> None:
             stream.reconfigure(errors="replace")
 
 
-def discard_output() -> None:
-    """Discard the rest of standard output, which nobody reads any more."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def discard(stream: TextIO) -> None:
+    """Discard what a standard stream still holds, and all later output: nobody reads it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def note_interruption(number: int) -> None:
+    """Say which signal stopped the command, if there is still somebody to tell."""
+    if number == signal.SIGINT:
+        reason = "interrupted"
+    elif number == signal.SIGTERM:
+        reason = "stopped by another process"
+    else:
+        reason = "stopped because its terminal was closed"
+    try:
+        note(reason)
+    except OSError:
+        discard(sys.stderr)
 
 
 @contextmanager

@@ -131,8 +131,7 @@ def atomic_file(file: Path) -> Iterator[Path]:
         file = Path(os.path.realpath(file))
         if not file.parent.is_dir():
             raise FileError(f"{file} cannot be written: there is no folder {file.parent}")
-        if file.exists() and not file.is_file():
-            raise FileError(f"{file} cannot be written: it is not a regular file")
+        check_replaceable(file)
         temporary = neighbour(file)
         try:
             temporary.touch(exist_ok=False)
@@ -147,14 +146,15 @@ def atomic_file(file: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def shortened(path: Path) -> str:
-    """Return the part of a name with which the names of its neighbours begin."""
-    return path.stem[:40]
+def check_replaceable(file: Path) -> None:
+    """Raise an error if something else than a regular file has the place of a file to write."""
+    if file.exists() and not file.is_file():
+        raise FileError(f"{file} cannot be written: it is not a regular file")
 
 
 def neighbour(path: Path) -> Path:
     """Return an unused hidden name in the folder of a path, with the same suffix."""
-    return path.with_name(f".{shortened(path)}.{secrets.token_hex(4)}.part{path.suffix}")
+    return path.with_name(f".{path.stem[:40]}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
 def visible_files(folder: Path, *endings: str, deep: bool = False) -> list[Path]:

@@ -10,7 +10,13 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from riemhuman.errors import FileError, warn
-from riemhuman.io.files import convert_errors, lock_file, neighbour, shortened, suffix_of
+from riemhuman.io.files import (
+    check_replaceable,
+    convert_errors,
+    lock_file,
+    neighbour,
+    suffix_of,
+)
 from riemhuman.representation import join_names
 
 _REPLACED, _LOCK = ".replaced", ".lock"
@@ -28,7 +34,8 @@ def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> Non
         )
     if os.path.lexists(path) and not force:
         raise FileError(f"{path} exists; --force replaces it")
-    _check_parent(path)
+    check_replaceable(path)
+    _check_parent(Path(os.path.realpath(path)) if path.is_symlink() else path)
 
 
 def check_output_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> None:
@@ -76,7 +83,7 @@ def _hidden_folder(parent: Path, targets: Iterable[Path]) -> Iterator[Path]:
     """Yield an empty folder beside files, for what is to replace them."""
     first = next(target for target in targets if target.parent == parent)
     with convert_errors(first):
-        _clean_up(first)
+        _clean_up(parent)
     with _locked_neighbour(first) as temporary:
         try:
             with convert_errors(first):
@@ -90,20 +97,23 @@ def _hidden_folder(parent: Path, targets: Iterable[Path]) -> Iterator[Path]:
 def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
     """Yield a temporary folder, which then replaces a folder that holds only our files.
 
-    What killed processes have left beside the folder is removed, and a folder that one of them was
-    about to replace is put back.
+    What killed processes have left beside the folder is removed, and folders that they were about
+    to replace are put back.
     """
     path = Path(os.path.abspath(path))
     with convert_errors(path):
-        _clean_up(path)
+        _clean_up(path.parent)
         with _locked_neighbour(path) as temporary:
-            replaced = temporary.with_name(temporary.name + _REPLACED)
+            # Under its name in a hidden folder, so that any process can put it back.
+            hidden = temporary.with_name(temporary.name + _REPLACED)
+            replaced = hidden / path.name
             try:
                 temporary.mkdir()
                 yield temporary
                 if path.exists():
                     _check_content(path, is_ours)
                     shutil.copymode(path, temporary)
+                    hidden.mkdir()
                     os.rename(path, replaced)
                 try:
                     os.rename(temporary, path)
@@ -112,7 +122,7 @@ def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
                         os.rename(replaced, path)
                     raise
             finally:
-                for folder in (temporary, replaced):
+                for folder in (temporary, hidden):
                     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -132,21 +142,17 @@ def _locked_neighbour(path: Path) -> Iterator[Path]:
         yield temporary
 
 
-def _clean_up(path: Path) -> None:
-    """Remove what writers of a folder, or of others beside it, left when they were killed."""
-    for lock in sorted(path.parent.glob(f".*{_LOCK}")):
+def _clean_up(parent: Path) -> None:
+    """Remove what writers in a folder left when they were killed; put back what they moved."""
+    for lock in sorted(parent.glob(f".*{_LOCK}")):
         if not _LOCK_NAME.fullmatch(lock.name):
             continue
         temporary = lock.with_name(lock.name.removesuffix(_LOCK))
-        replaced = temporary.with_name(temporary.name + _REPLACED)
-        is_ours = temporary.name.startswith(f".{shortened(path)}.")
-        if replaced.exists() and not is_ours:
-            continue  # the next writer of that folder puts it back
+        hidden = temporary.with_name(temporary.name + _REPLACED)
         try:
             with lock_file(lock, "in use"):
-                if replaced.exists() and not path.exists():
-                    os.rename(replaced, path)
-                leftovers = [folder for folder in (temporary, replaced) if folder.exists()]
+                returned = _put_back(hidden, parent)
+                leftovers = [folder for folder in (temporary, hidden) if folder.exists()]
                 for folder in leftovers:
                     shutil.rmtree(folder, ignore_errors=True)
         except FileError:
@@ -154,9 +160,25 @@ def _clean_up(path: Path) -> None:
         if leftovers:
             names = join_names([folder.name for folder in leftovers])
             warn(
-                f"removed files that a killed process had left in {path.parent}: {names}",
+                f"removed files that a killed process had left in {parent}: {names}",
                 UserWarning,
             )
+        if returned:
+            warn(
+                f"put back what a killed process was about to replace in {parent}: "
+                f"{join_names(returned)}",
+                UserWarning,
+            )
+
+
+def _put_back(hidden: Path, parent: Path) -> list[str]:
+    """Move folders back to where they were, unless others have taken their places."""
+    returned = []
+    for folder in sorted(hidden.iterdir()) if hidden.is_dir() else ():
+        if not os.path.lexists(parent / folder.name):
+            os.rename(folder, parent / folder.name)
+            returned.append(folder.name)
+    return returned
 
 
 def _check_content(path: Path, is_ours: Callable[[str], bool]) -> bool:

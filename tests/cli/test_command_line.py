@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -140,6 +141,52 @@ def test_a_reader_that_leaves(scans, unbuffered):
     )
     os.close(writes)
     assert (finished.returncode, finished.stderr) == (141, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="descriptors of Unix")
+@pytest.mark.parametrize("descriptors", [(1,), (2,), (0, 1, 2)])
+def test_streams_that_the_caller_closed(scans, tmp_path, descriptors):
+    """As in ``riemhuman ... >&-``: results are written, and what would be printed is not."""
+    table = tmp_path / "D.npz"
+    finished = subprocess.run(
+        [*COMMAND, "matrix", scans, "-o", table],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: [os.close(descriptor) for descriptor in descriptors],
+    )
+    assert (finished.returncode, "Traceback" in finished.stderr) == (0, False)
+    assert ("meshes" in finished.stdout) == (1 not in descriptors)
+    assert "distances" in riemhuman.io.load_arrays(table, ["distances"])
+
+
+# The terminal closes while the result is written: nothing can be said from then on, or it can,
+# where only the signal was sent.
+_HANG_UP = """
+import os, signal, sys
+from riemhuman.__main__ import main
+import riemhuman.io
+
+def close(*arguments):
+    os.dup2(os.open({stderr!r}, os.O_WRONLY), 2)
+    os.kill(os.getpid(), signal.SIGHUP)
+
+riemhuman.io.save_arrays = close
+sys.argv[1:] = ["matrix", {scans!r}, "-o", {table!r}, "--quiet"]
+sys.exit(main())
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="devices of Linux")
+@pytest.mark.parametrize("is_heard", [True, False])
+def test_a_terminal_that_closes(scans, tmp_path, is_heard):
+    stderr = tmp_path / "stderr" if is_heard else Path("/dev/full")
+    (tmp_path / "stderr").touch()
+    code = _HANG_UP.format(stderr=str(stderr), scans=str(scans), table=str(tmp_path / "D.npz"))
+    finished = subprocess.run([sys.executable, "-c", code])
+    assert finished.returncode == 129
+    said = "riemhuman: stopped because its terminal was closed\n" if is_heard else ""
+    assert (tmp_path / "stderr").read_text() == said
+    assert [place.name for place in tmp_path.iterdir()] == ["stderr"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
@@ -352,6 +399,13 @@ def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeyp
     assert run(*command).code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["D.csv", "D.npz"]
     assert figure.read_text().startswith("file,")
+
+
+def test_only_tables_go_to_standard_output(refused, scans, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for command in (["matrix", scans], ["geodesic", scans / "body_0.ply", scans / "body_1.ply"]):
+        assert "--output cannot be standard output" in refused(*command, "-o", "-")
+    assert not list(tmp_path.iterdir())
 
 
 def test_help_lists_every_command_once_by_topic(run, capsys):

@@ -54,6 +54,8 @@ def test_registered_bodies_share_a_triangulation_and_have_labels(people):
     assert len(bodies.points) == 80
     assert len(set(bodies.subject)) == 8
     assert len(set(bodies.pose)) == 10
+    steps = rh.datasets.find_meshes(people / "steps")
+    assert f"as {len(steps)} registered bodies" in (people / "README.txt").read_text("utf-8")
     for name in ("anna", "ben", "sit", "stand", "visit1", "visit2"):
         assert np.array_equal(rh.load_mesh(people / f"{name}.ply")[1], bodies.template.faces)
 

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -145,23 +146,60 @@ def test_what_a_killed_writer_left_is_removed(tmp_path, other):
     assert {place.name for place in tmp_path.iterdir()} == {"first", other}
 
 
-def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path):
-    """Where the writer was killed between two renames."""
-    path, hidden = tmp_path / "path", tmp_path / ".path.0123abcd.part"
-    for place in (hidden, tmp_path / f"{hidden.name}.replaced"):
-        place.mkdir()
-        (place / "time_0").write_text(place.suffix)
-    (tmp_path / f"{hidden.name}.lock").touch()
-    thesis = tmp_path / ".thesis.part.lock"
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of Unix")
+@pytest.mark.parametrize("is_link", [False, True])
+def test_pipes_and_devices_are_not_replaced(tmp_path, is_link):
+    """Not even through links, as with ``ln -s /dev/null log.npz``."""
+    special = tmp_path / ("pipe" if is_link else "pipe.npz")
+    os.mkfifo(special)
+    path = tmp_path / "pipe.npz"
+    if is_link:
+        path.symlink_to(special)
+    with pytest.raises(FileError, match=r"pipe\.npz cannot be written: it is not a regular file"):
+        check_output_file(path, [".npz"], force=True)
+
+
+def test_a_link_is_written_where_it_points(tmp_path):
+    (tmp_path / "link.npz").symlink_to(tmp_path / "absent" / "new.npz")
+    with pytest.raises(FileError, match="make it first: mkdir -p '.*absent'"):
+        check_output_file(tmp_path / "link.npz", [".npz"], force=True)
+
+
+# The last two share the first letters of their names, which hidden names begin with.
+@pytest.mark.parametrize("other", ["path", "other", "path.v2", "p" * 50])
+def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path, monkeypatch, other):
+    """Where its writer was killed between two renames, by the writer of any folder beside it."""
+    path = tmp_path / ("p" * 51 if other == "p" * 50 else "path")
+    path.mkdir()
+    (path / "time_0").write_text("old")
+    copy = tmp_path / "copy"
+    rename = os.rename
+
+    def copy_all(source, target):
+        if target == path:  # the second rename: what a kill would leave
+            copy.mkdir()
+            for place in tmp_path.glob(".*"):
+                if place.is_dir():
+                    shutil.copytree(place, copy / place.name)
+                else:
+                    (copy / place.name).touch()
+        rename(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "rename", copy_all)
+        with atomic_folder(path, is_ours) as temporary:
+            (temporary / "time_0").write_text("new")
+    thesis = copy / ".thesis.part.lock"
     thesis.touch()
     with (
         pytest.raises(KeyboardInterrupt),
-        pytest.warns(UserWarning, match="killed"),
-        atomic_folder(path, is_ours),
+        pytest.warns(UserWarning, match="killed") as warned,
+        atomic_folder(copy / other, is_ours),
     ):
         raise KeyboardInterrupt
-    assert {place.name for place in tmp_path.iterdir()} == {"path", thesis.name}
-    assert (path / "time_0").read_text() == ".replaced"
+    assert any(f": {path.name}" in str(warning.message) for warning in warned)
+    assert {place.name for place in copy.iterdir()} == {path.name, thesis.name}
+    assert (copy / path.name / "time_0").read_text() == "old"
 
 
 def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):
