@@ -168,6 +168,19 @@ def test_mirrored_triangles_agree_with_their_neighbourhood_or_not():
     np.testing.assert_array_equal(found, expected)
 
 
+def test_the_neighbourhood_counts_by_its_area():
+    # A strip of four squares is folded where two narrow ones meet two wide ones. The narrow one at
+    # the fold has as many mirrored neighbours as others, but the others have more area.
+    across = np.array([-0.1, -0.05, 0.0, 1.0, 2.0])
+    strip = np.array([[x, y, 0.0] for x in across for y in (0.0, 1.0)])
+    faces = np.array(
+        [[2 * k + c for c in corners] for k in range(4) for corners in ((0, 2, 1), (1, 2, 3))]
+    )
+    folded = np.abs(strip)
+    found = inverted_triangles(folded, strip, faces)
+    np.testing.assert_array_equal(found, np.repeat([False, True, False, False], 2))
+
+
 def test_a_fold_is_found_where_it_is():
     folded, vertex = folded_over_an_edge()
     found = inverted_triangles(folded, VERTICES, FACES)
