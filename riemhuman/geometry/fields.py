@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import autograd.numpy as np
 
-from riemhuman.arrays import Array, ArrayLike, Booleans, Features, Fields, Points, TangentVectors
+from riemhuman.arrays import Array, ArrayLike, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import (
     Rng,
     check_instance,
@@ -28,7 +28,7 @@ from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import ConeTerm, EbinTerm
 from riemhuman.terms import _cone_geodesics as cones
-from riemhuman.terms._sums import TablesOfTerms, features_of_fields
+from riemhuman.terms._sums import SumOfFields
 from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Term
 
@@ -92,12 +92,10 @@ class FieldMetric(RiemannianMetric):
 
     @property
     def bulk(self) -> Bulk:
-        areas = self._areas
+        def fields(points: Points) -> Fields:
+            return self._fields(points, "points")
 
-        def features(points: Points, precision: str) -> Features:
-            return features_of_fields(self._term, self._fields(points, "points"), areas, precision)
-
-        return TablesOfTerms([self._term], areas, features)
+        return SumOfFields(self._term, self._areas, fields)
 
     @abstractmethod
     def _fields(self, point: Points, name: str) -> Fields:
@@ -314,17 +312,19 @@ class ConeMetric(FieldMetric):
         through_apex = values_of(cones.runs_through_apex(*ends, self._term))
         message = "end_point must hold no normal antipodal to that of initial_point where ψ < π"
         self._refuse_antipodal(*ends, message, unless=through_apex)
-        # Time comes before the axes of the triangles' matrices and normals.
-        first, last = (
-            tuple(np.expand_dims(part, -2 - k) for k, part in zip((2, 1), parts, strict=False))
-            for parts in ends
-        )
+        first, last = self._with_time_axis(ends[0]), self._with_time_axis(ends[1])
 
         def follow(t: ArrayLike) -> Points:
             times = np.reshape(self._times(t), (-1, 1))
             return self._join(cones.geodesic(first, last, times, self._term))
 
         return follow
+
+    @staticmethod
+    def _with_time_axis(parts: Fields) -> tuple[Array, ...]:
+        """Return g, or g and n, with an axis of times before that of the triangles."""
+        g, *normals = parts
+        return np.expand_dims(g, -4), *(np.expand_dims(n, -3) for n in normals)
 
     def _refuse_antipodal(
         self, start: Fields, end: Fields, message: str, unless: Booleans | bool = False

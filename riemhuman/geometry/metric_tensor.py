@@ -285,7 +285,7 @@ class MetricTensor(Unchanging, ABC):
         """
         one_of(precision, "precision", PRECISIONS)
         if n_jobs is not None:
-            return features_in_threads(self, points, precision, n_jobs)
+            return features_in_threads(self, points, precision, n_jobs, name)
         if self.space.is_surface_space:
             checked = self.space.check_point(points, name)
             check_shape(checked, name, ("n_points", *self.space.shape), batched=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -49,12 +50,17 @@ _CLOSE_BLOCK = 16
 class Bulk(Protocol):
     """Features of points, and tables of distances computed from them: what a metric's `bulk` is.
 
-    Without better, `PairByPair`; for products and images, `SumOfFactors`; for metrics of terms,
-    `riemhuman.terms._sums.TablesOfTerms`. A metric keeps it as an object, so that a table goes from
-    here to the loops over terms directly, not by a method of every class in between.
+    Every metric has one, on surfaces or not, with a template or without. By default it computes
+    `PairByPair`. Metrics of terms answer from compiled loops (`riemhuman.terms._sums`), products
+    and images by the tables of their factors (`SumOfFactors`). What only sums of terms on surfaces
+    have, such as energies of paths, is another protocol there, `SumOnSurfaces`.
+
+    A bulk is an object, rather than methods of the metric, so that a product can ask its factors
+    for tables without checking points again, and a table goes to the loops directly.
     """
 
     n_arrays: int
+    """Length of the tuples of features."""
 
     @abstractmethod
     def features(self, points: Points, precision: str) -> Features:
@@ -163,15 +169,15 @@ class MetricOfFeatures(Protocol):
 
 
 def features_in_threads(
-    metric: MetricOfFeatures, points: PointsLike, precision: str, n_jobs: int
+    metric: MetricOfFeatures, points: PointsLike, precision: str, n_jobs: int, name: str
 ) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
     if n_threads == 1 or len(points) < 2:
-        return metric.features(points, precision)
-    blocks = _blocks(metric, precision, n_threads, points, "points", 0, len(points))
-    arrays = zip(*(features for _, features in blocks), strict=True)
-    return tuple(np.concatenate(parts) for parts in arrays)
+        return metric.features(points, precision, name=name)
+    blocks = _blocks(metric, precision, n_threads, points, name, 0, len(points))
+    parts_of_arrays = zip(*(block.features for block in blocks), strict=True)
+    return tuple(np.concatenate(parts) for parts in parts_of_arrays)
 
 
 def squared_dist_rectangle(
@@ -229,18 +235,19 @@ def table_of_distances(
     progress: bool,
 ) -> Array:
     """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`."""
-    n_threads = thread_count(n_jobs)
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
+    blocks = partial(_blocks, metric, precision, thread_count(n_jobs))
     within = points_b is None
-    sets = _point_sets(metric, points_a, points_b)
-    (row_name, rows), *_, (column_name, columns) = 2 * list(sets.items())
+    row_name, column_name = ("points", "points") if within else ("points_a", "points_b")
+    rows = columns = _point_set(metric, points_a, row_name)
+    if points_b is not None:
+        columns = _point_set(metric, points_b, column_name)
     if not len(rows) or not len(columns):
         return np.zeros((len(rows), len(columns)))
 
-    blocks = partial(_blocks, metric, precision, n_threads)
-    [(_, features_of_one)] = blocks(rows, row_name, 0, 1)
-    bytes_per_point = sum(array.nbytes for array in features_of_one)
+    [first_block] = blocks(rows, row_name, 0, 1)
+    bytes_per_point = sum(array.nbytes for array in first_block.features)
     n_at_once = len(rows) if within else len(rows) + len(columns)
     if n_at_once * bytes_per_point > memory:
         # If the features of all points do not fit, use as many rows as columns.
@@ -251,18 +258,18 @@ def table_of_distances(
         _IN_BLOCKS,
     )
     result = np.zeros((len(rows), len(columns)))
-    n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
+    n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows), n_at_once):
-            of_rows = blocks(rows, row_name, first, first + n_at_once)
+            row_blocks = blocks(rows, row_name, first, first + n_at_once)
             for start in range(first if within else 0, len(columns), n_at_once):
-                same = within and start == first
-                of_columns = of_rows
-                if not same:
-                    of_columns = blocks(columns, column_name, start, start + n_at_once)
-                for i, a in of_rows:
-                    for j, b in of_columns:
-                        if same and j.start < i.start:
+                is_diagonal = within and start == first
+                column_blocks = row_blocks
+                if not is_diagonal:
+                    column_blocks = blocks(columns, column_name, start, start + n_at_once)
+                for i, a in row_blocks:
+                    for j, b in column_blocks:
+                        if is_diagonal and j.start < i.start:
                             continue
                         squared = squared_dist_rectangle(metric, a, b, rows[i], columns[j], n_jobs)
                         result[i, j] = np.sqrt(squared)
@@ -271,28 +278,28 @@ def table_of_distances(
                         n = len(squared)
                         bar.update(n * (n - 1) // 2 if a is b else squared.size)
                 # The next features reuse this memory.
-                del of_columns, b
-            del of_rows, a
+                del column_blocks, b
+            del row_blocks, a
     return result
 
 
-def _point_sets(
-    metric: MetricOfFeatures, points_a: PointsLike, points_b: PointsLike | None
-) -> dict[str, PointsLike]:
-    """Return one or two sets of points by their names in messages; arrays are checked."""
-    sets: dict[str, PointsLike] = {"points": points_a}
-    if points_b is not None:
-        sets = {"points_a": points_a, "points_b": points_b}
-    for name, points in sets.items():
-        # Other sequences are sliced, and their parts checked, as they are needed.
-        has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
-        if not has_slices or isinstance(points, (Mapping, memoryview)):
-            sets[name] = metric.check_points(points, name)
-        elif isinstance(points, ndarray):
-            array = unflatten(points, metric.space.shape)
-            check_shape(array, name, ("n_points", *metric.space.shape), batched=False)
-            sets[name] = array
-    return sets
+def _point_set(metric: MetricOfFeatures, points: PointsLike, name: str) -> PointsLike:
+    """Return a set of points: an array after checking it, or what can be sliced."""
+    has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
+    if not has_slices or isinstance(points, (Mapping, memoryview)):
+        return metric.check_points(points, name)
+    if not isinstance(points, ndarray):
+        return points  # sliced, and the parts checked, as they are needed
+    array = unflatten(points, metric.space.shape)
+    check_shape(array, name, ("n_points", *metric.space.shape), batched=False)
+    return array
+
+
+class _Block(NamedTuple):
+    """Some consecutive points: their place in the set, and their features."""
+
+    place: slice[int, int, None]
+    features: Features
 
 
 def _blocks(
@@ -303,24 +310,24 @@ def _blocks(
     name: str,
     first: int,
     last: int,
-) -> list[tuple[slice[int, int, None], Features]]:
+) -> list[_Block]:
     """Return the features of the points from `first` to `last`, block by block, in threads."""
     last = min(last, len(points))
     if not isinstance(points, ndarray):
         # Other sequences may not be safe to read in several threads.
         n_threads = 1
-    size = min(_BLOCK, -((first - last) // n_threads))
-    parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
+    size = min(_BLOCK, math.ceil((last - first) / n_threads))
+    places = [slice(start, min(start + size, last)) for start in range(first, last, size)]
 
-    def of_part(part: slice[int, int, None]) -> tuple[slice[int, int, None], Features]:
-        is_whole = part == slice(0, len(points))
-        # Messages count from the start of the part.
-        where = name if is_whole else f"{name}[{part.start}:{part.stop}]"
+    def block_at(place: slice[int, int, None]) -> _Block:
+        is_whole = place == slice(0, len(points))
+        # Messages count from the start of the block.
+        label = name if is_whole else f"{name}[{place.start}:{place.stop}]"
         try:
-            return part, metric.features(points[part], precision, name=where)
+            return _Block(place, metric.features(points[place], precision, name=label))
         except ArgumentError as error:
-            if is_whole or where in str(error):
+            if is_whole or label in str(error):
                 raise
-            raise type(error)(f"{where}: {error}") from error
+            raise type(error)(f"{label}: {error}") from error
 
-    return list(mapped(of_part, parts, min(n_threads, len(parts))))
+    return list(mapped(block_at, places, min(n_threads, len(places))))

@@ -9,7 +9,7 @@ from typing import Unpack
 import autograd.numpy as np
 import numpy as onp
 
-from riemhuman.arrays import Array, Booleans, Features, Points, TangentVectors
+from riemhuman.arrays import Array, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import real_number, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
@@ -23,7 +23,7 @@ from riemhuman.kernels import surface
 from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.rotations import fill_quaternions, nearest_rotations, transpose
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms._sums import TablesOfTerms, area_ratios, features_of_fields
+from riemhuman.terms._sums import SumOfFields, area_ratios
 from riemhuman.terms.normals import RotationTerm
 
 # The area of an adult's skin, m², from which the default times of other templates follow.
@@ -144,12 +144,10 @@ class RotationMetric(SmoothedMetric):
 
     @property
     def bulk(self) -> Bulk:
-        term, areas = RotationTerm(), self.space.template.face_areas
+        def fields(points: Points) -> Fields:
+            return (self._quaternions(points),)
 
-        def features(points: Points, precision: str) -> Features:
-            return features_of_fields(term, (self._quaternions(points),), areas, precision)
-
-        return TablesOfTerms([term], areas, features)
+        return SumOfFields(RotationTerm(), self.space.template.face_areas, fields)
 
     def _quaternions(self, points: Points) -> Array:
         """Return the smoothed rotations of surfaces as quaternions, shape (n, F, 4)."""

@@ -33,7 +33,7 @@ from riemhuman.kernels.projections import field_coordinates
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.surfaces.template import Template
 from riemhuman.terms._quadratic import QuadraticTerm
-from riemhuman.terms._sums import SumOfTerms, SumOnSurfaces, TablesOfTerms
+from riemhuman.terms._sums import SumOfTerms, SumOnSurfaces
 from riemhuman.terms._term_checks import checked_terms
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import RootNormalTerm
@@ -189,7 +189,7 @@ class SurfaceMetric(MetricOfTerms):
 
     @cached_property
     def bulk(self) -> Bulk:
-        return TablesOfTerms(self.terms, self._sum.areas, self._sum.features)
+        return self._sum
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         points = self.space.check_point(points, "points")

@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import NamedTuple, TypeVar, TypeVarTuple
+from typing import TypeVar, TypeVarTuple
 
 import numpy as np
 from scipy import sparse
@@ -248,7 +248,7 @@ def in_tiles(
     b: Sequence[Array],
     n_threads: int,
 ) -> Array:
-    """Return sums over pairs, computed tile by tile in threads."""
+    """Return sums over all pairs of two sets, from their features, tile by tile in threads."""
     within = all(array_a is array_b for array_a, array_b in zip(a, b, strict=True))
     n_a, n_b = len(a[0]), len(b[0])
     n_values = max(1, *(array[:1].size for array in a))
@@ -258,37 +258,25 @@ def in_tiles(
     # Whole blocks of four, by which some loops go.
     size = 4 * int(np.clip(0.25 * math.sqrt(n_pairs) + 0.5, 2, 16))
 
-    rows = _strips(a, size)
-    # Within a set both have to be the same arrays, and tiles below the diagonal are left out.
-    columns = rows if within else _strips(b, size)
-    pairs = [
-        (row, column)
-        for row in rows
-        for column in columns
-        if not within or row.place.start <= column.place.start
-    ]
-    tiles = mapped(run, ((row.arrays, column.arrays) for row, column in pairs), n_threads)
+    a = [of_one_kind(array) for array in a]
+    b = a if within else [of_one_kind(array) for array in b]
+    places, parts = [], []
+    for row in range(0, n_a, size):
+        rows = slice(row, row + size)
+        part_a = tuple(array[rows] for array in a)
+        # Within a set, tiles below the diagonal are left out, and on it both parts are one object.
+        for column in range(row if within else 0, n_b, size):
+            columns = slice(column, column + size)
+            is_diagonal = within and column == row
+            part_b = part_a if is_diagonal else tuple(array[columns] for array in b)
+            places.append((rows, columns))
+            parts.append((part_a, part_b))
     squared = np.zeros((n_a, n_b))
-    for (row, column), tile in zip(pairs, tiles, strict=True):
-        if within and row is column:
+    for (rows, columns), tile in zip(places, mapped(run, parts, n_threads), strict=True):
+        if within and columns == rows:
             tile = np.triu(tile, 1)
             tile += tile.T
         elif within:
-            squared[column.place, row.place] = tile.T
-        squared[row.place, column.place] = tile
+            squared[columns, rows] = tile.T
+        squared[rows, columns] = tile
     return squared
-
-
-class _Strip(NamedTuple):
-    """Some consecutive points: their place in the table, and their arrays."""
-
-    place: slice[int, int, None]
-    arrays: tuple[Array, ...]
-
-
-def _strips(arrays: Sequence[Array], size: int) -> list[_Strip]:
-    arrays = [of_one_kind(array) for array in arrays]
-    return [
-        _Strip(place, tuple(array[place] for array in arrays))
-        for place in slices(len(arrays[0]), size)
-    ]

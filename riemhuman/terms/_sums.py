@@ -4,9 +4,10 @@ A metric on surfaces checks its arguments and leaves inner products, their matri
 paths to a `SumOnSurfaces`: `SumOfTerms` if its terms have distances in closed form (`Term`),
 `SumOfQuadraticTerms` if they are given by their inner products alone (`QuadraticTerm`).
 
-`TablesOfTerms` computes distances of many pairs from features. It is not a part of the sum, as
-metrics on fields, which have a term but no surfaces, compute tables in the same way. Tables of any
-other metric, with or without terms, are those of `riemhuman.geometry.pairwise`.
+Distances of many pairs are asked of what has them in closed form, the `bulk` of a metric: of
+`SumOfTerms` itself for metrics on surfaces, of `SumOfFields` for metrics on fields, which have a
+term but no surfaces. Both are `TablesOfTerms`. `riemhuman.geometry.pairwise` says what a bulk is,
+and has those of products and of metrics without terms.
 
 All that compiled loops need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the
 unit normal n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without
@@ -19,7 +20,7 @@ a time.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -57,11 +58,70 @@ class SumOnSurfaces(Protocol):
         """Return the energy of a path, infinite where it has none, and its gradient if wanted."""
 
 
-class SumOfTerms(SumOnSurfaces):
+class TablesOfTerms(ABC):
+    """Distances of many pairs, by a weighted sum of terms over triangles with these areas.
+
+    Features hold two arrays for each term: its rows, filled up to whole vector registers, and
+    bounds on the points' rounding errors, as distances. The first axis of both is that of the
+    points.
+    """
+
+    def __init__(self, terms: Sequence[Term], areas: Array) -> None:
+        self.terms, self.areas = tuple(terms), areas
+        self.n_arrays = 2 * len(self.terms)
+        self._row_length = LANES * math.ceil(len(areas) / LANES)
+
+    @abstractmethod
+    def features(self, points: Points, precision: str) -> Features:
+        """Return the features of points."""
+
+    def rounding(self, features: Features) -> Array:
+        """Return a bound on the rounding error of each point's features, as a distance."""
+        squared = onp.zeros(())
+        for term, gaps in zip(self.terms, features[1::2], strict=True):
+            squared = squared + term.weight * gaps**2
+        return onp.sqrt(squared)
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
+        """Return all squared distances between two sets of points."""
+
+        def run(pair: tuple[Features, Features]) -> Array:
+            total = onp.zeros(())
+            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
+                total = total + term.weight * term.squared_distances(
+                    row_features, column_features, self.areas
+                )
+            return total
+
+        return in_tiles(run, a[::2], b[::2], n_threads)
+
+
+class SumOfFields(TablesOfTerms):
+    """Distances of many points whose fields, those of one term, a function computes."""
+
+    def __init__(self, term: Term, areas: Array, fields: Callable[[Points], Fields]) -> None:
+        super().__init__([term], areas)
+        self._fields = fields
+
+    def features(self, points: Points, precision: str) -> Features:
+        [term] = self.terms
+        fields = tuple(of_one_kind(field) for field in self._fields(points))
+        real = onp.float32 if precision == "single" and term.single else onp.float64
+        rows = onp.zeros((len(fields[0]), term.n_features, self._row_length), real)
+        gaps = onp.zeros(len(rows))
+        for i, row in enumerate(rows):
+            gap = term.pack(tuple(field[i] for field in fields), self.areas, row)
+            if rows.dtype == onp.float32:
+                gaps[i] = math.sqrt(gap)
+        return rows, gaps
+
+
+class SumOfTerms(TablesOfTerms, SumOnSurfaces):
     """A sum of terms with distances in closed form, which energies of paths add up."""
 
     def __init__(self, terms: Sequence[Term], template: Template) -> None:
-        self.terms, self.template, self.areas = tuple(terms), template, template.face_areas
+        super().__init__(terms, template.face_areas)
+        self.template = template
         self.needs_area = any(term.needs_area for term in self.terms)
         self._faces, self._frames = template.faces, template.frame_coefficients
 
@@ -150,12 +210,12 @@ class SumOfTerms(SumOnSurfaces):
         return self.template.assembler.assemble(blocks / len(surfaces))
 
     def features(self, points: Points, precision: str) -> Features:
-        """Return the features of surfaces, see `TablesOfTerms`."""
+        """Return the features of surfaces; those of all terms come from the same records."""
         n_faces = len(self.areas)
         features: Features = ()
         for term in self.terms:
             real = onp.float32 if precision == "single" and term.single else onp.float64
-            rows = onp.zeros((len(points), term.n_features, -(-n_faces // LANES) * LANES), real)
+            rows = onp.zeros((len(points), term.n_features, self._row_length), real)
             features += rows, onp.zeros(len(points))
         records = onp.empty((1, LENGTH, n_faces))
         degenerate = onp.zeros((len(points), n_faces), dtype=bool)
@@ -167,7 +227,8 @@ class SumOfTerms(SumOnSurfaces):
                 continue
             for term, rows, gaps in zip(self.terms, features[::2], features[1::2], strict=True):
                 gap = term.pack_record(records[0], self.areas, rows[i])
-                gaps[i] = math.sqrt(gap) if rows.dtype == onp.float32 else 0.0
+                if rows.dtype == onp.float32:
+                    gaps[i] = math.sqrt(gap)
         if degenerate.any():
             surface.refuse_degenerate(degenerate)
         return features
@@ -216,54 +277,6 @@ class SumOfQuadraticTerms(SumOnSurfaces):
         surface.refuse_degenerate(first.degenerate, "base_point")
 
 
-class TablesOfTerms:
-    """Tables of distances by a weighted sum of terms, integrated over triangles with these areas.
-
-    Features are of each term an array, whose first axis is that of the points, filled up to whole
-    vector registers, and bounds on the points' rounding errors, as distances. A function computes
-    them from points and a precision.
-    """
-
-    def __init__(
-        self, terms: Sequence[Term], areas: Array, features: Callable[[Points, str], Features]
-    ) -> None:
-        self.terms, self.areas, self.features = tuple(terms), areas, features
-        self.n_arrays = 2 * len(self.terms)
-
-    def rounding(self, features: Features) -> Array:
-        """Return a bound on the rounding error of each point's features, as a distance."""
-        squared = onp.zeros(())
-        for term, gaps in zip(self.terms, features[1::2], strict=True):
-            squared = squared + term.weight * gaps**2
-        return onp.sqrt(squared)
-
-    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> Array:
-        """Return all squared distances between two sets of points."""
-
-        def run(pair: tuple[Features, Features]) -> Array:
-            total = onp.zeros(())
-            for term, row_features, column_features in zip(self.terms, *pair, strict=True):
-                total = total + term.weight * term.squared_distances(
-                    row_features, column_features, self.areas
-                )
-            return total
-
-        return in_tiles(run, a[::2], b[::2], n_threads)
-
-
-def features_of_fields(term: Term, fields: Fields, areas: Array, precision: str) -> Features:
-    """Return the features of the fields of one term, see `TablesOfTerms`."""
-    fields = tuple(map(of_one_kind, fields))
-    n_points = len(fields[0])
-    real = onp.float32 if precision == "single" and term.single else onp.float64
-    rows = onp.zeros((n_points, term.n_features, -(-len(areas) // LANES) * LANES), real)
-    gaps = onp.zeros(n_points)
-    for i, row in enumerate(rows):
-        gap = term.pack(tuple(field[i] for field in fields), areas, row)
-        gaps[i] = math.sqrt(gap) if rows.dtype == onp.float32 else 0.0
-    return rows, gaps
-
-
 # Records are filled in the file of their loops: names of compiled functions are bound in modules
 # that define some, and elsewhere every call would look its function up.
 
@@ -289,12 +302,12 @@ def fill_records(
     for i in range(f.shape[1]):
         record = records[i]
         for t in range(first, last):
-            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            v1, v2, v3 = faces[t, 0], faces[t, 1], faces[t, 2]
             scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
             for k in range(3):
-                edge = f[two, i, k] - f[one, i, k]
+                edge = f[v2, i, k] - f[v1, i, k]
                 record[k, t - first] = edge * scale_u
-                record[3 + k, t - first] = (f[three, i, k] - f[one, i, k]) * scale_v - edge * skew
+                record[3 + k, t - first] = (f[v3, i, k] - f[v1, i, k]) * scale_v - edge * skew
         _complete(record)
 
 
@@ -326,15 +339,15 @@ def add_gradient(
         slope = slopes[i]
         _join(records[i], slope)
         for t in range(first, last):
-            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            v1, v2, v3 = faces[t, 0], faces[t, 1], faces[t, 2]
             scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
             for k in range(3):
                 in_u, in_v = slope[k, t - first], slope[3 + k, t - first]
                 at_two = scale_u * in_u - skew * in_v
                 at_three = scale_v * in_v
-                gradient[two, i, k] += at_two
-                gradient[three, i, k] += at_three
-                gradient[one, i, k] -= at_two + at_three
+                gradient[v2, i, k] += at_two
+                gradient[v3, i, k] += at_three
+                gradient[v1, i, k] -= at_two + at_three
 
 
 @compiled(forceinline=True, fastmath=FUSED)

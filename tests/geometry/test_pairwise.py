@@ -171,6 +171,14 @@ def test_points_are_sliced_as_the_budget_allows(tmp_path):
     np.testing.assert_array_equal(metric.cdist(mapped, points[:0]), np.zeros((12, 0)))
 
 
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_messages_name_the_argument(n_jobs):
+    metric, points = metric_of(TEMPLATE, (0.0, 0.0, 1.0)), surfaces(TEMPLATE, 4, rng=10)
+    points[3, 0, 0] = np.nan
+    with pytest.raises(ArgumentError, match=r"bodies\S* holds 1 NaN"):
+        metric.features(points, n_jobs=n_jobs, name="bodies")
+
+
 def test_progress_is_shown_on_demand(capsys):
     case = CASES["pose triangle"]
     case.metric.dist_pairwise(case.points)

@@ -54,7 +54,7 @@ def floor(place):
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
         ("dist", (POINTS[0], POINTS[1]), 7, 24, 0),
-        ("dist_pairwise", (POINTS,), 9, 42, 1),
+        ("dist_pairwise", (POINTS,), 9, 40, 1),
         ("energy", (POINTS,), 6, 13, 1),
     ],
 )

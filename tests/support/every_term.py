@@ -1,5 +1,7 @@
 """The one registry of terms: every class of them, with weights that are not 1."""
 
+import numpy as np
+
 from riemhuman.surfaces import Template
 from riemhuman.terms import ConeTerm, EbinTerm, NormalTerm, RootNormalTerm, RotationTerm
 from riemhuman.terms._quadratic import (
@@ -10,6 +12,7 @@ from riemhuman.terms._quadratic import (
     SecondOrderTerm,
     ZerothOrderTerm,
 )
+from riemhuman.terms._sums import SumOfFields
 
 TERMS = [
     EbinTerm(0.7, 1e-3),
@@ -36,3 +39,8 @@ def quadratic_terms(template: Template) -> dict[str, QuadraticTerm]:
         NormalPartTerm(template, first),
     ]
     return dict(zip(QUADRATIC_TERMS, terms, strict=True))
+
+
+def features_of_fields(term, fields, areas: np.ndarray, precision: str) -> tuple[np.ndarray, ...]:
+    """Return the features of points with these fields of one term."""
+    return SumOfFields(term, areas, lambda points: fields).features(np.empty(0), precision)

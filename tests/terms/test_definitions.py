@@ -7,7 +7,7 @@ import pkgutil
 import numpy as np
 import pytest
 from cases import deformations, sphere_template, surfaces
-from every_term import TERMS, quadratic_terms
+from every_term import TERMS, features_of_fields, quadratic_terms
 
 import riemhuman.terms
 from riemhuman.errors import ArgumentError
@@ -17,9 +17,7 @@ from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, 
 from riemhuman.terms._quadratic import QuadraticTerm
 from riemhuman.terms._sums import (
     SumOfTerms,
-    TablesOfTerms,
     add_gradient,
-    features_of_fields,
     fill_records,
 )
 
@@ -68,7 +66,7 @@ def test_pairs(term, size):
     points = size * POINTS
     fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in points]
     expected = [[term.squared_dist(one, other) @ AREAS for other in fields] for one in fields]
-    tables = TablesOfTerms([term], AREAS, SumOfTerms([term], TEMPLATE).features)
+    tables = SumOfTerms([term], TEMPLATE)
     together = tuple(map(np.stack, zip(*fields, strict=True)))
     for features in (
         features_of_fields(term, together, AREAS, "double"),

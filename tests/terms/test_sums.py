@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from autograd import value_and_grad
 from cases import CASES, SURFACES, TEMPLATES, name_of, open_template, sphere_template, surfaces
+from every_term import features_of_fields
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import (
@@ -29,7 +30,7 @@ from riemhuman.terms import (
     RotationTerm,
     _sums,
 )
-from riemhuman.terms._sums import SumOfTerms, TablesOfTerms, features_of_fields
+from riemhuman.terms._sums import SumOfFields, SumOfTerms
 
 COMPILED = [case for case in SURFACES if isinstance(case.metric, SurfaceMetric)]
 
@@ -177,10 +178,6 @@ PRECISIONS = {"single": np.float32, "double": np.float64}
 TOLERANCES = {"single": 1.2e-7, "double": 1e-13}
 
 
-def tables_of(terms):
-    return TablesOfTerms(terms, TEMPLATE.face_areas, SumOfTerms(terms, TEMPLATE).features)
-
-
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_normals_of_surfaces(precision):
     points, n_faces = surfaces(TEMPLATE, 3, rng=21), TEMPLATE.n_faces
@@ -209,7 +206,7 @@ BY_STRETCH_AND_BY_TURN = ConeTerm(1.0, 1e4, 1.0, 1e-4), ConeTerm(1.0, 1e-4, 1.0,
     "term", [*BY_STRETCH_AND_BY_TURN, NormalTerm(), RootNormalTerm()], ids=repr
 )
 def test_rounding_is_little_more_than_the_distance_to_what_is_kept(term):
-    tables, points = tables_of([term]), surfaces(TEMPLATE, 3, rng=5)
+    tables, points = SumOfTerms([term], TEMPLATE), surfaces(TEMPLATE, 3, rng=5)
     exact, single = (tables.features(points, precision) for precision in ("double", "single"))
     kept = tuple(array.astype(np.float64) for array in single)
     distances = np.sqrt(np.diag(tables.squared_distances(exact, kept)))
@@ -246,10 +243,10 @@ def test_rounding_bounds_changes_of_right_angles(term, others):
 
 def test_features_of_several_terms_are_those_of_each():
     terms, points = [EbinTerm(lam=0.3), NormalTerm(), RootNormalTerm()], surfaces(TEMPLATE, 3)
-    tables = tables_of(terms)
+    tables = SumOfTerms(terms, TEMPLATE)
     joint = tables.features(points, "single")
     assert len(joint) == tables.n_arrays
-    single = [tables_of([term]).features(points, "single") for term in terms]
+    single = [SumOfTerms([term], TEMPLATE).features(points, "single") for term in terms]
     for array, expected in zip(joint, sum(single, ()), strict=True):
         np.testing.assert_array_equal(array, expected)
     points[1, TEMPLATE.faces[4]] = points[1, TEMPLATE.faces[4, 0]]
@@ -307,7 +304,7 @@ UNIT = np.ones((2, 1))
     ids=["cone", "normals", "flat"],
 )
 def test_squares_that_are_too_small_for_single_precision_count_as_rounding(term, fields):
-    tables = TablesOfTerms([term], np.ones(1), lambda _, precision: made[precision])
+    tables = SumOfFields(term, np.ones(1), lambda points: fields)
     made = {p: features_of_fields(term, fields, np.ones(1), p) for p in PRECISIONS}
     exact, single = (tables.squared_distances(made[p], made[p])[0, 1] for p in ("double", "single"))
     assert 0.0 == single < exact

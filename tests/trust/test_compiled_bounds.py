@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from block_patterns import couplings
 from cases import deformations, open_template, surfaces
-from every_term import QUADRATIC_TERMS, TERMS, quadratic_terms
+from every_term import QUADRATIC_TERMS, TERMS, features_of_fields, quadratic_terms
 from interpreted import check_bounds, interpret
 from scipy.sparse import bsr_array
 from scipy.spatial.distance import cdist
@@ -27,7 +27,7 @@ from riemhuman.terms import (
     normals,
 )
 from riemhuman.terms._quadratic import by_vertex
-from riemhuman.terms._sums import SumOfTerms, features_of_fields
+from riemhuman.terms._sums import SumOfTerms
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
