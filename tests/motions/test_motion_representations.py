@@ -19,6 +19,20 @@ def test_products_of_frames_are_those_of_the_kernel(space, motions):
     assert rows[0] @ rows[1] == pytest.approx(expected, rel=0.1)
 
 
+def test_currents_are_area_vectors_times_fourier_features(space, motions):
+    hankel = GramHankel(space, width=0.01, n_features=5)  # such narrow kernels turn many times
+    frames = motions[0][:3]
+    waves = np.random.default_rng(0).normal(0.0, np.sqrt(2.0) / 0.01, (3, 5))
+    centres = frames[:, space.template.faces].mean(axis=2) - frames.mean(axis=1)[:, None]
+    phases = centres @ waves
+    parts = [
+        np.einsum("nfx,nfk->nxk", space.normals(frames), feature(phases))
+        for feature in (np.cos, np.sin)
+    ]
+    expected = np.stack(parts, axis=1).reshape(3, -1) / np.sqrt(5.0)
+    np.testing.assert_allclose(hankel.currents(frames), expected, rtol=0.0, atol=1e-11)
+
+
 def test_matrix_is_the_product_of_a_hankel_matrix(space, motions):
     hankel = GramHankel(space, n_rows=3, n_features=8)
     rows = hankel.currents(motions[0])
