@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 
 import numpy as np
-from autograd.tracer import getval
+from autograd.tracer import getval, isbox
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, DType, Integers, Labels, Values
 from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
@@ -140,8 +140,7 @@ def real_array(
         )
     if shape is not None and not (batched and values.shape[-len(shape) :] == tuple(shape)):
         if rows:
-            traced = hasattr(array, "_trace")
-            array = unflatten(array if traced else values, shape)  # type: ignore[arg-type]
+            array = unflatten(array if isbox(array) else values, shape)  # type: ignore[arg-type]
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
     try:
@@ -165,7 +164,7 @@ def real_array(
                 f"{_LONGEST_LENGTH:g} in absolute value; the largest coordinate of one item is "
                 f"{largest[wrong][0]:g}: choose another unit"
             )
-    if hasattr(array, "_trace"):
+    if isbox(array):
         return array  # type: ignore[return-value]  # traced, which behaves as its values do
     return checked
 

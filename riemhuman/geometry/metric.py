@@ -7,7 +7,7 @@ A metric is given solvers, and solvers are given a metric: their contracts stand
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypedDict, TypeGuard, cast
+from typing import Protocol, TypedDict, cast, runtime_checkable
 
 import autograd.numpy as np
 from autograd.extend import defvjp_argnums, primitive
@@ -433,6 +433,7 @@ class ExpSolver(Protocol):
         """
 
 
+@runtime_checkable
 class DifferentiableExpSolver(Protocol):
     """An `ExpSolver` that autograd differentiates through."""
 
@@ -506,17 +507,13 @@ def solve_geodesic(
     tangent_vec: TangentVectors, base_point: Points, metric: RiemannianMetric, solver: ExpSolver
 ) -> Array:
     """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
-    if _is_differentiable(solver):
+    if isinstance(solver, DifferentiableExpSolver):
         curve = solver.solve(metric, tangent_vec, base_point)
         _check_complete(curve, solver)
         return np.asarray(curve.path)
     result = solver.solve(metric, tangent_vec, base_point)
     _check_complete(result, solver)
     return np.asarray(result.end)[None]
-
-
-def _is_differentiable(solver: ExpSolver) -> TypeGuard[DifferentiableExpSolver]:
-    return hasattr(solver, "derivatives")
 
 
 def _check_complete(result: SolvedExp, solver: ExpSolver) -> None:
@@ -537,13 +534,13 @@ def _derivatives(
     tangent_vec, _, metric, solver = args
 
     def pull_back(covectors: TangentVectors) -> tuple[Array, ...]:
-        if not _is_differentiable(solver):
+        if not isinstance(solver, DifferentiableExpSolver):
             raise NotDefinedError(
                 f"{type(solver).__name__} has no derivatives of exp; "
                 "riemhuman.solvers.DiscreteExponential() has"
             )
-        both = solver.derivatives(metric, path, tangent_vec, covectors)
-        return tuple(both[number] for number in argnums)
+        by_velocity_and_point = solver.derivatives(metric, path, tangent_vec, covectors)
+        return tuple(by_velocity_and_point[number] for number in argnums)
 
     return pull_back
 
@@ -551,7 +548,8 @@ def _derivatives(
 defvjp_argnums(solve_geodesic, _derivatives)
 
 
-# In this file, as `RiemannianMetric.__mul__` makes one: each of the two needs the other.
+# In this file because `RiemannianMetric.__mul__` makes one: in a file of its own, the two would
+# import each other.
 class ScalarProductMetric(RiemannianMetric):
     """A metric times a number above 0: ``2.0 * metric``; geodesics stay the same."""
 

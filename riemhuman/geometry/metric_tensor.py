@@ -318,8 +318,8 @@ class MetricTensor(Unchanging, ABC):
         neighbors = self.check_points(neighbors, "neighbors")
         point = self.space.check_point(point, "point")
         lead = point.shape[: point.ndim - self.space.point_ndim]
-        apart = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
-        return np.argmin(apart, axis=-1)
+        distances = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
+        return np.argmin(distances, axis=-1)
 
     def check_points(self, points: object, name: str = "points") -> Points:
         r"""Return a set of points as a float64 array after checking it, shape (n, \*shape).
@@ -389,8 +389,8 @@ class MetricTensor(Unchanging, ABC):
         weights : array, shape (n,), above 0
         """
         squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
-        for i, (weight, surface) in enumerate(zip(weights, others, strict=True)):
-            squared[i], slopes = self.energy_and_gradient(np.stack([surface, point]))
+        for i, (weight, start) in enumerate(zip(weights, others, strict=True)):
+            squared[i], slopes = self.energy_and_gradient(np.stack([start, point]))
             gradient += weight * slopes[1]
         return squared, gradient
 

@@ -318,6 +318,7 @@ class PullbackMetric(RiemannianMetric):
     ) -> None:
         super().__init__(space, **solvers)
         self._target_metric = target_metric
+        # The function itself, which shows in representations and tells jobs which metric this is.
         self.map = map  # type: ignore[method-assign, assignment]
 
     @property

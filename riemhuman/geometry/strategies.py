@@ -55,8 +55,7 @@ class MeanSolver(Protocol):
         """Return an object with `point`, the mean, and `variance`, Σ w_i d²/Σ w_i at the mean.
 
         It may have what else `riemhuman.solvers.MeanResult` has. All weights are 1 if none are
-        given. The mean minimises Σ w_i d^exponent: 2, or 1 for
-        medians.
+        given. The mean minimises Σ w_i d^exponent; an exponent of 1 gives medians.
         """
 
 

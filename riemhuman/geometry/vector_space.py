@@ -17,7 +17,7 @@ from riemhuman.checks import (
     real_array,
     whole_number,
 )
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.fields import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -73,12 +73,12 @@ class VectorSpace(Manifold):
 
 
 class _Numbers(FlatTerm):
-    """Numbers that are no fields of surfaces."""
+    """Numbers of points of a vector space, compared as fields of surfaces are."""
 
     n_features = 1
 
     def field(self, first: Derivatives) -> Array:
-        raise NotImplementedError
+        raise NotDefinedError("the numbers of a vector space are no fields of surfaces")
 
 
 class FlatMetric(FieldMetric):

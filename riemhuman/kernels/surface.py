@@ -264,7 +264,7 @@ def unit_normals(f_u: Array, f_v: Array) -> Array:
 
 
 def is_degenerate(f_u: Array, f_v: Array) -> Booleans:
-    """Tell the triangles on which g is singular to working precision, see `Derivatives`."""
+    """Return on which triangles g is singular to working precision, see `Derivatives`."""
     return follow_up(f_u, f_v).degenerate
 
 
@@ -298,7 +298,7 @@ def _refuse(bad: Booleans, message: str, error: type[Exception], part: str, part
     raise error(f"{message}; found otherwise at {part} {first}{where}{others}")
 
 
-def triangle_frames(points: Points, operator: object) -> Array:
+def triangle_frames(points: Points, operator: csr_matrix) -> Array:
     """Return the matrices with columns f_u, f_v and n."""
     f_u, f_v = partial_derivatives(points, operator)
     return np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)

@@ -16,7 +16,6 @@ from riemhuman.terms.term import Term
 _TRIANGLES = onp.random.default_rng(0).uniform(-0.3, 0.3, (2, 2, 3, 3))
 _TRIANGLES += onp.eye(2, 3)[:, None, None]
 
-
 TermType = TypeVar("TermType")
 
 
@@ -45,10 +44,11 @@ def _check_fields(term: Term) -> None:
             f"fields of {name} must return a tuple of arrays; found {type(together).__name__}"
         )
     alone = term.fields(follow_up(*_TRIANGLES[:, 1:, 2:]))
-    dimensions = (3,) if isinstance(term, FlatTerm) else (2, 3)
+    is_flat = isinstance(term, FlatTerm)
+    dimensions = (3,) if is_flat else (2, 3)
     for whole, part in zip(together, alone, strict=True):
         if whole.shape[:2] != shape or whole.ndim not in dimensions:
-            expected = " or ".join(["(..., F)", "(..., F, n)"][-len(dimensions) :])
+            expected = "(..., F, n)" if is_flat else "(..., F) or (..., F, n)"
             raise ArgumentError(
                 f"the fields of {name} must have shape {expected}; for derivatives of shape "
                 f"(2, 3, 3), of three triangles on each of two surfaces, found {whole.shape}"

@@ -216,14 +216,14 @@ class Term(ABC):
         h_u, h_v : array, shape (..., F, 3)
         """
         shape = np.broadcast_shapes(np.shape(first.f_u), np.shape(h_u))
-        both = np.stack([first.f_u + np.zeros(shape), first.f_v + np.zeros(shape)])
-        along = np.stack([h_u + np.zeros(shape), h_v + np.zeros(shape)])
+        f_uv = np.stack([first.f_u + np.zeros(shape), first.f_v + np.zeros(shape)])
+        h_uv = np.stack([h_u + np.zeros(shape), h_v + np.zeros(shape)])
 
         def field(k: int, derivatives: Array) -> Array:
             return self.fields(follow_up(derivatives[0], derivatives[1]))[k]
 
         count = len(self.fields(first))
-        return tuple(differential(partial(field, k), along, both) for k in range(count))
+        return tuple(differential(partial(field, k), h_uv, f_uv) for k in range(count))
 
     def form(self, first: Derivatives) -> Array:
         """Return the metric as quadratic forms of `surface.frame_components` of deformations.
@@ -311,8 +311,8 @@ class Term(ABC):
         if self.needs_area and not records[:, 9].all():
             return np.inf
 
-        def energy(both: Array) -> Array:
-            fields = self.fields(follow_up(both[..., :3], both[..., 3:]))
+        def energy(f_uv: Array) -> Array:
+            fields = self.fields(follow_up(f_uv[..., :3], f_uv[..., 3:]))
             before, after = (
                 tuple(field[part] for field in fields) for part in (slice(-1), slice(1, None))
             )
@@ -365,9 +365,12 @@ class Term(ABC):
             twice; only the entries above the diagonal are used.
         areas : array, shape (F,)
         """
-        ours, others = self._unpack(a, len(areas)), self._unpack(b, len(areas))
-        rows = (tuple(field[i] for field in ours) for i in range(len(a)))
-        return np.reshape([self.squared_dist(row, others) @ areas for row in rows], (-1, len(b)))
+        fields_a, fields_b = self._unpack(a, len(areas)), self._unpack(b, len(areas))
+        squared = np.empty((len(a), len(b)))
+        for i in range(len(a)):
+            row = tuple(field[i] for field in fields_a)
+            squared[i] = self.squared_dist(row, fields_b) @ areas
+        return squared
 
     def _field_shapes(self) -> list[tuple[int, ...]]:
         """Return the shapes of the values of the fields, from those of one triangle."""
