@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.checks import values_of
+from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.compilation import compiled
 from riemhuman.measurements._vertex_slopes import Pull, VertexSlopes, fixed
 
@@ -304,10 +305,8 @@ def section(
 def neighbours_of(faces: Triangles) -> Integers:
     """Return the triangle beyond the edge from corner k to k + 1; -1 if none or more than one."""
     edges = onp.sort(onp.stack([faces, onp.roll(faces, -1, axis=1)], axis=-1), axis=-1)
-    _, numbers, counts = onp.unique(
-        edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
-    )
-    order = onp.argsort(numbers.reshape(-1), kind="stable")
+    _, numbers, counts = distinct_pairs(edges.reshape(-1, 2))
+    order = onp.argsort(numbers, kind="stable")
     starts = onp.concatenate([[0], onp.cumsum(counts)[:-1]])[counts == 2]
     first, second = order[starts], order[starts + 1]
     beyond = onp.full(faces.size, -1)

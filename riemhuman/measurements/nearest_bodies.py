@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from itertools import product
 
 import numpy as np
@@ -112,47 +113,94 @@ def nearest_body(
     goals = as_mapping(wanted, measurements.names)
     wanted_measurements = Measurements(measurements.definitions, list(goals))
     targets = np.array(list(goals.values()))
-    f = start.copy()
-    values, slopes = _measured(wanted_measurements, f)
-    energy, gradient = 0.0, np.zeros_like(f)
-    n_steps, penalty = 0, 0.0
-    while n_steps < max_iter:
-        n_steps += 1
-        hessian = 2.0 * metric.metric_matrix(f)
-        steps, multipliers = _newton_steps(hessian, gradient, slopes, targets - values)
-        penalty = max(penalty, 2.0 * float(np.abs(multipliers).max()))
-        merit = energy + penalty * np.abs(values - targets).sum()
-        for step, halvings in product(steps, range(_MOST_HALVINGS)):
-            moved = f + 0.5**halvings * step.reshape(f.shape)
-            try:
-                trial, trial_slopes = _measured(wanted_measurements, moved)
-            except ArgumentError:  # the step is too long: no body can be measured there
-                continue
-            trial_energy, both = metric.energy_and_gradient(np.stack([start, moved]))
-            if trial_energy + penalty * np.abs(trial - targets).sum() < merit:
-                break
-        else:
-            break
-        f, values, slopes = moved, trial, trial_slopes
-        energy, gradient = float(trial_energy), both[1]
-        if _met(values, targets, tolerance).all() and np.abs(step).max() < tolerance:
-            break
-    is_met = _met(values, targets, tolerance)
-    converged = bool(is_met.all()) and n_steps < max_iter
-    message = (
-        f"stopped after {n_steps} steps" if n_steps == max_iter else "no step improves the result"
-    )
-    message += "; the values are reached" if is_met.all() else ""
-    if not converged:
+    problem = _Problem(wanted_measurements, metric, start, targets)
+    body, n_steps, ending = _search(problem, tolerance, max_iter)
+    is_met = _met(body.values, targets, tolerance)
+    converged = bool(is_met.all()) and ending is not _Ending.MAX_STEPS
+    if is_met.all():
+        message = f"{ending.value}; the values are reached"
+    else:
         missed = [name for name, met in zip(goals, is_met, strict=True) if not met]
-        message += f"; not reached: {', '.join(missed)}" if missed else ""
+        message = f"{ending.value}; not reached: {', '.join(missed)}"
+    if not converged:
         warn(message, ConvergenceWarning)
-    both_measured = measurements.measure(np.stack([start, f]), missing="nan")
-    before, after = (
-        dict(zip(both_measured.names, row.tolist(), strict=True)) for row in both_measured.values
-    )
-    distance = float(np.sqrt(max(energy, 0.0)))
-    return NearestBody(f, distance, before, after, converged, n_steps, message)
+    both = measurements.measure(np.stack([start, body.point]), missing="nan")
+    before, after = (dict(zip(both.names, row.tolist(), strict=True)) for row in both.values)
+    distance = float(np.sqrt(max(body.energy, 0.0)))
+    return NearestBody(body.point, distance, before, after, converged, n_steps, message)
+
+
+class _Ending(Enum):
+    """Why a search ended."""
+
+    SMALL_STEP = "the last step was smaller than the tolerance"
+    NO_STEP = "no step improves the result"
+    MAX_STEPS = "stopped after the largest number of steps"
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """A body, the metric, and the measurements that a near body should have."""
+
+    measurements: Measurements
+    metric: RiemannianMetric
+    start: Array
+    targets: Array
+
+    def at(self, point: Array) -> _Body:
+        """Return the values and the energy of a body, and their derivatives."""
+        measured = self.measurements.measure(point, gradient=True)
+        assert measured.gradient is not None
+        energy, slopes = self.metric.energy_and_gradient(np.stack([self.start, point]))
+        return _Body(point, measured.values, measured.gradient, float(energy), slopes[1])
+
+    def merit(self, body: _Body, penalty: float) -> float:
+        return body.energy + penalty * float(np.abs(body.values - self.targets).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """A body on the way, its values and squared distance, and the derivatives of both."""
+
+    point: Array
+    values: Array
+    slopes: Array
+    energy: float
+    gradient: Array
+
+
+def _search(problem: _Problem, tolerance: float, max_iter: int) -> tuple[_Body, int, _Ending]:
+    """Return the last body, the number of steps, and why the search ended."""
+    body = problem.at(problem.start)
+    penalty = 0.0
+    for n_steps in range(1, max_iter + 1):
+        hessian = 2.0 * problem.metric.metric_matrix(body.point)
+        steps, multipliers = _newton_steps(
+            hessian, body.gradient, body.slopes, problem.targets - body.values
+        )
+        penalty = max(penalty, 2.0 * float(np.abs(multipliers).max()))
+        better = _better_body(problem, body, steps, penalty)
+        if better is None:
+            return body, n_steps, _Ending.NO_STEP
+        body, step = better
+        if _met(body.values, problem.targets, tolerance).all() and np.abs(step).max() < tolerance:
+            return body, n_steps, _Ending.SMALL_STEP
+    return body, max_iter, _Ending.MAX_STEPS
+
+
+def _better_body(
+    problem: _Problem, body: _Body, steps: list[Array], penalty: float
+) -> tuple[_Body, Array] | None:
+    """Return the first better body along some steps, whole or halved, and its whole step."""
+    merit = problem.merit(body, penalty)
+    for step, halvings in product(steps, range(_MOST_HALVINGS)):
+        try:
+            trial = problem.at(body.point + 0.5**halvings * step.reshape(body.point.shape))
+        except ArgumentError:  # the step is too long: no body can be measured there
+            continue
+        if problem.merit(trial, penalty) < merit:
+            return trial, step
+    return None
 
 
 def _newton_steps(
@@ -172,12 +220,6 @@ def _newton_steps(
     multipliers = -np.linalg.solve(gram, missing + rows @ by_gradient)
     lowering = -(by_gradient + by_rows @ multipliers)
     return [lowering, by_rows @ np.linalg.solve(gram, missing)], np.asarray(multipliers, np.float64)
-
-
-def _measured(measurements: Measurements, f: Array) -> tuple[Array, Array]:
-    measured = measurements.measure(f, gradient=True)
-    assert measured.gradient is not None
-    return measured.values, measured.gradient
 
 
 def _met(values: Array, targets: Array, tolerance: float) -> Booleans:

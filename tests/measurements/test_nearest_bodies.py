@@ -48,6 +48,18 @@ def test_a_waist_of_five_centimetres_less(body, few, metric, order):
     assert np.linalg.norm(slope - multiplier * gradient) < 0.2 * np.linalg.norm(slope)
 
 
+def test_the_message_says_how_a_search_ended(body, few, metric):
+    result = nearest_body(few, metric, body, {"waist girth": 0.7})
+    assert result.message == "the last step was smaller than the tolerance; the values are reached"
+    # The last step that is allowed may be the one with which the search ends.
+    again = nearest_body(few, metric, body, {"waist girth": 0.7}, max_iter=result.n_iterations)
+    assert again.converged
+    assert again.message == result.message
+    few_steps = result.n_iterations - 1
+    with pytest.warns(ConvergenceWarning, match="stopped after the largest number of steps"):
+        nearest_body(few, metric, body, {"waist girth": 0.7}, max_iter=few_steps)
+
+
 def test_requested_values_are_met_and_cost(body, few, metric):
     now = few.measure(body)
     wanted = {"waist girth": now["waist girth"] - 0.03, "hip girth": now["hip girth"]}
