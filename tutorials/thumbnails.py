@@ -22,10 +22,23 @@ def main() -> None:
     """Draw all thumbnails."""
     FOLDER.mkdir(exist_ok=True)
     bodies = rh.datasets.load_open_bodies()
+    draw_distances_and_paths(bodies)
+    draw_tables_and_transfers(bodies)
+    draw_scans_and_measurements(bodies)
+    draw_maps_and_other_surfaces(bodies)
+
+
+def people_by_pose(bodies: rh.datasets.Bodies) -> tuple[np.ndarray, dict[str, int]]:
+    """Return surfaces by person and pose, and the numbers of the poses by name."""
     people = bodies.points.reshape(10, 10, *bodies.points.shape[1:])
+    return people, {name: number for number, name in enumerate(bodies.pose_names)}
+
+
+def draw_distances_and_paths(bodies: rh.datasets.Bodies) -> None:
+    """Draw the thumbnails of tutorials 1 to 5, and of 12."""
+    people, pose = people_by_pose(bodies)
     faces = bodies.template.faces
     space = rh.AlignedSurfaces(bodies.template)
-    pose = {name: number for number, name in enumerate(bodies.pose_names)}
     elastic = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
     motions = rh.datasets.load_open_motions(sequences=["punching", "knees"])
     basis = rh.DeformationBasis.from_motions(motions, n_components=60, step=5)
@@ -52,16 +65,31 @@ def main() -> None:
     growth = np.log(triangle_areas(people[8, 0], faces) / triangle_areas(people[1, 0], faces))
     limit = float(np.quantile(np.abs(growth), 0.99))
     draw(5, [people[1, 0], people[8, 0]], faces, [SKIN, value_colors(growth, limit, signed=True)])
+    # 12: what three metrics see.
+    draw_metrics(12, space, apart, faces)
+
+
+def draw_tables_and_transfers(bodies: rh.datasets.Bodies) -> None:
+    """Draw the thumbnails of tutorials 6 to 8."""
+    people, pose = people_by_pose(bodies)
+    faces = bodies.template.faces
     # 6: bodies of one's own, in any pose.
     draw(6, [people[k, p] for k, p in ((1, 1), (5, 6), (3, 9))], faces, 3 * [BLUE])
     # 7: all pairs of a hundred bodies.
-    table = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0).dist_pairwise(bodies.points)
+    normals = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), a=0.0, lam=0.0, c=1.0)
+    table = normals.dist_pairwise(bodies.points)
     order = np.argsort(bodies.pose, kind="stable")
     draw_table(7, table[np.ix_(order, order)])
     # 8: a movement transferred from one person to another.
     poses = pose["hands_on_hips"], pose["arms_up"]
     pairs = [people[person, number] for person in (2, 8) for number in poses]
     draw(8, pairs, faces, [SKIN, SKIN, SKIN, GOLD])
+
+
+def draw_scans_and_measurements(bodies: rh.datasets.Bodies) -> None:
+    """Draw the thumbnails of tutorials 9 to 11, and of 16."""
+    people, pose = people_by_pose(bodies)
+    faces = bodies.template.faces
     # 9: a scan and its body.
     seen = rh.registration.simulated_scan(
         bodies[57], faces, rng=3, n_points=12_000, missing=0.12, mesh=True, rotate=False
@@ -72,16 +100,19 @@ def main() -> None:
     draw(10, [knees[k] for k in (4, 9, 14, 19)], faces, [*3 * [SKIN], GOLD])
     # 11: measurement lines.
     draw_lines(11, bodies)
-    # 12: what three metrics see.
-    draw_metrics(12, space, apart, faces)
+    # 16: a body from a photograph.
+    draw_photograph(16, people[4, pose["hands_on_hips"]], faces)
+
+
+def draw_maps_and_other_surfaces(bodies: rh.datasets.Bodies) -> None:
+    """Draw the thumbnails of tutorials 13 to 15."""
+    space = rh.AlignedSurfaces(bodies.template)
     # 13: groups of people.
     draw_map(13, bodies, rh.ElasticMetric(space), "subject")
     # 14: surfaces that are not bodies.
     draw_sheets(14)
     # 15: a line between the codes of two bodies.
     draw_map(15, bodies, rh.RotationMetric(space), "pose")
-    # 16: a body from a photograph.
-    draw_photograph(16, people[4, pose["hands_on_hips"]], faces)
 
 
 def triangle_areas(surface: np.ndarray, faces: np.ndarray) -> np.ndarray:

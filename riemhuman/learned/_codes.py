@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from copy import copy
 from pathlib import Path
 from typing import ClassVar, Self
@@ -17,7 +16,6 @@ from scipy import sparse
 from riemhuman.checks import check_same_scale, real_array, refuse_type
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
-from riemhuman.learned._networks import network_shapes
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
 
@@ -33,11 +31,9 @@ class PairedCodes(ABC):
     code_names: ClassVar[tuple[str, str]]
     parameters_: dict[str, ndarray]
 
-    # Other whole numbers in files, which `_read` keeps; the file that ships; hidden layers in units
-    # of `n_hidden`.
+    # Other whole numbers in files, which `_read` keeps; the file that ships.
     _SETTINGS: ClassVar[tuple[str, ...]]
     _SHIPPED: ClassVar[str]
-    _WIDTH: ClassVar[int] = 1
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         with format_errors(file_path(path), "a trained network"):
@@ -143,19 +139,8 @@ class PairedCodes(ABC):
         """Numbers of entries of both codes."""
 
     @abstractmethod
-    def _sizes(self) -> dict[str, tuple[int, int]]:
-        """Return the numbers of inputs and outputs of each network."""
-
-    @abstractmethod
     def _read(self, weights: Weights) -> None:
         """Read the settings and the learned arrays from a file."""
-
-    def _read_networks(self, weights: Weights, others: Mapping[str, tuple[int, ...]]) -> None:
-        """Read the networks, and other parameters of the given shapes."""
-        shapes = dict(others)
-        for name, (n_in, n_out) in self._sizes().items():
-            shapes |= network_shapes(name, n_in, self._WIDTH * self.n_hidden, n_out)
-        self.parameters_ = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
 
     def _check_points(self, X: ArrayLike) -> ndarray:
         points = self._template.check_points(X, "X")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
 
@@ -27,8 +28,26 @@ def network(
     return x @ L + hidden @ C + b3
 
 
-def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str, tuple[int, ...]]:
+@dataclass(frozen=True)
+class NetworkSizes:
+    """Numbers of inputs, of hidden units in a layer, and of outputs of a network."""
+
+    n_in: int
+    n_hidden: int
+    n_out: int
+
+
+def shapes_of_networks(networks: Mapping[str, NetworkSizes]) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the parameters of networks by name."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, sizes in networks.items():
+        shapes |= network_shapes(name, sizes)
+    return shapes
+
+
+def network_shapes(name: str, sizes: NetworkSizes) -> dict[str, tuple[int, ...]]:
     """Return the shapes of a network's parameters."""
+    n_in, n_hidden, n_out = sizes.n_in, sizes.n_hidden, sizes.n_out
     return {
         f"{name}.A": (n_in, n_hidden),
         f"{name}.b1": (n_hidden,),

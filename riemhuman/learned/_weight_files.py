@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy import ndarray
@@ -38,6 +38,10 @@ class Weights:
         if positive and (array <= 0).any():
             raise FileFormatError(f"{name} must be positive; found {array.min():.3g}")
         return array
+
+    def arrays(self, shapes: Mapping[str, Sequence[int]]) -> dict[str, ndarray]:
+        """Return finite real numbers by name."""
+        return {name: self.numbers(name, shape) for name, shape in shapes.items()}
 
     def indices(self, name: str, shape: Sequence[int], least: int, end: int) -> ndarray:
         """Return whole numbers from `least` to `end` - 1."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
@@ -13,12 +14,44 @@ from riemhuman.arrays import Array
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.learned._codes import PairedCodes
-from riemhuman.learned._networks import cloud_features, cloud_shapes, network
+from riemhuman.learned._networks import (
+    NetworkSizes,
+    cloud_features,
+    cloud_shapes,
+    network,
+    shapes_of_networks,
+)
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces.measures import triangle_areas
 
 # Number of clouds of a body whose codes are averaged, and the seed of their points.
 _N_CLOUDS, _SEED_OF_POINTS = 4, 0
+
+
+@dataclass(frozen=True)
+class CloudSizes:
+    """Numbers of entries of both codes, of points and eigenvalues, and sizes of hidden layers."""
+
+    n_intrinsic: int = 10
+    n_extrinsic: int = 24
+    n_points: int = 300
+    n_eigenvalues: int = 16
+    n_hidden: int = 48
+    n_features: int = 256
+
+    def networks(self) -> dict[str, NetworkSizes]:
+        """Return the sizes of the networks after the features of a cloud, by name."""
+        n_codes, n_hidden = self.n_intrinsic + self.n_extrinsic, 2 * self.n_hidden
+        return {
+            "codes": NetworkSizes(self.n_features, n_hidden, n_codes),
+            "points": NetworkSizes(n_codes, n_hidden, 3 * self.n_points),
+            "spectrum": NetworkSizes(self.n_intrinsic, n_hidden, self.n_eigenvalues),
+        }
+
+
+def encoded(parameters: Mapping[str, Array], clouds: Array, backend: ModuleType = np) -> Array:
+    """Return both codes of clouds of points, (n, n_points, 3), one after the other."""
+    return network(parameters, "codes", cloud_features(parameters, clouds, backend), backend)
 
 
 class IntrinsicExtrinsicCodes(PairedCodes):
@@ -70,7 +103,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
     vertices_: ndarray
 
     code_names = ("intrinsic", "extrinsic")
-    _WIDTH = 2
     _SETTINGS = ("n_intrinsic", "n_extrinsic", "n_points", "n_eigenvalues", "n_features")
     _SHIPPED = "intrinsic_extrinsic_codes.npz"
 
@@ -93,7 +125,7 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         self._check_scale(points, "vertices")
         rng = np.random.default_rng(_SEED_OF_POINTS)
         clouds = [surface_points(points, triangles, self.n_points, rng) for _ in range(_N_CLOUDS)]
-        codes = self._encode(self.parameters_, np.stack(clouds))
+        codes = encoded(self.parameters_, np.stack(clouds))
         return np.asarray(codes.mean(axis=0))
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
@@ -112,18 +144,6 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         intrinsic, _ = self.split(Z)
         return np.exp(network(self.parameters_, "spectrum", intrinsic) + self._spectrum)
 
-    @staticmethod
-    def _encode(parameters: Mapping[str, Array], clouds: Array, backend: ModuleType = np) -> Array:
-        return network(parameters, "codes", cloud_features(parameters, clouds, backend), backend)
-
-    def _sizes(self) -> dict[str, tuple[int, int]]:
-        n_codes = self.n_intrinsic + self.n_extrinsic
-        return {
-            "codes": (self.n_features, n_codes),
-            "points": (n_codes, 3 * self.n_points),
-            "spectrum": (self.n_intrinsic, self.n_eigenvalues),
-        }
-
     @property
     def _n_codes(self) -> tuple[int, int]:
         return self.n_intrinsic, self.n_extrinsic
@@ -138,7 +158,17 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         self.vertices_ = weights.indices("vertices", (self.n_points,), 0, n_vertices)
         self._place = weights.numbers("place", (self.n_points, 3))
         self._spectrum = weights.numbers("mean_spectrum", (self.n_eigenvalues,))
-        self._read_networks(weights, cloud_shapes(self.n_hidden, self.n_features))
+        sizes = CloudSizes(
+            self.n_intrinsic,
+            self.n_extrinsic,
+            self.n_points,
+            self.n_eigenvalues,
+            self.n_hidden,
+            self.n_features,
+        )
+        self.parameters_ = weights.arrays(
+            cloud_shapes(self.n_hidden, self.n_features) | shapes_of_networks(sizes.networks())
+        )
 
 
 def surface_points(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Self
 
@@ -16,10 +16,45 @@ from riemhuman.arrays import Array
 from riemhuman.errors import ArgumentError
 from riemhuman.learned._codes import PairedCodes
 from riemhuman.learned._correspondence import Correspondence
-from riemhuman.learned._networks import network
+from riemhuman.learned._networks import NetworkSizes, network, shapes_of_networks
 from riemhuman.learned._parts import Parts
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
+
+
+@dataclass(frozen=True)
+class ShapePoseSizes:
+    """Numbers of entries of both codes, of parts of the body, and of hidden units in a layer."""
+
+    n_shape: int = 16
+    n_pose: int = 64
+    n_parts: int = 96
+    n_hidden: int = 192
+
+    def networks(self) -> dict[str, NetworkSizes]:
+        """Return the sizes of the networks by name."""
+        n_rotations, n_codes = 3 * self.n_parts, self.n_shape + self.n_pose
+        return {
+            "shape": NetworkSizes(2 * n_rotations, self.n_hidden, self.n_shape),
+            "pose": NetworkSizes(n_rotations, self.n_hidden, self.n_pose),
+            "turns": NetworkSizes(n_codes, self.n_hidden, n_rotations),
+            "stretches": NetworkSizes(n_codes, self.n_hidden, 2 * n_rotations),
+        }
+
+
+def encoded(
+    parameters: Mapping[str, Array], features: Array, n_parts: int, backend: ModuleType = np
+) -> tuple[Array, Array]:
+    """Return the shape codes and pose codes of normalised features."""
+    n_rotations = 3 * n_parts
+    shape = network(parameters, "shape", features[:, n_rotations:], backend)
+    return shape, network(parameters, "pose", features[:, :n_rotations], backend)
+
+
+def decoded(parameters: Mapping[str, Array], codes: Array, backend: ModuleType = np) -> Array:
+    """Return the normalised features of bodies with these codes."""
+    features = [network(parameters, name, codes, backend) for name in ("turns", "stretches")]
+    return backend.concatenate(features, 1)
 
 
 class ShapePoseCodes(PairedCodes):
@@ -95,11 +130,11 @@ class ShapePoseCodes(PairedCodes):
             self._check_scale(points, "X")
         features, _ = self._parts.split(points)
         features = (features - self._center) / self._scale
-        return np.concatenate(self._encode(self.parameters_, features), axis=1)
+        return np.concatenate(encoded(self.parameters_, features, self.n_parts), axis=1)
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
         codes = self._check_codes(Z)
-        features = self._decode(self.parameters_, codes) * self._scale + self._center
+        features = decoded(self.parameters_, codes) * self._scale + self._center
         surfaces = self._parts.surfaces(features)
         return surfaces if self._carried is None else self._carried.back(surfaces)
 
@@ -119,29 +154,6 @@ class ShapePoseCodes(PairedCodes):
         mixed = [self.split(of_people)[0], self.split(of_poses)[1]]
         return self.inverse_transform(np.concatenate(mixed, axis=1))
 
-    def _encode(
-        self, parameters: Mapping[str, Array], features: Array, backend: ModuleType = np
-    ) -> list[Array]:
-        n_rotations = 3 * self.n_parts
-        return [
-            network(parameters, "shape", features[:, n_rotations:], backend),
-            network(parameters, "pose", features[:, :n_rotations], backend),
-        ]
-
-    @staticmethod
-    def _decode(parameters: Mapping[str, Array], codes: Array, backend: ModuleType = np) -> Array:
-        features = [network(parameters, name, codes, backend) for name in ("turns", "stretches")]
-        return backend.concatenate(features, 1)
-
-    def _sizes(self) -> dict[str, tuple[int, int]]:
-        n_rotations, n_codes = 3 * self.n_parts, self.n_shape + self.n_pose
-        return {
-            "shape": (2 * n_rotations, self.n_shape),
-            "pose": (n_rotations, self.n_pose),
-            "turns": (n_codes, n_rotations),
-            "stretches": (n_codes, 2 * n_rotations),
-        }
-
     @property
     def _n_codes(self) -> tuple[int, int]:
         return self.n_shape, self.n_pose
@@ -150,7 +162,8 @@ class ShapePoseCodes(PairedCodes):
         self.n_shape = weights.settings["n_shape"]
         self.n_pose = weights.settings["n_pose"]
         self.n_parts = weights.settings["n_parts"]
+        sizes = ShapePoseSizes(self.n_shape, self.n_pose, self.n_parts, self.n_hidden)
         self._parts = Parts.read(weights, self.n_parts)
         self._center = weights.numbers("center", (9 * self.n_parts,))
         self._scale = weights.numbers("scale", (9 * self.n_parts,), positive=True)
-        self._read_networks(weights, {})
+        self.parameters_ = weights.arrays(shapes_of_networks(sizes.networks()))

@@ -50,6 +50,31 @@ def pairs_of_poses():
     return pairs
 
 
+def printed_means(tables):
+    """Print the means over all pairs, and return the measures of each pair by name of the path."""
+    measures = {}
+    for rows in zip(*tables, strict=True):
+        name = rows[0].name
+        measures[name] = values = np.array(
+            [
+                (
+                    row.energies["srnf"],
+                    row.energies["elastic"],
+                    row.mean_deviation,
+                    row.area_change.mean,
+                )
+                for row in rows
+            ]
+        )
+        srnf, elastic, deviation, area = values.mean(axis=0)
+        n_continued = sum(len(row.starts) > 1 for row in rows)
+        print(
+            f"{name:>8} {srnf:7.3f}   {elastic:9.3f}  {deviation:6.1f}   {100 * area:9.1f} %   "
+            f"{n_continued:9d}"
+        )
+    return measures
+
+
 @pytest.mark.parametrize("start", TABLES)
 def test_paths_against_the_models_motion(benchmark, start):
     space = AlignedSurfaces(bodies("full").template)
@@ -78,26 +103,7 @@ def test_paths_against_the_models_motion(benchmark, start):
         f"{search.n_nodes} surfaces, tolerance {search.tolerance:g}\n"
         "            SRNF   (1, 1, 0)      mm   areas, mean   continued"
     )
-    measures = {}
-    for rows in zip(*tables, strict=True):
-        name = rows[0].name
-        measures[name] = values = np.array(
-            [
-                (
-                    row.energies["srnf"],
-                    row.energies["elastic"],
-                    row.mean_deviation,
-                    row.area_change.mean,
-                )
-                for row in rows
-            ]
-        )
-        srnf, elastic, deviation, area = values.mean(axis=0)
-        n_continued = sum(len(row.starts) > 1 for row in rows)
-        print(
-            f"{name:>8} {srnf:7.3f}   {elastic:9.3f}  {deviation:6.1f}   {100 * area:9.1f} %   "
-            f"{n_continued:9d}"
-        )
+    measures = printed_means(tables)
     ratios = measures["elastic"] / measures["linear"]
     gain = 1.0 - measures["elastic"][:, 1] / measures[start][:, 1]
     print(

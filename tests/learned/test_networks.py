@@ -3,16 +3,22 @@
 import numpy as np
 import pytest
 from known_surfaces import sphere
-from training import initial_cloud, initial_network
+from training import initial_cloud, initial_networks
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.learned._networks import activate, cloud_features, network, network_shapes
+from riemhuman.learned._networks import (
+    NetworkSizes,
+    activate,
+    cloud_features,
+    network,
+    network_shapes,
+)
 from riemhuman.learned.intrinsic_extrinsic_codes import surface_points
 
 
 def test_is_what_its_formula_says():
     rng = np.random.default_rng(0)
-    shapes = network_shapes("some", 4, 5, 3)
+    shapes = network_shapes("some", NetworkSizes(4, 5, 3))
     p = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
     x = rng.standard_normal((7, 4))
     expected = []
@@ -26,8 +32,9 @@ def test_is_what_its_formula_says():
 
 
 def test_starts_linear_with_the_shapes_it_has():
-    p = initial_network("some", 4, 5, 3, np.random.default_rng(0))
-    assert {name: array.shape for name, array in p.items()} == network_shapes("some", 4, 5, 3)
+    sizes = NetworkSizes(4, 5, 3)
+    p = initial_networks({"some": sizes}, np.random.default_rng(0))
+    assert {name: array.shape for name, array in p.items()} == network_shapes("some", sizes)
     x = np.random.default_rng(1).standard_normal((2, 4))
     np.testing.assert_allclose(network(p, "some", x), x @ p["some.L"])
 

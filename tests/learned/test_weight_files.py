@@ -85,7 +85,7 @@ def test_missing_fields_and_files_are_refused(arrays, tmp_path):
 
 def test_training_names_the_extra_that_it_needs(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "torch", None)
-    from training import train
+    from training import Training, train
 
     with pytest.raises(MissingDependencyError, match=r"\.\[learned\]"):
-        train({}, {}, lambda *_: 0.0, n_steps=1, seed=0)
+        train({}, {}, lambda *_: 0.0, Training(n_steps=1))

@@ -5,12 +5,14 @@ import pytest
 import torch
 import training
 from train_codes import find_parts, train_intrinsic_extrinsic, train_shape_pose
-from training import initial_cloud, initial_network, rotation_matrices, train
+from training import Training, initial_cloud, initial_networks, rotation_matrices, train
 from training_bodies import random_bodies
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.learned._networks import cloud_features, network
+from riemhuman.learned._networks import NetworkSizes, cloud_features, network
+from riemhuman.learned.intrinsic_extrinsic_codes import CloudSizes
+from riemhuman.learned.shape_pose_codes import ShapePoseSizes
 
 
 @pytest.fixture(scope="module")
@@ -24,14 +26,15 @@ def bodies(model):
 
 
 def shape_pose(model, bodies, file, **options):
-    sizes = {"n_shape": 4, "n_pose": 16, "n_parts": 12, "n_hidden": 8}
-    options = {"n_steps": 60, "batch_size": 4} | sizes | options
-    return train_shape_pose(model.template, bodies.points, bodies.subject, file, **options)
+    sizes = ShapePoseSizes(n_shape=4, n_pose=16, n_parts=12, n_hidden=8)
+    how = Training(**({"n_steps": 60, "batch_size": 4} | options))
+    return train_shape_pose(model.template, bodies.points, bodies.subject, file, sizes, how)
 
 
 def clouds(model, bodies, file, **options):
-    sizes = {"n_points": 60, "n_hidden": 8, "n_features": 16, "n_eigenvalues": 4, "n_steps": 60}
-    return train_intrinsic_extrinsic(model.template, bodies.points, file, **(sizes | options))
+    sizes = CloudSizes(n_points=60, n_hidden=8, n_features=16, n_eigenvalues=4)
+    how = Training(**({"n_steps": 60, "learning_rate": 1e-3} | options))
+    return train_intrinsic_extrinsic(model.template, bodies.points, file, sizes, how)
 
 
 TRAINERS = [shape_pose, clouds]
@@ -87,7 +90,9 @@ def test_checkpoint_of_another_training_is_refused(model, bodies, tmp_path, monk
 
 def test_networks_agree_with_pytorch():
     rng = np.random.default_rng(0)
-    parameters = initial_network("some", 30, 20, 10, rng) | initial_cloud(8, 16, rng)
+    parameters = initial_networks({"some": NetworkSizes(30, 20, 10)}, rng) | initial_cloud(
+        8, 16, rng
+    )
     parameters = {name: array + 0.1 for name, array in parameters.items()}
     x = rng.standard_normal((5, 30))
     tensors = {name: torch.tensor(array) for name, array in parameters.items()}
@@ -117,7 +122,7 @@ def test_number_of_threads_is_given_back_and_infinite_losses_are_refused():
         return parameters["x"].sum() * float("inf")
 
     with pytest.raises(ArgumentError, match="loss is not finite at step 0"):
-        train(start, {}, grows, n_steps=3, seed=0)
+        train(start, {}, grows, Training(n_steps=3))
     assert torch.get_num_threads() == before
 
 

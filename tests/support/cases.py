@@ -256,11 +256,11 @@ def edges_metric(space):
     return PullbackMetric(space, target, edges_of_first_triangle)
 
 
-def build_cases() -> list[Case]:
-    """Return all cases."""
+def cases_on_fields() -> list[Case]:
+    """Return the cases whose points are fields, or vectors."""
     weighted_vectors = VectorSpace((3, 2)).equip_with_metric(FlatMetric, weights=[1.0, 0.5, 2.0])
-    cases = [ebin_case("sphere", lam) for lam in (1e-4, 0.05, 1.0, 10.0)]
-    cases += [
+    return [
+        *(ebin_case("sphere", lam) for lam in (1e-4, 0.05, 1.0, 10.0)),
         ebin_case("triangle", 0.5),
         field_case("normals sphere", NormalFields(sphere_template())),
         field_case("normals triangle", NormalFields(triangle_template())),
@@ -271,6 +271,11 @@ def build_cases() -> list[Case]:
         product_case("product of one", [0.0, 1.5]),
         general_fields_case(),
     ]
+
+
+def elastic_cases() -> list[Case]:
+    """Return the cases of the elastic families."""
+    cases = []
     elastic = {
         "shape": (1.0, 1e-4, 0.0),
         "stretch": (2.0, 0.05, 0.0),
@@ -292,7 +297,12 @@ def build_cases() -> list[Case]:
         template = TEMPLATES[template_name]()
         metric = GeneralElasticMetric(AlignedSurfaces(template), 1.0, 0.3, 0.7)
         cases.append(surface_case(f"general {template_name}", template, metric, "template"))
-    cases += [
+    return cases
+
+
+def other_surface_cases() -> list[Case]:
+    """Return the cases of other metrics on surfaces."""
+    cases = [
         sobolev_case("all", "sphere", a0=0.3, a1=0.7, b1=0.4, c1=1.1, d1=0.5, a2=0.02),
         sobolev_case("second", "open", a1=0.5, a2=0.01),
         sobolev_case("first", "triangle"),
@@ -309,15 +319,24 @@ def build_cases() -> list[Case]:
         metric = AreaMetric(AlignedSurfaces(template, equip=False), time)
         smoothed = ", smoothed" if time > 0 else ""
         cases.append(surface_case(f"area {template_name}{smoothed}", template, metric, "rotation"))
+    return cases
+
+
+def cases_of_users() -> list[Case]:
+    """Return the cases of metrics that users define."""
     edges = edges_metric(AlignedSurfaces(sphere_template()))
-    cases += [
+    return [
         surface_case("edges", sphere_template(), edges, "template"),
         half_plane_case("half-plane, inner product", HyperbolicInnerProduct),
         half_plane_case("half-plane, distance", HyperbolicDistance, "dist"),
         half_plane_case("half-plane, pulled back", bent_half_plane, "dist"),
         half_plane_case("half-plane, inner product pulled back", bent_inner_product),
     ]
-    return cases
+
+
+def build_cases() -> list[Case]:
+    """Return all cases."""
+    return [*cases_on_fields(), *elastic_cases(), *other_surface_cases(), *cases_of_users()]
 
 
 def product_of_a_triangle() -> ProductManifold:

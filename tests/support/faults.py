@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from cases import sphere_template, surfaces
@@ -95,13 +96,26 @@ def small_disk(folder, n_bytes):
         subprocess.run(["umount", folder], check=True)
 
 
+@dataclass(frozen=True)
+class Faults:
+    """What befalls a process.
+
+    Before the change of a file with the number `fatal_change`, it gets the signal `ending`; before
+    each change it pauses, seconds; and it cannot write a file of more than `largest_file` bytes.
+    """
+
+    fatal_change: int | None = None
+    pause: float = 0.0
+    ending: signal.Signals = signal.SIGKILL
+    largest_file: int | None = None
+
+
 class Changes:
     """Counts changes of files below a folder; before one of them, a signal ends the process."""
 
-    def __init__(self, folder, fatal, pause, ending=signal.SIGKILL):
+    def __init__(self, folder, faults):
         self.count = 0
-        self._folder, self._fatal, self._pause = str(folder), fatal, pause
-        self._ending = ending
+        self._folder, self._faults = str(folder), faults
 
     def __call__(self, event, arguments):
         if event == "open":
@@ -118,20 +132,20 @@ class Changes:
     def add(self):
         """Count a change that is about to be made."""
         self.count += 1
-        if self.count == self._fatal:
-            os.kill(os.getpid(), self._ending)
-        time.sleep(self._pause)
+        if self.count == self._faults.fatal_change:
+            os.kill(os.getpid(), self._faults.ending)
+        time.sleep(self._faults.pause)
 
 
-def child(operation, inputs, outputs, kill_at, pause, ending, largest_file, said, pipe):
+def child(operation, inputs, outputs, faults, said, pipe):
     """Run an operation with its faults, and end the process with its code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
-    if largest_file is not None:
+    if faults.largest_file is not None:
         # Beyond the limit, writing fails as on a full disk, and would end the process by a signal.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-    changes = Changes(outputs, kill_at, pause, ending)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (faults.largest_file,) * 2)
+    changes = Changes(outputs, faults)
     sys.addaudithook(changes)
     write = JobFolder.write
     JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
@@ -179,8 +193,8 @@ class Processes:
             said = self._folder / f"said_{number}"
             said.write_text("")
             ours, theirs = self._context.Pipe(duplex=False)
-            faults = kill_at, pause, signal.SIGKILL, largest_file
-            task = operation, inputs or self.inputs, outputs, *faults, said, theirs
+            faults = Faults(kill_at, pause, largest_file=largest_file)
+            task = operation, inputs or self.inputs, outputs, faults, said, theirs
             process = self._context.Process(target=child, args=task)
             process.start()
             theirs.close()
@@ -205,8 +219,8 @@ class Processes:
         said = self._folder / "said_by_the_first"
         said.write_text("")
         ours, theirs = self._context.Pipe(duplex=False)
-        faults = stop_at, 0, signal.SIGSTOP, None
-        task = operation, self.inputs, outputs, *faults, said, theirs
+        faults = Faults(stop_at, ending=signal.SIGSTOP)
+        task = operation, self.inputs, outputs, faults, said, theirs
         first = self._context.Process(target=child, args=task)
         first.start()
         theirs.close()

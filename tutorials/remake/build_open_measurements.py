@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,8 @@ _GLABELLA = 0.953
 # Distances below the crotch and below the fold of the breast, and between levels, metres.
 _BELOW_CROTCH, _BELOW_FOLD = 0.03, 0.01
 _STEP = 0.005
+# Signs of x: y is up, x left, z forward.
+_SIDES = {"left": 1.0, "right": -1.0}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -127,78 +129,44 @@ def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, floa
     fractions : dict of str to float
         Places on their bones, from 0 to 1, where limbs are thickest or thinnest.
     """
-    bare = _bare(model)
-    surface = model(pose=standard_pose(model))
-    joints = dict(zip(model.joint_names, model.joints(pose=standard_pose(model)), strict=True))
-    body = _Body(bare, surface)
-    trunk = surface[np.unique(bare.faces[bare.in_parts(TRUNK)])]
-    stature, floor = float(np.ptp(surface[:, 1])), float(surface[:, 1].min())
-
-    points = {"crown": surface[surface[:, 1].argmax()]}
-    brows = np.array([0.0, floor + _GLABELLA * stature, joints["head"][2]])
-    points["glabella"], points["opisthocranion"] = body.hits(brows, _FORWARD, -_FORWARD)
-    skull = 0.5 * (points["glabella"] + points["opisthocranion"])
-    points["skull_top"] = body.hits(skull, _UP)[0]
-    points["cervicale"] = body.hits(joints["neck"], -_FORWARD)[0]
-    points["right_neck"] = body.hits(0.7 * joints["neck"] + 0.3 * joints["head"], _RIGHT)[0]
-    breasts = trunk[(trunk[:, 1] > joints["upper_spine"][1]) & (trunk[:, 1] < joints["neck"][1])]
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        half = breasts[(sign * breasts[:, 0] > 0.03) & (sign * breasts[:, 0] < 0.14)]
-        points[f"{side}_nipple"] = half[half[:, 2].argmax()]
-    nipple = points["left_nipple"]
-    points["under_bust"] = _fold(body, nipple)
-
-    waist = _narrowest(body, joints["lower_spine"][1], points["under_bust"][1])
-    middle = np.array([0.0, waist, 0.0])
-    points["waist_front"], points["waist_back"] = body.hits(middle, _FORWARD, -_FORWARD)
-    points["right_waist"], points["left_waist"] = body.hits(middle, _RIGHT, -_RIGHT)
-    buttocks = surface[np.unique(bare.faces[bare.in_parts((*TRUNK, *LEGS))])]
-    buttocks = buttocks[buttocks[:, 1] < joints["lower_spine"][1]]
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        half = buttocks[sign * buttocks[:, 0] > 0]
-        points[f"{side}_buttock"] = half[half[:, 2].argmin()]
-    points["crotch"] = body.hits(joints["pelvis"], -_UP)[0]
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        thigh = joints[f"{side}_hip"] * [1.0, 0.0, 1.0] + points["crotch"] * [0.0, 1.0, 0.0]
-        points[f"{side}_thigh"] = body.hits(thigh - _BELOW_CROTCH * _UP, sign * _RIGHT)[0]
-        outward = 0.3 * sign * _RIGHT + 0.954 * _UP
-        points[f"{side}_acromion"] = body.hits(joints[f"{side}_shoulder"], outward)[0]
-        points[f"{side}_sole"] = body.hits(joints[f"{side}_ankle"], -_UP)[0]
-        foot = surface[np.isin(model.weights.argmax(axis=1), _feet(model, side))]
-        points[f"{side}_heel"] = foot[foot[:, 2].argmin()]
-        points[f"{side}_toe"] = foot[foot[:, 2].argmax()]
+    body = _Body(model)
+    points = _landmarks_of_head(body) | _nipples(body)
+    points["under_bust"] = _fold(body, points["left_nipple"])
+    points |= _landmarks_of_waist(body, points["under_bust"][1]) | _buttocks(body)
+    points["crotch"] = body.hits(body.joints["pelvis"], -_UP)[0]
+    for side in _SIDES:
+        points |= _landmarks_of_side(body, side, points["crotch"])
     for name, weights in LANDMARKS.items():
-        points[name] = sum(weight * surface[vertex] for vertex, weight in weights.items())
+        points[name] = sum(weight * body.surface[vertex] for vertex, weight in weights.items())
         if name.startswith("right"):
             points[name.replace("right", "left")] = points[name] * [-1.0, 1.0, 1.0]
-
-    fractions = {}
-    for limb, bone, low, high, thickest in (
-        ("forearm", ("right_elbow", "right_wrist"), 0.1, 0.5, True),
-        ("wrist", ("right_elbow", "right_wrist"), 0.8, 1.0, False),
-        ("calf", ("right_knee", "right_ankle"), 0.1, 0.5, True),
-        ("ankle", ("right_knee", "right_ankle"), 0.7, 0.98, False),
-    ):
-        choices = np.arange(low, high + 1e-9, 0.02)
-        part = "right arm" if "elbow" in bone[0] else "right leg"
-        girths = [
-            body.girth({bone[0]: 1.0 - s, bone[1]: s}, (bone[1], bone[0]), (part,)) for s in choices
-        ]
-        best = np.nanargmax(girths) if thickest else np.nanargmin(girths)
-        fractions[limb] = round(float(choices[best]), 2)
+    fractions = {
+        "forearm": _extreme_girth(body, "right_elbow", "right_wrist", 0.1, 0.5, np.nanargmax),
+        "wrist": _extreme_girth(body, "right_elbow", "right_wrist", 0.8, 1.0, np.nanargmin),
+        "calf": _extreme_girth(body, "right_knee", "right_ankle", 0.1, 0.5, np.nanargmax),
+        "ankle": _extreme_girth(body, "right_knee", "right_ankle", 0.7, 0.98, np.nanargmin),
+    }
     return points, fractions
 
 
 class _Body:
     """The mean body in the standard pose."""
 
-    def __init__(self, bare: MeasurementSet, surface: ndarray) -> None:
-        self._set, self._surface = bare, surface
-        self._corners = surface[bare.faces]
+    def __init__(self, model: BodyModel) -> None:
+        self.model = model
+        self._set = _bare(model)
+        self.surface = model(pose=standard_pose(model))
+        joints = model.joints(pose=standard_pose(model))
+        self.joints = dict(zip(model.joint_names, joints, strict=True))
+        self._corners = self.surface[self._set.faces]
+
+    def vertices_of(self, *parts: str) -> ndarray:
+        """Return the vertices of parts."""
+        return self.surface[np.unique(self._set.faces[self._set.in_parts(parts)])]
 
     def hits(self, origin: ndarray, *directions: ndarray) -> list[ndarray]:
         """Return where rays from inside first leave the surface."""
-        found = []
+        places = []
         a = self._corners[:, 0]
         u, v = self._corners[:, 1] - a, self._corners[:, 2] - a
         for direction in directions:
@@ -207,21 +175,94 @@ class _Body:
             right = (origin - a)[solvable][..., np.newaxis]
             s, t, distance = np.linalg.solve(matrix[solvable], right)[..., 0].T
             inside = (s >= 0) & (t >= 0) & (s + t <= 1) & (distance > 0)
-            found.append(origin + distance[inside].min() * direction)
-        return found
+            places.append(origin + distance[inside].min() * direction)
+        return places
 
     def girth(self, at: Any, normal: Any, parts: tuple[str, ...], **landmarks: Any) -> float:
         """Return the length of the hull of a section."""
         girth = Girth(name="girth", at=at, normal=normal, parts=parts, hull=True)
-        own = Measurements(replace(self._set, measurements=[girth], landmarks=landmarks))
-        return float(own.measure(self._surface, axes="space").values[0])
+        definitions = replace(self._set, measurements=[girth], landmarks=landmarks)
+        return float(Measurements(definitions).measure(self.surface, axes="space").values[0])
 
     def level_girth(self, height: float) -> float:
         """Return the length of the hull of a level section of the trunk."""
         back = self.hits(np.array([0.0, height, 0.0]), -_FORWARD)
-        places, _ = nearest_points(np.array(back), self._surface, self._set.faces)
+        places, _ = nearest_points(np.array(back), self.surface, self._set.faces)
         landmark = self._set.faces[places.triangles[0]], places.barycentric[0]
         return self.girth("back", "up", TRUNK, back=landmark)
+
+
+def _landmarks_of_head(body: _Body) -> dict[str, ndarray]:
+    surface, joints = body.surface, body.joints
+    stature, floor = float(np.ptp(surface[:, 1])), float(surface[:, 1].min())
+    brows = np.array([0.0, floor + _GLABELLA * stature, joints["head"][2]])
+    glabella, opisthocranion = body.hits(brows, _FORWARD, -_FORWARD)
+    return {
+        "crown": surface[surface[:, 1].argmax()],
+        "glabella": glabella,
+        "opisthocranion": opisthocranion,
+        "skull_top": body.hits(0.5 * (glabella + opisthocranion), _UP)[0],
+        "cervicale": body.hits(joints["neck"], -_FORWARD)[0],
+        "right_neck": body.hits(0.7 * joints["neck"] + 0.3 * joints["head"], _RIGHT)[0],
+    }
+
+
+def _nipples(body: _Body) -> dict[str, ndarray]:
+    trunk, joints, nipples = body.vertices_of(*TRUNK), body.joints, {}
+    breasts = trunk[(trunk[:, 1] > joints["upper_spine"][1]) & (trunk[:, 1] < joints["neck"][1])]
+    for side, sign in _SIDES.items():
+        half = breasts[(sign * breasts[:, 0] > 0.03) & (sign * breasts[:, 0] < 0.14)]
+        nipples[f"{side}_nipple"] = half[half[:, 2].argmax()]
+    return nipples
+
+
+def _landmarks_of_waist(body: _Body, highest: float) -> dict[str, ndarray]:
+    waist = _narrowest(body, body.joints["lower_spine"][1], highest)
+    directions = {"waist_front": _FORWARD, "waist_back": -_FORWARD}
+    directions |= {"right_waist": _RIGHT, "left_waist": -_RIGHT}
+    places = body.hits(np.array([0.0, waist, 0.0]), *directions.values())
+    return dict(zip(directions, places, strict=True))
+
+
+def _buttocks(body: _Body) -> dict[str, ndarray]:
+    lower, buttocks = body.vertices_of(*TRUNK, *LEGS), {}
+    lower = lower[lower[:, 1] < body.joints["lower_spine"][1]]
+    for side, sign in _SIDES.items():
+        half = lower[sign * lower[:, 0] > 0]
+        buttocks[f"{side}_buttock"] = half[half[:, 2].argmin()]
+    return buttocks
+
+
+def _landmarks_of_side(body: _Body, side: str, crotch: ndarray) -> dict[str, ndarray]:
+    """Return landmarks of an arm, a leg and a foot."""
+    joints, outward = body.joints, -_SIDES[side] * _RIGHT
+    thigh = joints[f"{side}_hip"] * [1.0, 0.0, 1.0] + crotch * [0.0, 1.0, 0.0]
+    over_shoulder = 0.3 * outward + 0.954 * _UP
+    foot = body.surface[np.isin(body.model.weights.argmax(axis=1), _feet(body.model, side))]
+    return {
+        f"{side}_thigh": body.hits(thigh - _BELOW_CROTCH * _UP, outward)[0],
+        f"{side}_acromion": body.hits(joints[f"{side}_shoulder"], over_shoulder)[0],
+        f"{side}_sole": body.hits(joints[f"{side}_ankle"], -_UP)[0],
+        f"{side}_heel": foot[foot[:, 2].argmin()],
+        f"{side}_toe": foot[foot[:, 2].argmax()],
+    }
+
+
+def _extreme_girth(
+    body: _Body,
+    upper: str,
+    lower: str,
+    first: float,
+    last: float,
+    choose: Callable[[list[float]], np.intp],
+) -> float:
+    """Return where along a bone, between two shares of its length, a limb has the chosen girth."""
+    shares = np.arange(first, last + 1e-9, 0.02)
+    part = "right arm" if "elbow" in upper else "right leg"
+    girths = [
+        body.girth({upper: 1.0 - share, lower: share}, (lower, upper), (part,)) for share in shares
+    ]
+    return round(float(shares[choose(girths)]), 2)
 
 
 def _fold(body: _Body, nipple: ndarray) -> ndarray:

@@ -185,10 +185,16 @@ def _heights() -> tuple[Measurement, ...]:
 
 
 def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
-    trunk: dict[str, Any] = {"parts": TRUNK, "leave_out": ARMS, "hull": True}
-    hips: dict[str, Any] = {"parts": (*TRUNK, *LEGS), "leave_out": ARMS, "hull": True}
-    arm: dict[str, Any] = {"parts": _RIGHT_ARM, "hull": True}
-    leg: dict[str, Any] = {"parts": _RIGHT_LEG, "hull": True}
+    return (
+        *_girths_of_head_and_neck(),
+        *_girths_of_trunk(),
+        *_girths_of_arms(on, fractions),
+        *_girths_of_thighs(on),
+        *_girths_of_lower_legs(on, fractions),
+    )
+
+
+def _girths_of_head_and_neck() -> tuple[Measurement, ...]:
     neck: dict[str, Any] = {"parts": ("trunk", "neck", "head"), "hull": True}
     return (
         Girth(
@@ -197,23 +203,14 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             normal=(_SKULL, "skull_top"),
             parts=("head",),
             hull=True,
-            **_named(
-                _BOTH,
-                "headcircumference",
-                "Head Circumference",
-                "head circumference",
-            ),
+            **_named(_BOTH, "headcircumference", "Head Circumference", "head circumference"),
         ),
         Girth(
             name="neck girth",
             at="right_neck",
             normal=("neck", "head"),
             **neck,
-            **_named(
-                _BOTH,
-                "neckcircumference",
-                smpl="neck circumference",
-            ),
+            **_named(_BOTH, "neckcircumference", smpl="neck circumference"),
         ),
         Girth(
             name="neck base girth",
@@ -222,16 +219,20 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             **neck,
             **_named(_CLOTHING, "neckcircumferencebase", "Neck Base Circumference"),
         ),
+    )
+
+
+def _girths_of_trunk() -> tuple[Measurement, ...]:
+    trunk: dict[str, Any] = {"parts": TRUNK, "leave_out": ARMS, "hull": True}
+    hips: dict[str, Any] = {"parts": (*TRUNK, *LEGS), "leave_out": ARMS, "hull": True}
+    return (
         Girth(
             name="chest girth",
             at=_BUST,
             note="at the bust points, of women: bust; CAESAR's chest girth at the scye is higher",
             **trunk,
             **_named(
-                _BOTH,
-                "chestcircumference",
-                "Bust/Chest Circumference",
-                "chest circumference",
+                _BOTH, "chestcircumference", "Bust/Chest Circumference", "chest circumference"
             ),
         ),
         Girth(
@@ -246,10 +247,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             note="natural waist: the narrowest level, near the midpoint of the lowest rib and the "
             "iliac crest; not the navel's",
             **trunk,
-            **_named(
-                _BOTH,
-                caesar="≈ Waist Circumference, Preferred",
-            ),
+            **_named(_BOTH, caesar="≈ Waist Circumference, Preferred"),
         ),
         Girth(
             name="waist girth (omphalion)",
@@ -270,17 +268,19 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
                 "hip circumference",
             ),
         ),
+    )
+
+
+def _girths_of_arms(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
+    arm: dict[str, Any] = {"parts": _RIGHT_ARM, "hull": True}
+    return (
         Girth(
             name="upper arm girth",
             at=on(_UPPER_ARM, 0.5),
             normal=_UPPER_ARM,
             note="relaxed, at the middle of the bone; ANSUR's is flexed, at the thickest place",
             **arm,
-            **_named(
-                _CLOTHING,
-                "≈ bicepscircumferenceflexed",
-                smpl="bicep right circumference",
-            ),
+            **_named(_CLOTHING, "≈ bicepscircumferenceflexed", smpl="bicep right circumference"),
         ),
         Girth(
             name="forearm girth",
@@ -288,22 +288,14 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             normal=_FOREARM,
             note="relaxed, at the thickest place; ANSUR's is flexed with a fist",
             **arm,
-            **_named(
-                _CLOTHING,
-                "≈ forearmcircumferenceflexed",
-                smpl="forearm right circumference",
-            ),
+            **_named(_CLOTHING, "≈ forearmcircumferenceflexed", smpl="forearm right circumference"),
         ),
         Girth(
             name="wrist girth",
             at=on(_FOREARM, fractions["wrist"]),
             normal=_FOREARM,
             **arm,
-            **_named(
-                _BOTH,
-                "wristcircumference",
-                smpl="wrist right circumference",
-            ),
+            **_named(_BOTH, "wristcircumference", smpl="wrist right circumference"),
         ),
         Girth(
             name="hand girth",
@@ -313,6 +305,12 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             **arm,
             **_named(_CLOTHING, "handcircumference", "Hand Circumference"),
         ),
+    )
+
+
+def _girths_of_thighs(on: Any) -> tuple[Measurement, ...]:
+    leg: dict[str, Any] = {"parts": _RIGHT_LEG, "hull": True}
+    return (
         # Where thighs touch, or the crotch is low, the line crosses other parts.
         Girth(
             name="thigh girth",
@@ -323,10 +321,7 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             "the buttock",
             **leg,
             **_named(
-                _BOTH,
-                "thighcircumference",
-                "Thigh Circumference",
-                "thigh left circumference",
+                _BOTH, "thighcircumference", "Thigh Circumference", "thigh left circumference"
             ),
         ),
         Girth(
@@ -351,17 +346,19 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             **leg,
             **_named(_CLOTHING),
         ),
+    )
+
+
+def _girths_of_lower_legs(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
+    leg: dict[str, Any] = {"parts": _RIGHT_LEG, "hull": True}
+    return (
         Girth(
             name="calf girth",
             at=on(_SHIN, fractions["calf"]),
             normal=_SHIN,
             note="where it is the largest on the mean body",
             **leg,
-            **_named(
-                _BOTH,
-                "calfcircumference",
-                smpl="calf left circumference",
-            ),
+            **_named(_BOTH, "calfcircumference", smpl="calf left circumference"),
         ),
         Girth(
             name="ankle girth",
@@ -392,13 +389,19 @@ def _girths(on: Any, fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
 
 
 def _lengths() -> tuple[Measurement, ...]:
-    arm = ("right_acromion", "right_elbow", "right_wrist")
-    side = ("shoulder", "elbow", "wrist", "dactylion")
-    both = (*(f"left_{p}" for p in reversed(side)), *(f"right_{p}" for p in side))
+    return (
+        *_lengths_of_limbs(),
+        *_lengths_of_trunk(),
+        *_lengths_of_shoulders_and_arms(),
+        *_lengths_of_feet_and_head(),
+    )
+
+
+def _lengths_of_limbs() -> tuple[Measurement, ...]:
     return (
         Length(
             name="arm length",
-            along=arm,
+            along=("right_acromion", "right_elbow", "right_wrist"),
             note="by the centres of elbow and wrist",
             **_named(
                 _CLOTHING, "≈ sleeveoutseam", "≈ Arm Length (Shoulder to Wrist)", "arm right length"
@@ -413,6 +416,11 @@ def _lengths() -> tuple[Measurement, ...]:
             standard=_CLOTHING,
             note="from the waist over the side of the thigh to the sole",
         ),
+    )
+
+
+def _lengths_of_trunk() -> tuple[Measurement, ...]:
+    return (
         Length(
             name="shoulder (biacromial) breadth",
             along=("left_acromion", "right_acromion"),
@@ -458,6 +466,13 @@ def _lengths() -> tuple[Measurement, ...]:
             path="surface",
             **_named(_CLOTHING, "verticaltrunkcircumferenceusa", "Vertical Trunk Circumference"),
         ),
+    )
+
+
+def _lengths_of_shoulders_and_arms() -> tuple[Measurement, ...]:
+    side = ("shoulder", "elbow", "wrist", "dactylion")
+    both = (*(f"left_{p}" for p in reversed(side)), *(f"right_{p}" for p in side))
+    return (
         Length(
             name="shoulder length",
             along=("right_neck_base", "right_acromion"),
@@ -509,6 +524,11 @@ def _lengths() -> tuple[Measurement, ...]:
             along=("right_palm_base", "right_finger_base"),
             **_named(_DESIGN, "palmlength"),
         ),
+    )
+
+
+def _lengths_of_feet_and_head() -> tuple[Measurement, ...]:
+    return (
         Length(
             name="foot length",
             along=("right_heel", "right_toe"),
@@ -623,13 +643,12 @@ def _wholes() -> tuple[Measurement, ...]:
 
 def seated_definitions() -> tuple[Measurement, ...]:
     """Return the measurements of the open body model, seated with forearms forward."""
-    arms: dict[str, Any] = {"parts": (*TRUNK, *ARMS), "hull": True}
+    return (*_seated_heights(), *_seated_lengths())
 
+
+def _seated_heights() -> tuple[Measurement, ...]:
     def height(name: str, at: str, standard: str, ansur: str, caesar: str = "") -> Height:
         return Height(name=name, at=at, above="right_seat", **_named(standard, ansur, caesar))
-
-    def reach(name: str, *along: str, **names: Any) -> Length:
-        return Length(name=name, along=along, axis="forward", **_named(**names))
 
     return (
         height("sitting height", "crown", _DESIGN, "sittingheight", "Sitting Height"),
@@ -658,6 +677,16 @@ def seated_definitions() -> tuple[Measurement, ...]:
             **_named(_DESIGN, "poplitealheight"),
         ),
         height("thigh clearance", "right_thigh_top", _DESIGN, "thighclearance"),
+    )
+
+
+def _seated_lengths() -> tuple[Measurement, ...]:
+    arms: dict[str, Any] = {"parts": (*TRUNK, *ARMS), "hull": True}
+
+    def reach(name: str, *along: str, **names: Any) -> Length:
+        return Length(name=name, along=along, axis="forward", **_named(**names))
+
+    return (
         reach(
             "buttock-knee length",
             "right_buttock_seated",

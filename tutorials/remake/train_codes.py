@@ -15,7 +15,8 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -26,7 +27,14 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.cluster.vq import kmeans2
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from training import initial_cloud, initial_network, rotation_matrices, save_weights, train
+from training import (
+    Training,
+    initial_cloud,
+    initial_networks,
+    rotation_matrices,
+    save_weights,
+    train,
+)
 from training_bodies import random_bodies
 
 from riemhuman.bodies import BodyModel
@@ -36,10 +44,12 @@ from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.rotations import log, nearest_rotations
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned import IntrinsicExtrinsicCodes, ShapePoseCodes
-from riemhuman.learned._codes import FOLDER, PairedCodes
+from riemhuman.learned._codes import FOLDER
 from riemhuman.learned._networks import network
 from riemhuman.learned._parts import Parts, gradients
-from riemhuman.learned.intrinsic_extrinsic_codes import surface_points
+from riemhuman.learned.intrinsic_extrinsic_codes import CloudSizes, surface_points
+from riemhuman.learned.intrinsic_extrinsic_codes import encoded as encoded_clouds
+from riemhuman.learned.shape_pose_codes import ShapePoseSizes, decoded, encoded
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.measures import adjacent_triangles
@@ -62,38 +72,28 @@ _NOISE, _SIZE, _COVARIANCE = 0.05, 1e-3, 1.0
 # weights of parts, and rounds of clustering.
 _DIRECTIONS, _RIDGE, _ROUNDS = 64, 1e-5, 30
 
+_SHAPE_POSE, _CLOUDS = ShapePoseSizes(), CloudSizes()
+_USUAL, _SLOWER = Training(), Training(learning_rate=1e-3)
+
 
 def train_shape_pose(
     template: Template,
     X: ArrayLike,
     y: ArrayLike,
     file: str | os.PathLike[str],
-    *,
-    n_shape: int = 16,
-    n_pose: int = 64,
-    n_parts: int = 96,
-    n_hidden: int = 192,
-    n_steps: int = 3000,
-    batch_size: int = 32,
-    learning_rate: float = 2e-3,
-    seed: int = 0,
-    checkpoint: str | os.PathLike[str] | None = None,
-    progress: bool = False,
+    sizes: ShapePoseSizes = _SHAPE_POSE,
+    training: Training = _USUAL,
 ) -> tuple[ShapePoseCodes, ndarray]:
     """Train on bodies (n, V, 3) of people y (n,), and return the network in `file` and its losses.
 
-    There must be two people in two poses each. The loss has two parts:
-
-    - cross-consistency: the error of a body that is decoded from its own pose code and the shape
-      code of the same person in another pose;
-    - self-consistency: the decoder makes a body from the shape code of one person and the pose code
-      of another. Its own codes must equal these, and its pose code with the second person's
-      shape code must give the second person's body.
+    There must be two people in two poses each; `ShapePoseLoss` says what is learned.
     """
-    rng = np.random.default_rng(seed)
+    _check_sizes(sizes)
+    rng = np.random.default_rng(training.seed)
     points, bodies_of = _by_person(_check_bodies(template, X), y)
     some = rng.permutation(len(points))[:_BODIES_OF_PARTS]
-    parts = find_parts(template, points[some], n_parts, rng)
+    parts = find_parts(template, points[some], sizes.n_parts, rng)
+    sizes = replace(sizes, n_parts=parts.n_parts)
     features, frames = parts.split(points)
     center = features.mean(axis=0)
     least = np.repeat([_LEAST_ROTATION, _LEAST_STRETCH], [3 * parts.n_parts, 6 * parts.n_parts])
@@ -106,8 +106,11 @@ def train_shape_pose(
         "scale": scale,
         "operator": parts.operator,
     }
-    settings = {"n_shape": n_shape, "n_pose": n_pose, "n_parts": parts.n_parts}
-    settings["n_hidden"] = n_hidden
+    initial = initial_networks(sizes.networks(), rng)
+    initial |= _principal_codes(sizes, features, bodies_of)
+    loss = ShapePoseLoss(parts, bodies_of, training.batch_size)
+    with single_threaded_libraries():
+        parameters, losses = train(initial, data, loss, training)
     others = {
         "center": np.float32(center),
         "scale": np.float32(scale),
@@ -115,85 +118,84 @@ def train_shape_pose(
         "part_weights": parts.weights.astype(np.float16),
         "part_parents": parts.parents.astype(np.int16),
     }
-    codes = _empty(ShapePoseCodes, settings)
-    initial = _initial_networks(codes, rng) | _principal_codes(codes, features, bodies_of)
+    save_weights(file, "ShapePoseCodes", asdict(sizes), template, {**parameters, **others})
+    return ShapePoseCodes(file), losses
 
-    def loss(torch: ModuleType, parameters: Any, data: Any, rng: np.random.Generator) -> Any:
-        size = min(batch_size, len(bodies_of) // 2)
-        people = rng.permutation(len(bodies_of))[: 2 * size]
-        chosen = np.array([rng.choice(bodies_of[person], 2, replace=False) for person in people])
+
+@dataclass(frozen=True, eq=False)
+class ShapePoseLoss:
+    """The loss of shape and pose codes, in two parts.
+
+    - cross-consistency: the error of a body that is decoded from its own pose code and the shape
+      code of the same person in another pose;
+    - self-consistency: the decoder makes a body from the shape code of one person and the pose code
+      of another. Its own codes must equal these, and its pose code with the second person's
+      shape code must give the second person's body.
+    """
+
+    parts: Parts
+    bodies_of: list[ndarray]  # the numbers of each person's bodies
+    batch_size: int
+
+    def __call__(
+        self, torch: ModuleType, parameters: Any, data: Any, rng: np.random.Generator
+    ) -> Any:
+        size = min(self.batch_size, len(self.bodies_of) // 2)
+        people = rng.permutation(len(self.bodies_of))[: 2 * size]
+        pairs = [rng.choice(self.bodies_of[person], 2, replace=False) for person in people]
         # One person in two poses, and another person in two poses.
-        first, second = chosen.T
+        first, second = np.array(pairs).T
         numbers = np.concatenate([first, second])
         vertices = rng.permutation(data["operator"].shape[0])[:_VERTICES_OF_STEP]
-        operator = data["operator"][vertices]
-        features = data["features"][numbers]
-        wanted = data["points"][numbers][:, vertices]
-
-        def surfaces(decoded: Any) -> Any:
-            features = decoded * data["scale"] + data["center"]
-            return parts.surfaces(features, torch, operator, rotation_matrices)
-
-        def error(surfaces: Any, wanted: Any) -> Any:
-            return ((surfaces - wanted) ** 2).sum(-1).mean() / _ERROR**2
-
-        shape, pose = codes._encode(parameters, features, torch)
+        features, wanted = data["features"][numbers], data["points"][numbers][:, vertices]
+        shape, pose = encoded(parameters, features, self.parts.n_parts, torch)
         n_bodies = 2 * size
         swapped = torch.concatenate([shape[n_bodies:], shape[:n_bodies]], 0)
-        decoded = codes._decode(parameters, torch.concatenate([swapped, pose], 1), torch)
-        crossed = error(surfaces(decoded), wanted) + ((decoded - features) ** 2).mean()
-
+        remade = decoded(parameters, torch.concatenate([swapped, pose], 1), torch)
+        crossed = self._error(torch, data, remade, vertices, wanted)
+        crossed = crossed + ((remade - features) ** 2).mean()
         # Shapes of the first half of the people in poses of the other half.
         here, there = slice(0, size), slice(size, n_bodies)
-        mixed = torch.concatenate([shape[here], pose[there]], 1)
-        again_shape, again_pose = codes._encode(
-            parameters, codes._decode(parameters, mixed, torch), torch
-        )
-        back = codes._decode(parameters, torch.concatenate([shape[there], again_pose], 1), torch)
-        cycle = error(surfaces(back), wanted[there])
+        mixed = decoded(parameters, torch.concatenate([shape[here], pose[there]], 1), torch)
+        again_shape, again_pose = encoded(parameters, mixed, self.parts.n_parts, torch)
+        back = decoded(parameters, torch.concatenate([shape[there], again_pose], 1), torch)
+        cycle = self._error(torch, data, back, vertices, wanted[there])
         cycle = cycle + ((again_shape - shape[here].detach()) ** 2).mean()
         same = ((shape[:n_bodies] - shape[n_bodies:]) ** 2).mean()
         return crossed + _CYCLE * (cycle + 2.0 * same)
 
-    steps = {"n_steps": n_steps, "seed": seed, "learning_rate": learning_rate}
-    with single_threaded_libraries():
-        parameters, losses = train(
-            initial, data, loss, checkpoint=checkpoint, progress=progress, **steps
+    def _error(
+        self, torch: ModuleType, data: Any, features: Any, vertices: ndarray, wanted: Any
+    ) -> Any:
+        """Return the mean squared error of some vertices of bodies."""
+        surfaces = self.parts.surfaces(
+            features * data["scale"] + data["center"],
+            torch,
+            data["operator"][vertices],
+            rotation_matrices,
         )
-    save_weights(file, "ShapePoseCodes", settings, template, {**parameters, **others})
-    return ShapePoseCodes(file), losses
+        return ((surfaces - wanted) ** 2).sum(-1).mean() / _ERROR**2
 
 
 def train_intrinsic_extrinsic(
     template: Template,
     X: ArrayLike,
     file: str | os.PathLike[str],
-    *,
-    n_intrinsic: int = 10,
-    n_extrinsic: int = 24,
-    n_points: int = 300,
-    n_eigenvalues: int = 16,
-    n_hidden: int = 48,
-    n_features: int = 256,
-    n_steps: int = 3000,
-    batch_size: int = 32,
-    learning_rate: float = 1e-3,
-    seed: int = 0,
-    checkpoint: str | os.PathLike[str] | None = None,
-    progress: bool = False,
+    sizes: CloudSizes = _CLOUDS,
+    training: Training = _SLOWER,
 ) -> tuple[IntrinsicExtrinsicCodes, ndarray]:
     """Train on upright bodies (n, V, 3), and return the network in `file` and its losses.
 
-    The loss is the error of points and of the spectrum, which are predicted from noisy codes, and
-    a penalty on covariances between the two codes.
+    `CloudLoss` says what is learned.
     """
-    rng = np.random.default_rng(seed)
-    points = _check_bodies(template, X)
+    _check_sizes(sizes)
+    rng = np.random.default_rng(training.seed)
+    points, n_points = _check_bodies(template, X), sizes.n_points
     if n_points > template.n_vertices:
         raise ArgumentError(f"n_points={n_points} exceeds the {template.n_vertices} vertices")
     vertices = np.sort(rng.permutation(template.n_vertices)[:n_points])
-    bar = ProgressBar(points, disable=not progress, unit="body", desc="spectra")
-    values = np.log([spectrum(f, template.faces, n_eigenvalues).eigenvalues for f in bar])
+    bar = ProgressBar(points, disable=not training.progress, unit="body", desc="spectra")
+    values = np.log([spectrum(f, template.faces, sizes.n_eigenvalues).eigenvalues for f in bar])
     mean_spectrum = values.mean(axis=0)
     # Two clouds of each body: the network shall learn the body, not the points.
     clouds = np.stack(
@@ -202,41 +204,50 @@ def train_intrinsic_extrinsic(
     placed = points[:, vertices] - points.mean(axis=1, keepdims=True)
     place = placed.mean(axis=0)
     data = {"clouds": clouds, "points": placed - place, "values": values - mean_spectrum}
-    settings = {"n_intrinsic": n_intrinsic, "n_extrinsic": n_extrinsic, "n_points": n_points}
-    settings |= {"n_eigenvalues": n_eigenvalues, "n_hidden": n_hidden, "n_features": n_features}
-    codes = _empty(IntrinsicExtrinsicCodes, settings)
-    initial = initial_cloud(n_hidden, n_features, rng) | _initial_networks(codes, rng)
-
-    def loss(torch: ModuleType, parameters: Any, data: Any, rng: np.random.Generator) -> Any:
-        size = min(batch_size, len(data["points"]))
-        bodies = rng.permutation(len(data["points"]))[:size]
-        clouds = data["clouds"][bodies, rng.integers(2, size=size)]
-        found = codes._encode(parameters, clouds, torch)
-        deviations = found - found.mean(0)
-        noise = rng.standard_normal(found.shape).astype(np.float32)
-        noisy = found + _NOISE * torch.tensor(noise)
-        placed = network(parameters, "points", noisy, torch).reshape(size, -1, 3)
-        values = network(parameters, "spectrum", noisy[:, :n_intrinsic], torch)
-        of_points = ((placed - data["points"][bodies]) ** 2).sum(-1).mean() / _ERROR_OF_POINT**2
-        of_spectra = ((values - data["values"][bodies]) ** 2).mean() / _LOGARITHM**2
-        covariances = (
-            torch.swapaxes(deviations[:, :n_intrinsic], 0, 1) @ deviations[:, n_intrinsic:]
-        ) / size
-        penalty = _SIZE * (found**2).mean() + _COVARIANCE * (covariances**2).mean()
-        return of_points + of_spectra + penalty
-
-    steps = {"n_steps": n_steps, "seed": seed, "learning_rate": learning_rate}
+    initial = initial_cloud(sizes.n_hidden, sizes.n_features, rng)
+    initial |= initial_networks(sizes.networks(), rng)
+    loss = CloudLoss(sizes.n_intrinsic, training.batch_size)
     with single_threaded_libraries():
-        parameters, losses = train(
-            initial, data, loss, checkpoint=checkpoint, progress=progress, **steps
-        )
+        parameters, losses = train(initial, data, loss, training)
     others = {
         "vertices": vertices.astype(np.int32),
         "place": place.astype(np.float32),
         "mean_spectrum": mean_spectrum.astype(np.float32),
     }
-    save_weights(file, "IntrinsicExtrinsicCodes", settings, template, {**parameters, **others})
+    arrays = {**parameters, **others}
+    save_weights(file, "IntrinsicExtrinsicCodes", asdict(sizes), template, arrays)
     return IntrinsicExtrinsicCodes(file), losses
+
+
+@dataclass(frozen=True)
+class CloudLoss:
+    """The loss of intrinsic and extrinsic codes.
+
+    It is the error of points and of the spectrum, which are predicted from noisy codes, and a
+    penalty on covariances between the two codes.
+    """
+
+    n_intrinsic: int
+    batch_size: int
+
+    def __call__(
+        self, torch: ModuleType, parameters: Any, data: Any, rng: np.random.Generator
+    ) -> Any:
+        size = min(self.batch_size, len(data["points"]))
+        bodies = rng.permutation(len(data["points"]))[:size]
+        clouds = data["clouds"][bodies, rng.integers(2, size=size)]
+        codes = encoded_clouds(parameters, clouds, torch)
+        deviations = codes - codes.mean(0)
+        noise = rng.standard_normal(codes.shape).astype(np.float32)
+        noisy = codes + _NOISE * torch.tensor(noise)
+        placed = network(parameters, "points", noisy, torch).reshape(size, -1, 3)
+        values = network(parameters, "spectrum", noisy[:, : self.n_intrinsic], torch)
+        of_points = ((placed - data["points"][bodies]) ** 2).sum(-1).mean() / _ERROR_OF_POINT**2
+        of_spectra = ((values - data["values"][bodies]) ** 2).mean() / _LOGARITHM**2
+        intrinsic, extrinsic = deviations[:, : self.n_intrinsic], deviations[:, self.n_intrinsic :]
+        covariances = (torch.swapaxes(intrinsic, 0, 1) @ extrinsic) / size
+        penalty = _SIZE * (codes**2).mean() + _COVARIANCE * (covariances**2).mean()
+        return of_points + of_spectra + penalty
 
 
 def _check_bodies(template: Template, X: Any) -> ndarray:
@@ -250,36 +261,25 @@ def _check_bodies(template: Template, X: Any) -> ndarray:
     return points
 
 
-def _empty(kind: type, settings: Mapping[str, int]) -> Any:
-    """Return codes with sizes and without parameters."""
-    for name, value in settings.items():
-        if value < 1:
-            raise ArgumentError(f"{name} must be at least 1; found {value}")
-    codes = kind.__new__(kind)
-    vars(codes).update(settings)
-    return codes
-
-
-def _initial_networks(codes: PairedCodes, rng: np.random.Generator) -> dict[str, ndarray]:
-    initial: dict[str, ndarray] = {}
-    for name, (n_in, n_out) in codes._sizes().items():
-        initial |= initial_network(name, n_in, codes._WIDTH * codes.n_hidden, n_out, rng)
-    return initial
+def _check_sizes(sizes: ShapePoseSizes | CloudSizes) -> None:
+    for name, size in asdict(sizes).items():
+        if size < 1:
+            raise ArgumentError(f"{name} must be at least 1; found {size}")
 
 
 def _principal_codes(
-    codes: ShapePoseCodes, features: ndarray, bodies_of: list[ndarray]
+    sizes: ShapePoseSizes, features: ndarray, bodies_of: list[ndarray]
 ) -> dict[str, ndarray]:
     """Return initial linear parts that compute principal components."""
-    n_rotations, n_codes = 3 * codes.n_parts, codes.n_shape + codes.n_pose
+    n_rotations, n_codes = 3 * sizes.n_parts, sizes.n_shape + sizes.n_pose
     means = np.stack([features[bodies, n_rotations:].mean(axis=0) for bodies in bodies_of])
-    shapes, spreads = _components(means, codes.n_shape)
-    poses, widths = _components(features[:, :n_rotations], codes.n_pose)
+    shapes, spreads = _components(means, sizes.n_shape)
+    poses, widths = _components(features[:, :n_rotations], sizes.n_pose)
     width = widths[widths > 0].mean() if widths.any() else 1.0
     spreads = np.where(spreads > 0, spreads, 1.0)
     rotations, stretches = np.zeros((n_codes, n_rotations)), np.zeros((n_codes, 2 * n_rotations))
-    rotations[codes.n_shape :] = width * poses.T
-    stretches[: codes.n_shape] = (shapes * spreads).T
+    rotations[sizes.n_shape :] = width * poses.T
+    stretches[: sizes.n_shape] = (shapes * spreads).T
     linear = {"shape": shapes / spreads, "pose": poses / width}
     linear |= {"turns": rotations, "stretches": stretches}
     return {f"{name}.L": part.astype(np.float32) for name, part in linear.items()}
@@ -373,17 +373,20 @@ def _tree(template: Template, part_of: ndarray, turns: ndarray) -> ndarray:
     return np.where(before < 0, -1, before).astype(np.int64)
 
 
-def _shape_pose(model: BodyModel, file: Path, **options: Any) -> PairedCodes:
+def _shape_pose(model: BodyModel, file: Path, checkpoint: Path) -> None:
     bodies = random_bodies(model, 2000, 4, rng=0)
-    return train_shape_pose(model.template, bodies.points, bodies.subject, file, **options)[0]
+    training = replace(_USUAL, checkpoint=checkpoint, progress=True)
+    labels = bodies.subject
+    train_shape_pose(model.template, bodies.points, labels, file, training=training)
 
 
-def _intrinsic_extrinsic(model: BodyModel, file: Path, **options: Any) -> PairedCodes:
+def _intrinsic_extrinsic(model: BodyModel, file: Path, checkpoint: Path) -> None:
     bodies = random_bodies(model, 1000, 3, rng=1)
-    return train_intrinsic_extrinsic(model.template, bodies.points, file, **options)[0]
+    training = replace(_SLOWER, checkpoint=checkpoint, progress=True)
+    train_intrinsic_extrinsic(model.template, bodies.points, file, training=training)
 
 
-RECIPES: dict[str, tuple[str, Callable[..., PairedCodes]]] = {
+RECIPES: dict[str, tuple[str, Callable[[BodyModel, Path, Path], None]]] = {
     "shape-pose": ("shape_pose_codes", _shape_pose),
     "intrinsic-extrinsic": ("intrinsic_extrinsic_codes", _intrinsic_extrinsic),
 }
@@ -403,7 +406,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         file = options.folder / f"{title}.npz"
         checkpoint = options.folder / f"{title}.checkpoint.npz"
         clock, work = time.perf_counter(), time.process_time()
-        recipe(load_open_model("coarse"), file, checkpoint=checkpoint, progress=True)
+        recipe(load_open_model("coarse"), file, checkpoint)
         checkpoint.unlink(missing_ok=True)
         sys.stdout.write(
             f"{file}: {file.stat().st_size / 1e6:.2f} MB, {time.process_time() - work:.0f} s of "

@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,7 +16,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.learned._networks import cloud_shapes, network_shapes
+from riemhuman.learned._networks import NetworkSizes, cloud_shapes, shapes_of_networks
 from riemhuman.learned._weight_files import VERSION
 from riemhuman.optional import import_optional
 from riemhuman.progress import ProgressBar
@@ -28,6 +29,18 @@ STEPS_BETWEEN = 200
 
 _WARM_UP = 0.05
 _MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+@dataclass(frozen=True)
+class Training:
+    """How networks are trained, and whether a checkpoint is kept and a progress bar shown."""
+
+    n_steps: int = 3000
+    batch_size: int = 32
+    learning_rate: float = 2e-3
+    seed: int = 0
+    checkpoint: str | os.PathLike[str] | None = None
+    progress: bool = False
 
 
 def save_weights(
@@ -55,12 +68,7 @@ def train(
     parameters: Mapping[str, ndarray],
     data: Mapping[str, ndarray],
     loss: Loss,
-    *,
-    n_steps: int,
-    seed: int,
-    learning_rate: float = 2e-3,
-    checkpoint: str | os.PathLike[str] | None = None,
-    progress: bool = False,
+    training: Training,
 ) -> tuple[dict[str, ndarray], ndarray]:
     """Train networks with Adam, and return their parameters in half precision, and the losses.
 
@@ -71,7 +79,8 @@ def train(
     learning rate rises at first, then falls to 0 as half a cosine.
     """
     torch = import_optional("torch", "learned")
-    file = None if checkpoint is None else Path(checkpoint)
+    file = None if training.checkpoint is None else Path(training.checkpoint)
+    n_steps, seed, learning_rate = training.n_steps, training.seed, training.learning_rate
     losses = np.zeros(n_steps)
     origin = _origin(parameters, data, n_steps, seed, learning_rate)
     with _one_thread(torch):
@@ -83,7 +92,7 @@ def train(
         first = 0
         if file is not None and file.exists():
             first = _restore(torch, file, origin, tensors, adam, losses)
-        bar = ProgressBar(range(first, n_steps), disable=not progress, unit="step")
+        bar = ProgressBar(range(first, n_steps), disable=not training.progress, unit="step")
         for step in bar:
             for group in adam.param_groups:
                 group["lr"] = learning_rate * _pace(step, n_steps)
@@ -105,16 +114,16 @@ def train(
     return {name: array.astype(np.float16) for name, array in found.items()}, losses
 
 
-def initial_network(
-    name: str, n_in: int, n_hidden: int, n_out: int, rng: np.random.Generator
+def initial_networks(
+    networks: Mapping[str, NetworkSizes], rng: np.random.Generator
 ) -> dict[str, ndarray]:
     """Return initial parameters: a random linear part, and hidden layers without effect."""
-    found = {}
-    for key, shape in network_shapes(name, n_in, n_hidden, n_out).items():
+    initial = {}
+    for key, shape in shapes_of_networks(networks).items():
         is_random = key[-1] in "ABL"
         array = rng.standard_normal(shape) / np.sqrt(shape[0]) if is_random else np.zeros(shape)
-        found[key] = array.astype(np.float32)
-    return found
+        initial[key] = array.astype(np.float32)
+    return initial
 
 
 def initial_cloud(n_hidden: int, n_features: int, rng: np.random.Generator) -> dict[str, ndarray]:
