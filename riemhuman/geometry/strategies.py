@@ -1,4 +1,4 @@
-"""Contracts of strategies that metrics and estimators take; no class need be subclassed.
+"""Contracts of strategies that metrics and estimators take; a class need not inherit from its own.
 
 `riemhuman.testing.check_solver` tries a strategy out.
 """

@@ -89,7 +89,7 @@ class FiniteDifferenceEnergy(PathEnergy):
         return (len(path) - 1) * anp.sum(metric.squared_norm(end - start, middle))
 
 
-class PathSolver(ABC):
+class PathSolver(GeodesicSolver, ABC):
     """A base of geodesic solvers, for one pair of points or many."""
 
     @abstractmethod

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-import inspect
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.checks import real_number
+from riemhuman.arrays import Array
+from riemhuman.checks import check_strategy, one_of, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
+from riemhuman.geometry.strategies import (
+    ExpSolver,
+    GeodesicSolver,
+    LogSolver,
+    MeanSolver,
+    TransportSolver,
+)
 from riemhuman.testing.reports import (
     Properties,
     PropertyReport,
@@ -33,17 +40,21 @@ _EXP_BEGINS = "geodesics start with their initial velocity"
 _LOG_BEGINS = "logarithms of nearby points lead to these points"
 
 
+Strategy = GeodesicSolver | ExpSolver | LogSolver | TransportSolver | MeanSolver
+
+
 def check_solver(
-    solver: Any,  # any object with a method `solve`: its kind follows from its arguments
+    solver: Strategy,
     metric: RiemannianMetric,
-    points: ndarray,
+    points: Array,
     *,
+    contract: type[object] | None = None,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
-    r"""Check on a few points that a solver satisfies the contract of its kind.
+    r"""Check on a few points that a solver satisfies its contract.
 
-    The kind follows from the argument names of `solve`: geodesics, exponentials, logarithms,
-    transport or means; `riemhuman.geometry.strategies` has the contracts.
+    `riemhuman.geometry.strategies` has the contracts: of geodesics, exponentials, logarithms,
+    transport and means.
 
     Parameters
     ----------
@@ -53,6 +64,10 @@ def check_solver(
         A metric for which the solver is made.
     points : array, shape (n, \*shape)
         Two points or more, all different.
+    contract : type, optional
+        `GeodesicSolver`, `ExpSolver`, `LogSolver`, `TransportSolver` or `MeanSolver`. By default
+        the one that the class of the solver inherits from, and `GeodesicSolver` if it inherits from
+        none.
     tolerance : float
         Largest relative error; for first-order terms it is 0.01.
 
@@ -61,54 +76,65 @@ def check_solver(
     >>> plane = rh.VectorSpace((2,))
     >>> rh.testing.check_solver(rh.solvers.LinearPath(), plane.metric, [[0, 0], [1, 2]]).passed
     True
+
+    >>> class Addition:
+    ...     def solve(self, metric, tangent_vec, base_point):
+    ...         return types.SimpleNamespace(end=base_point + tangent_vec)
+    >>> import types
+    >>> from riemhuman.geometry.strategies import ExpSolver
+    >>> points = [[0, 0], [1, 2]]
+    >>> rh.testing.check_solver(Addition(), plane.metric, points, contract=ExpSolver).passed
+    True
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     check_metric(metric)
     points = metric.check_points(points)
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
-    trial = _trial_class(solver)(solver, metric, points)
+    check_strategy(solver, "solver")
+    contract = one_of(contract or _contract_of(solver), "contract", tuple(_TRIALS))
+    trial = _TRIALS[contract](solver, metric, points)
     properties = {"arguments are not changed": trial.unchanged, **trial.properties()}
     tolerances = {_EXP_BEGINS: _FIRST_ORDER, _LOG_BEGINS: _FIRST_ORDER}
     return report_of(solver, properties, tolerance, tolerances)
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """A trial of a solver on some points; a subclass for each kind of solver."""
+class _Trial(ABC):
+    """A trial of a solver on some points; a subclass for each contract."""
 
-    solver: Any
+    solver: Any  # a solver of the contract
     metric: RiemannianMetric
-    points: ndarray
+    points: Array
 
     @property
-    def start(self) -> ndarray:
+    def start(self) -> Array:
         return self.points[0]
 
     @property
-    def end(self) -> ndarray:
+    def end(self) -> Array:
         return self.points[1]
 
     @property
-    def vector(self) -> ndarray:
+    def vector(self) -> Array:
         """The tangent vector from the first point towards the second."""
         return np.asarray(self.metric.space.to_tangent(self.end - self.start, self.start))
 
     @property
-    def zero(self) -> ndarray:
+    def zero(self) -> Array:
         return np.zeros_like(self.start)
 
     @property
     def length(self) -> float:
         return float(np.abs(self.vector).max())
 
-    def arguments(self) -> tuple[ndarray | None, ...]:
+    @abstractmethod
+    def arguments(self) -> tuple[Array | None, ...]:
         """Return what `solve` is given after the metric."""
-        raise NotImplementedError
 
+    @abstractmethod
     def properties(self) -> Properties:
-        """Return the properties of this kind of solver."""
-        raise NotImplementedError
+        """Return the properties that the contract promises."""
 
     def unchanged(self) -> float:
         arguments = self.arguments()
@@ -119,7 +145,7 @@ class _Trial:
 
 
 class _GeodesicTrial(_Trial):
-    def arguments(self) -> tuple[ndarray | None, ...]:
+    def arguments(self) -> tuple[Array | None, ...]:
         return self.start, self.end
 
     def properties(self) -> Properties:
@@ -132,7 +158,7 @@ class _GeodesicTrial(_Trial):
             "a second search finds the same path": self.repeated,
         }
 
-    def path(self, start: ndarray, end: ndarray) -> ndarray:
+    def path(self, start: Array, end: Array) -> Array:
         return np.asarray(self.solver.solve(self.metric, start, end).path)
 
     def shape(self) -> float:
@@ -162,13 +188,13 @@ class _GeodesicTrial(_Trial):
 
 
 class _ExpTrial(_Trial):
-    def arguments(self) -> tuple[ndarray | None, ...]:
+    def arguments(self) -> tuple[Array | None, ...]:
         return _SHORT * self.vector, self.start
 
     def properties(self) -> Properties:
         return {_EXP_BEGINS: self.begins, "with velocity 0 they stay in place": self.still}
 
-    def exp(self, velocity: ndarray) -> ndarray:
+    def exp(self, velocity: Array) -> Array:
         return np.asarray(self.solver.solve(self.metric, velocity, self.start).end)
 
     def begins(self) -> float:
@@ -181,16 +207,16 @@ class _ExpTrial(_Trial):
 
 class _LogTrial(_Trial):
     @property
-    def near(self) -> ndarray:
+    def near(self) -> Array:
         return np.asarray(self.metric.space.projection(self.start + _SHORT * self.vector))
 
-    def arguments(self) -> tuple[ndarray | None, ...]:
+    def arguments(self) -> tuple[Array | None, ...]:
         return self.near, self.start
 
     def properties(self) -> Properties:
         return {_LOG_BEGINS: self.begins, "the logarithm of the base point is 0": self.still}
 
-    def log(self, point: ndarray) -> ndarray:
+    def log(self, point: Array) -> Array:
         return np.asarray(self.solver.solve(self.metric, point, self.start).tangent_vec)
 
     def begins(self) -> float:
@@ -201,7 +227,7 @@ class _LogTrial(_Trial):
 
 
 class _TransportTrial(_Trial):
-    def arguments(self) -> tuple[ndarray | None, ...]:
+    def arguments(self) -> tuple[Array | None, ...]:
         return self.vector, self.start, None, self.end
 
     def properties(self) -> Properties:
@@ -211,7 +237,7 @@ class _TransportTrial(_Trial):
             "the vector 0 stays 0": self.zero_stays,
         }
 
-    def carried(self, vector: ndarray, end: ndarray) -> ndarray:
+    def carried(self, vector: Array, end: Array) -> Array:
         result = self.solver.solve(self.metric, vector, self.start, None, end)
         return np.asarray(result.tangent_vec)
 
@@ -228,10 +254,10 @@ class _TransportTrial(_Trial):
 
 class _MeanTrial(_Trial):
     @property
-    def weights(self) -> ndarray:
+    def weights(self) -> Array:
         return np.arange(1.0, len(self.points) + 1)
 
-    def arguments(self) -> tuple[ndarray | None, ...]:
+    def arguments(self) -> tuple[Array | None, ...]:
         return self.points, self.weights
 
     def properties(self) -> Properties:
@@ -241,7 +267,7 @@ class _MeanTrial(_Trial):
             "if one point has all the weight, it is the mean": self.follows_weights,
         }
 
-    def variance_at(self, point: ndarray, weights: ndarray | None = None) -> float:
+    def variance_at(self, point: Array, weights: Array | None = None) -> float:
         paths = [np.stack([x, np.asarray(point)]) for x in self.points]
         squares = [float(self.metric.energy(path)) for path in paths]
         return float(np.average(squares, weights=weights))
@@ -262,28 +288,21 @@ class _MeanTrial(_Trial):
         return energy / self.variance_at(last)
 
 
-# The arguments of `solve` after the metric, of each kind of solver.
-_KINDS: dict[str, tuple[tuple[str, ...], Callable[[Any, RiemannianMetric, ndarray], _Trial]]] = {
-    "geodesic": (("start", "end"), _GeodesicTrial),
-    "transport": (("tangent_vec", "base_point", "direction", "end_point"), _TransportTrial),
-    "exp": (("tangent_vec", "base_point"), _ExpTrial),
-    "log": (("point", "base_point"), _LogTrial),
-    "mean": (("points", "weights"), _MeanTrial),
+_TrialClass = Callable[[Strategy, RiemannianMetric, Array], _Trial]
+
+_TRIALS: dict[type[object], _TrialClass] = {
+    GeodesicSolver: _GeodesicTrial,
+    ExpSolver: _ExpTrial,
+    LogSolver: _LogTrial,
+    TransportSolver: _TransportTrial,
+    MeanSolver: _MeanTrial,
 }
 
 
-def _trial_class(solver: Any) -> Callable[[Any, RiemannianMetric, ndarray], _Trial]:
-    """Return the trial of a solver, whose kind follows from the arguments of `solve`."""
-    solve = getattr(solver, "solve", None)
-    if solve is None:
-        raise ArgumentError(f"solver must have a method solve; {type(solver).__name__} has none")
-    # Strategies have no base class: names of arguments are what contracts differ in.
-    names = list(inspect.signature(solve).parameters)[1:]
-    for arguments, trial in _KINDS.values():
-        if tuple(names[: len(arguments)]) == arguments:
-            return trial
-    listed = "; ".join(f"{kind}: {', '.join(names)}" for kind, (names, _) in _KINDS.items())
-    raise ArgumentError(
-        f"solve of {type(solver).__name__} takes {', '.join(names)} after the metric, unlike any "
-        f"known kind of solver ({listed})"
-    )
+def _contract_of(solver: Strategy) -> type[object]:
+    """Return the contract that the class of a solver inherits from, by default of geodesics."""
+    # `isinstance` would look at the names of methods, which are the same in all contracts.
+    for contract in _TRIALS:
+        if contract in type(solver).__mro__:
+            return contract
+    return GeodesicSolver

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from cases import CASES
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import VectorSpace
+from riemhuman.geometry.strategies import (
+    ExpSolver,
+    GeodesicSolver,
+    LogSolver,
+    MeanSolver,
+    TransportSolver,
+)
 from riemhuman.solvers import (
     ClosedFormGeodesic,
     DiscreteExponential,
@@ -145,6 +152,13 @@ class Mean:
         return SimpleNamespace(point=point, variance=variance)
 
 
+CONTRACTS = {
+    Geodesic: GeodesicSolver,
+    Exp: ExpSolver,
+    Log: LogSolver,
+    Transport: TransportSolver,
+    Mean: MeanSolver,
+}
 UNCHANGED = "arguments are not changed"
 BROKEN = [
     (Geodesic, "greedy", UNCHANGED),
@@ -174,23 +188,36 @@ BROKEN = [
 
 @pytest.mark.parametrize(("solver", "broken", "name"), BROKEN)
 def test_every_property_tells_a_broken_twin(solver, broken, name):
-    assert check_solver(solver(), PLANE.metric, POINTS).passed
-    failures = check_solver(solver(broken), PLANE.metric, POINTS.copy()).failures
+    contract = CONTRACTS[solver]
+    assert check_solver(solver(), PLANE.metric, POINTS, contract=contract).passed
+    failures = check_solver(solver(broken), PLANE.metric, POINTS.copy(), contract=contract).failures
     assert name in [check.name for check in failures]
 
 
-@pytest.mark.parametrize("solver", [Geodesic, Exp, Log, Transport, Mean])
+@pytest.mark.parametrize("solver", CONTRACTS)
 def test_every_property_is_told(solver):
     expected = {name for cls, _, name in BROKEN if cls is solver}
-    assert {check.name for check in check_solver(solver(), PLANE.metric, POINTS).checks} == expected
+    report = check_solver(solver(), PLANE.metric, POINTS, contract=CONTRACTS[solver])
+    assert {check.name for check in report.checks} == expected
+
+
+def test_the_contract_is_that_of_the_class():
+    """Which it inherits from; a solver that inherits from none is one of geodesics."""
+
+    class DeclaredExp(Exp, ExpSolver):
+        pass
+
+    names = {check.name for check in check_solver(DeclaredExp(), PLANE.metric, POINTS).checks}
+    assert "geodesics start with their initial velocity" in names
+    names = {check.name for check in check_solver(Geodesic(), PLANE.metric, POINTS).checks}
+    assert "paths run from start to end" in names
 
 
 def test_bad_input():
-    with pytest.raises(ArgumentError, match="solver must have a method solve; int has none"):
+    with pytest.raises(ArgumentTypeError, match="solver must be an object with a method solve"):
         check_solver(3, PLANE.metric, POINTS)
-    odd = SimpleNamespace(solve=lambda metric, what: None)
-    with pytest.raises(ArgumentError, match="takes what after the metric"):
-        check_solver(odd, PLANE.metric, POINTS)
+    with pytest.raises(ArgumentError, match="contract must be one of .*GeodesicSolver"):
+        check_solver(Geodesic(), PLANE.metric, POINTS, contract=Geodesic)
     with pytest.raises(ArgumentError, match="points must hold two points or more; found 1"):
         check_solver(Geodesic(), PLANE.metric, POINTS[:1])
     with pytest.raises(ArgumentError, match="tolerance must be"):
