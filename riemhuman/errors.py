@@ -138,5 +138,6 @@ def warn(message: str, category: type[Warning]) -> None:
 
 def _is_between(module: str) -> bool:
     """Return whether a module is between the user's line and a warning."""
-    # Functions that context managers decorate are called by contextlib.
-    return module.startswith("riemhuman.") or module == "contextlib"
+    # Functions that context managers decorate are called by contextlib, cached properties by
+    # functools.
+    return module.startswith("riemhuman.") or module in ("contextlib", "functools")

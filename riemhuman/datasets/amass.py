@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -18,7 +17,7 @@ from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
 from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors, visible_files
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
@@ -187,10 +186,10 @@ def load_amass(
                 )
             )
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
-        warnings.warn(
+        warn(
             "betas in the files belong to SMPL's models and are ignored: motions are performed by "
             "a person of another model",
-            stacklevel=2,
+            UserWarning,
         )
     return Motions(motions)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
@@ -15,6 +14,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import check_instance, one_of, real_array, real_number, refuse_type
 from riemhuman.datasets.motions import ModelMotion, pair_of_names
 from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.errors import warn
 from riemhuman.memory import enough_memory
 from riemhuman.retargeting.body_size import own_person, recorded_person, scaled_model
 from riemhuman.retargeting.joint_axes import make_figure
@@ -270,9 +270,9 @@ def _thinned(recording: SkeletonMotion, rate: float) -> SkeletonMotion:
 def _guessed_metres(leg: float, recording: SkeletonMotion) -> float:
     """Return the metres in the unit of a recording, with a warning."""
     name, metres = guessed_unit(leg, recording.joint_names)
-    warnings.warn(
+    warn(
         f"{recording.name or 'recording'}: lengths were taken to be in {name}, in which legs are "
         f"{metres * leg:.2f} m long; pass unit= if they are not",
-        stacklevel=3,
+        UserWarning,
     )
     return metres

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
@@ -12,7 +11,7 @@ import numpy as np
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, warn
 from riemhuman.representation import join_names
 from riemhuman.retargeting._joint_tree import joints_by_tree
 
@@ -79,10 +78,10 @@ def find_joints(
             pairs = ", ".join(f"{role}={names[joint]!r}" for role, joint in inferred.items())
             missing = [role for limb in LIMBS for role in limb if role not in named]
             reason = f"names of joints do not identify {', '.join(missing)}" if missing else problem
-            warnings.warn(
+            warn(
                 f"{reason}; they were inferred from the shape of the skeleton: {pairs}. Pass "
                 "joints= if that is wrong",
-                stacklevel=2,
+                UserWarning,
             )
             problem = ""
     if problem:

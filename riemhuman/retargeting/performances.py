@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,6 +11,7 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
+from riemhuman.errors import warn
 from riemhuman.kernels.rotations import log, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.representation import Record
@@ -237,8 +237,8 @@ def _warn_of_errors(
     elif _feet_point_backward(source):
         doubts.append("feet point backward: left and right may have been swapped")
     if doubts:
-        warnings.warn(
+        warn(
             f"{name or 'recording'}: the body differs from the recording, on average: "
             f"{', '.join(doubts)}; see errors. Joints may have been confused: pass joints=",
-            stacklevel=2,
+            UserWarning,
         )

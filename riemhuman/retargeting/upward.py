@@ -8,7 +8,6 @@ decide.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.arrays import Array, Integers
+from riemhuman.errors import warn
 from riemhuman.kernels.surface import unit_vectors as unit
 
 _AXES = {"x": (0, 1), "y": (1, 1), "z": (2, 1), "-x": (0, -1), "-y": (1, -1), "-z": (2, -1)}
@@ -145,11 +145,11 @@ def warn_of_doubt(name: str, axes: tuple[str, str]) -> None:
     """Warn where another axis than the one that was chosen may point up."""
     chosen, alternative = axes
     if alternative:
-        warnings.warn(
+        warn(
             f"{name or 'recording'}: {chosen} was taken to point up, but it might as well be "
             f"{alternative}: people lying on the floor look like people standing along another "
             f"axis. Pass up={chosen!r} or up={alternative!r}",
-            stacklevel=2,
+            UserWarning,
         )
 
 

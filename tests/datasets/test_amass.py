@@ -194,8 +194,9 @@ def walking(n_frames=80, rate=40.0, leg=0.78):
 def test_the_open_model(tmp_path):
     path = write(tmp_path / "ann" / "walk_poses.npz", walking())
     model = load_open_model("coarse")
-    with pytest.warns(UserWarning, match="belong to SMPL's models and are ignored"):
+    with pytest.warns(UserWarning, match="belong to SMPL's models and are ignored") as warned:
         (motion,) = load_amass(path, frames_per_second=20)
+    assert {warning.filename for warning in warned} == {__file__}
     assert (motion.subject, motion.sequence, len(motion)) == ("ann", "walk", 40)
     assert motion[3].shape == (model.n_vertices, 3)
     joints = dict(

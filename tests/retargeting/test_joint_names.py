@@ -169,8 +169,9 @@ def test_a_real_recording_without_names():
     recording = load_bvh(RECORDING)
     expected = retarget(recording, frames_per_second=3)
     names = tuple(f"joint {number}" for number in range(len(recording.parents)))
-    with pytest.warns(UserWarning, match="left_hip='joint 2'.*right_elbow='joint 31'"):
+    with pytest.warns(UserWarning, match="left_hip='joint 2'.*right_elbow='joint 31'") as warned:
         motion = retarget(replace(recording, joint_names=names), frames_per_second=3)
+    assert {warning.filename for warning in warned} == {__file__}
     assert np.linalg.norm(motion[:] - expected[:], axis=-1).max() < 0.08
 
 

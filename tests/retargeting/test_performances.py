@@ -102,5 +102,6 @@ def test_errors_tell_of_lines_and_parts(kind, tmp_path):
 @pytest.mark.parametrize("kind", KINDS)
 def test_bodies_far_from_recordings_are_warned_of(kind, tmp_path):
     motion = KINDS[kind](True, tmp_path)
-    with pytest.warns(UserWarning, match="the body differs from the recording"):
+    with pytest.warns(UserWarning, match="the body differs from the recording") as warned:
         motion.errors  # noqa: B018
+    assert {warning.filename for warning in warned} == {__file__}

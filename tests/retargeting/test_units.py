@@ -18,8 +18,10 @@ def recording():
 def test_units_are_guessed_with_a_warning(recording):
     metres = scaled(recording, CMU)
     for name, factor in (("metres", 1.0), ("centimetres", 100.0), ("feet", 1 / 0.3048)):
-        with pytest.warns(UserWarning, match=f"lengths were taken to be in {name}, .* pass unit="):
+        said = f"lengths were taken to be in {name}, .* pass unit="
+        with pytest.warns(UserWarning, match=said) as warned:
             motion = retarget(scaled(metres, factor), scale="recorded", frames_per_second=3)
+        assert {warning.filename for warning in warned} == {__file__}
         assert motion.errors.scale == pytest.approx(1.0 / factor, rel=1e-6)
     with pytest.warns(UserWarning, match="units of CMU"):
         retarget(recording, scale="recorded")

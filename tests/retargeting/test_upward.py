@@ -42,8 +42,10 @@ def test_people_lie_on_beds(recording, height):
 def test_doubt_is_said(recording):
     laid = lying(recording, 90, 0, 0.4 / 0.0546)
     motion = retarget(laid, frames_per_second=3)
-    with pytest.warns(UserWarning, match=r"y was taken to point up, .* Pass up='y' or up='z'"):
+    said = r"y was taken to point up, .* Pass up='y' or up='z'"
+    with pytest.warns(UserWarning, match=said) as warned:
         motion.pose_vectors  # noqa: B018
+    assert {warning.filename for warning in warned} == {__file__}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         retarget(laid, up="y", frames_per_second=3).pose_vectors  # noqa: B018
