@@ -9,7 +9,8 @@ docs         the documentation site, its links and widths, and the Python of pag
 kernels      the most iterative tests with other kernels of OpenBLAS and NumPy's plainest loops
 oracles      agreement with geomstats, trec_eval, PyVista, meshio and ezc3d; training with PyTorch
 oldest       the tests on the oldest releases that setup.cfg allows, with Python 3.11
-nightly      all of these, or one: fuzz [READERS], tests, benchmarks, mutations [SUBPACKAGES]
+nightly      all pieces of these, or of one: fuzz [READERS], tests [PATHS], benchmarks [PATHS],
+             mutations [SUBPACKAGES]
 """
 
 import argparse
@@ -95,21 +96,9 @@ def kernels(python: str, arguments: list[str]) -> None:
 
 
 def nightly(python: str, arguments: list[str]) -> None:
-    part, *given = arguments or ["all"]
-    if part not in ("all", "fuzz", "tests", "benchmarks", "mutations"):
-        sys.exit(f"nightly has no part {part!r}")
-    if part in ("all", "fuzz"):
-        numbers = ("--count", "15000", "--first", "20000")
-        call(python, "tests/support/fuzz.py", *(given or ["all"]), *numbers)
-    if part in ("all", "tests"):
-        test(python, "-m", "", "-s", *(given or ["tests"]))
-    if part in ("all", "benchmarks"):
-        test(python, "-m", "", "-s", "--benchmark-enable", *(given or ["tests/benchmarks"]))
-    if part in ("all", "mutations"):
-        call(python, "-m", "pip", "install", "-q", "--no-compile", "cosmic-ray>=8.4")
-        programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
-        for subpackage in given or ("kernels", "terms", "geometry", "solvers"):
-            call(python, "tests/support/mutations.py", subpackage, "100", "31", PATH=programs)
+    call(python, "-m", "pip", "install", "-q", "--no-compile", "cosmic-ray>=8.4")
+    programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
+    call(python, "tests/support/nightly.py", *arguments, PATH=programs)
 
 
 def main() -> None:
