@@ -69,7 +69,7 @@ class Dispersion:
         """The functional of the sample, or of all points if they are in memory."""
         if not self.in_batches:
             return self
-        return Dispersion(self.metric, self.points, self.weights).changed(smoothing=self.smoothing)
+        return Dispersion(self.metric, self.points, self.weights).smoothed(self.smoothing)
 
     def with_points(self, points: Points) -> Dispersion:
         """Return the same functional with other `points`, which it cannot tell from these."""
@@ -77,12 +77,16 @@ class Dispersion:
         changed.points = points
         return changed
 
-    def changed(
-        self, metric: RiemannianMetric | None = None, smoothing: float | None = None
-    ) -> Dispersion:
-        """Return the functional of the same points by another metric, smoothed or not."""
+    def smoothed(self, smoothing: float | None) -> Dispersion:
+        """Return S with this smoothing, or V without one, of the same points."""
         changed = copy(self)
-        changed.metric, changed.smoothing = metric or self.metric, smoothing
+        changed.smoothing = smoothing
+        return changed
+
+    def variance_by(self, metric: RiemannianMetric) -> Dispersion:
+        """Return V of the same points by another metric."""
+        changed = self.smoothed(None)
+        changed.metric = metric
         return changed
 
     def of_batches(self, compute: Callable[[Array, Array], Computed]) -> Iterator[Computed]:

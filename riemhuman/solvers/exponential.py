@@ -78,6 +78,9 @@ class ExponentialResult(Result):
     n_steps: int
     complete: bool
 
+    def points_to_draw(self) -> Points:
+        return self.path
+
     def contents(self) -> Contents:
         return {
             "path": self.path,

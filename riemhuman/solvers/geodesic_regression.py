@@ -226,9 +226,9 @@ class GeodesicRegression(ImageEstimator):
 
         def inverse_hessian(gradient: Array) -> Array:
             by_point, by_velocity = gradient.reshape(2, -1, 1)
-            return np.concatenate([inverse(by_point), unit_velocity**2 * inverse(by_velocity)])[
-                :, 0
-            ]
+            step_of_point = inverse(by_point)
+            step_of_velocity = unit_velocity**2 * inverse(by_velocity)
+            return np.concatenate([step_of_point, step_of_velocity]).ravel()
 
         start = np.zeros(2 * point.size)
         minimum = Descent(

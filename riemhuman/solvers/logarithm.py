@@ -83,6 +83,9 @@ class LogarithmResult(Result):
     energy: float
     end_error: float = np.nan
 
+    def points_to_draw(self) -> Points:
+        return self.path
+
     def contents(self) -> Contents:
         return {
             "tangent_vec": self.tangent_vec,

@@ -174,7 +174,7 @@ class BasisMean(MeanSolver):
         known = [model]
 
         def best(inner: Result | None) -> MeanResult:
-            return _best_known(dispersion.changed(metric), known)
+            return _best_known(dispersion.variance_by(metric), known)
 
         with interruptible(best):
             result = self._find(metric, dispersion, known, is_given, exponent)
@@ -202,7 +202,7 @@ class BasisMean(MeanSolver):
         keep(minimum.x)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
-            variance = dispersion.changed(metric).value(minimum.x)
+            variance = dispersion.variance_by(metric).value(minimum.x)
         return MeanResult(known[-1], variance, minimum.values, **minimum.outcome)
 
     def _reporting(self, members: AlignedMembers) -> Self:
@@ -230,7 +230,7 @@ class BasisMean(MeanSolver):
             start = rough._search(dispersion.sample, point)
             keep(start.x)
             if exponent == 1 and start.value > 0.0 and start.status is not Status.INTERRUPTED:
-                dispersion = dispersion.changed(smoothing=_SMOOTHING * np.sqrt(start.value))
+                dispersion = dispersion.smoothed(_SMOOTHING * np.sqrt(start.value))
                 if dispersion.in_batches:
                     start = rough._search(dispersion.sample, start.x)
             point = start.x
@@ -369,7 +369,7 @@ class GradientDescentMean(MeanSolver):
             known.append(result.point)
             if exponent == 1 and result.status is not Status.INTERRUPTED:
                 smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
-                result = self._descend(dispersion.changed(smoothing=smoothing), result.point)
+                result = self._descend(dispersion.smoothed(smoothing), result.point)
         return finish(self, result)
 
     def _descend(self, dispersion: Dispersion, point: Points) -> MeanResult:
@@ -408,7 +408,7 @@ class GradientDescentMean(MeanSolver):
             status, message = Status.INTERRUPTED, INTERRUPTED_MESSAGE
         variance = values[-1]
         if dispersion.smoothing is not None:
-            variance = dispersion.changed().value(point)
+            variance = dispersion.smoothed(None).value(point)
         return MeanResult(
             point,
             variance,

@@ -46,6 +46,9 @@ class TransportResult(Result):
     tangent_vecs: TangentVectors
     path: Points
 
+    def points_to_draw(self) -> Points:
+        return self.path
+
     def contents(self) -> Contents:
         return {
             "tangent_vec": self.tangent_vec,
@@ -137,7 +140,7 @@ class PoleLadder(TransportSolver):
             Path from the base point, with one rung per segment; exactly one of the three is given.
         """
         check_metric(metric)
-        n_given = [direction is None, end_point is None, path is None].count(False)
+        n_given = (direction is not None) + (end_point is not None) + (path is not None)
         if n_given != 1:
             raise ArgumentError("solve needs exactly one of direction, end_point and path")
         vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)

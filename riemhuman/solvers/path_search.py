@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self, cast
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -194,15 +194,17 @@ class PathSearch(PathSolver):
             starts.append(rotating[0].path)
             alternatives = [rival.path for rival in rotating[1:]]
         if self.initial is not None:
-            starts.append(self._initial_path(metric, start, end))
+            starts.append(self._initial_path(self.initial, metric, start, end))
             candidates.append(starts[-1])
             alternatives = []
         starts = [_on_manifold(metric, path) for path in starts]
         best = min(starts, key=lambda path: _energy(metric, self.energy, path))
         return [best, *alternatives]
 
-    def _initial_path(self, metric: RiemannianMetric, start: Points, end: Points) -> Array:
-        path = cast("GeodesicSolver", self.initial).solve(metric, start, end).path
+    def _initial_path(
+        self, solver: GeodesicSolver, metric: RiemannianMetric, start: Points, end: Points
+    ) -> Array:
+        path = solver.solve(metric, start, end).path
         return check_initial_path(metric, start, end, self.n_nodes, path)
 
     def _best_of(
@@ -358,7 +360,7 @@ class BasisPath(PathSearch, _OverBasis):
         self, metric: RiemannianMetric, start: Points, end: Points, candidates: list[Array]
     ) -> list[Array]:
         if self.initial is not None:
-            return [self._initial_path(metric, start, end)]
+            return [self._initial_path(self.initial, metric, start, end)]
         return super()._starts(metric, start, end, candidates)
 
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:

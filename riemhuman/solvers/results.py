@@ -11,7 +11,6 @@ from html import escape
 from typing import Self, TypedDict, TypeVar
 
 import numpy as np
-from numpy import ndarray
 
 from riemhuman.arrays import Array, Contents, Points
 from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
@@ -27,7 +26,7 @@ INTERRUPTED_MESSAGE = "interrupted from the keyboard"
 # Name of the field of a file that names the class of the result.
 _CLASS = "result_class"
 
-# Smaller arrays are points of other spaces, which are not drawn.
+# Points with fewer rows of three numbers are no surfaces.
 _FEWEST_VERTICES = 100
 
 # Kinds of NumPy's data types that a field may have, see `numpy.dtype.kind`.
@@ -163,7 +162,8 @@ class SavedResult:
 class Result(Record):
     """How a solver ended; subclasses add its solution.
 
-    Your own subclass must override `contents` and `from_saved` if it is to be saved in files.
+    Your own subclass must override `contents` and `from_saved` if it is to be saved in files, and
+    `points_to_draw` if notebooks are to draw its surfaces.
 
     Attributes
     ----------
@@ -245,20 +245,22 @@ class Result(Record):
             for name, text in field_texts(self).items()
         )
         table = f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
-        surfaces = self._surfaces()
-        if surfaces is None:
+        points = self.points_to_draw()
+        if points is None or not _are_surfaces(points):
             return table
+        surfaces = points.reshape(-1, *points.shape[-2:])
         return notebook_pictures().surfaces_html(surfaces, None, repr(self)) + table
 
-    def _surfaces(self) -> Array | None:
-        """Return the first array of the result as surfaces to draw, if it has their shape."""
-        # The first array of any result is what its solver was asked for.
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, ndarray) and value.ndim in (2, 3):
-                is_surface = value.shape[-1] == 3 and value.shape[-2] >= _FEWEST_VERTICES
-                return value.reshape(-1, *value.shape[-2:]) if is_surface else None
+    def points_to_draw(self) -> Points | None:
+        """Return the points that notebooks draw if they are surfaces; by default there are none."""
         return None
+
+
+def _are_surfaces(points: Points) -> bool:
+    """Return whether arrays are vertices of surfaces, rather than points of another space."""
+    if points.ndim not in (2, 3):
+        return False
+    return bool(points.shape[-1] == 3 and points.shape[-2] >= _FEWEST_VERTICES)
 
 
 @dataclass(frozen=True, repr=False)
@@ -294,6 +296,9 @@ class PathResult(Result):
     energies: Array
     lower_bound: float = 0.0
     gap: float = np.nan
+
+    def points_to_draw(self) -> Points:
+        return self.path
 
     def contents(self) -> Contents:
         return {
@@ -341,6 +346,9 @@ class MeanResult(Result):
     point: Points
     variance: float
     variances: Array
+
+    def points_to_draw(self) -> Points:
+        return self.point
 
     def contents(self) -> Contents:
         return {

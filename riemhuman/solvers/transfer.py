@@ -240,6 +240,9 @@ class DisentanglingResult(Result):
     shape_dist: float
     pose_dist: float
 
+    def points_to_draw(self) -> Points:
+        return self.surface
+
     def contents(self) -> Contents:
         return {
             "surface": self.surface,

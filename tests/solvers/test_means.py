@@ -243,7 +243,7 @@ def test_steps_that_never_lower_the_variance_end():
 def test_gradient_of_smoothed_distances():
     space = FIELDS["metrics"]
     points = near_points(space, 4)
-    dispersion = Dispersion(space.metric, points).changed(smoothing=1e-3)
+    dispersion = Dispersion(space.metric, points).smoothed(1e-3)
     x = space.projection(points.mean(axis=0))
     direction = space.random_tangent_vec(x, rng=3)
     ahead, behind = (dispersion.value(x + step * direction) for step in (1e-5, -1e-5))

@@ -30,6 +30,7 @@ from riemhuman.solvers import (
     TangentPCA,
 )
 from riemhuman.solvers._lbfgs import Minimum
+from riemhuman.solvers.logarithm import LogarithmResult
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, Status
 from riemhuman.surfaces import DeformationBasis
@@ -296,9 +297,28 @@ def test_bare_results_of_other_solvers_suffice():
     np.testing.assert_array_equal(found, case.points + case.tangent_vecs)
 
 
+@pytest.mark.parametrize("result", [LogarithmResult, TransportResult])
+def test_paths_are_drawn_rather_than_velocities(result, monkeypatch):
+    path, vectors = np.random.default_rng(0).normal(size=(2, 3, 150, 3))
+    drawn = []
+
+    def surfaces_html(surfaces, faces, caption):
+        drawn.append(surfaces)
+        return "<img>"
+
+    monkeypatch.setattr("riemhuman.plots.surfaces_html", surfaces_html)
+    if result is LogarithmResult:
+        html = LogarithmResult(vectors[0], path, 1.0)._repr_html_()
+    else:
+        html = TransportResult(vectors[0], vectors, path)._repr_html_()
+    assert "<img>" in html
+    np.testing.assert_array_equal(drawn, [path])
+
+
 def test_surfaces_are_drawn_in_notebooks_and_other_points_are_not():
     surface = np.random.default_rng(0).normal(size=(150, 3))
     assert "<img" in PathResult(np.stack([surface, surface]), 1.0, np.ones(1))._repr_html_()
     assert "<img" in MeanResult(surface, 1.0, np.ones(1))._repr_html_()
     assert "<img" not in MeanResult(np.zeros(3), 1.0, np.ones(1))._repr_html_()
+    assert "<img" not in solvers.Result()._repr_html_()
     assert "<img" not in PathResult(np.zeros((4, 2, 3)), 1.0, np.ones(1))._repr_html_()
