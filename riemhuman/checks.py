@@ -477,8 +477,8 @@ def check_same_scale(
 ) -> None:
     """Raise an error if a surface, shape (..., V, 3), is over 8 times larger or smaller."""
     # Diagonals of the boxes around some of the vertices, found faster in rows than in columns.
-    some = (f[..., :: max(1, f.shape[-2] // _N_SAMPLES), :] for f in (points, reference))
-    rows = (np.ascontiguousarray(np.swapaxes(f, -1, -2)) for f in some)
+    samples = (f[..., :: max(1, f.shape[-2] // _N_SAMPLES), :] for f in (points, reference))
+    rows = (np.ascontiguousarray(np.swapaxes(f, -1, -2)) for f in samples)
     sizes, size = (np.linalg.norm(np.ptp(f, axis=-1), axis=-1) for f in rows)
     if size == 0:
         return
@@ -489,10 +489,10 @@ def check_same_scale(
     index = tuple(int(i) for i in np.argwhere(strange)[0]) if strange.ndim else ()
     ratio = float(ratios[index])
     place = f"{name}[{', '.join(map(str, index))}]" if index else name
-    factor, kind = (ratio, "large") if ratio > 1 else (1 / ratio, "small")
+    factor, adjective = (ratio, "large") if ratio > 1 else (1 / ratio, "small")
     raise error(
-        f"{place} is {factor:.3g} times as {kind} as {reference_name}{_unit_hint(ratio)}; bring "
-        f"both to one unit; {remedy}"
+        f"{place} is {factor:.3g} times as {adjective} as {reference_name}{_unit_hint(ratio)}; "
+        f"bring both to one unit; {remedy}"
     )
 
 
@@ -524,16 +524,17 @@ def check_resolution(
     largest = float(max(abs(first.max()), abs(first.min())))
     if dtype.itemsize == 8 and dtype.kind == "f" and largest <= _NEAR:
         return
-    some = values.reshape(-1, *values.shape[-2:])[:: max(1, values[..., 0, 0].size // _N_SURFACES)]
-    some = some[:, :: max(1, some.shape[1] // _N_SAMPLES)].astype(np.float64)
-    extent = float(np.ptp(some, axis=1).max())
+    sample = values.reshape(-1, *values.shape[-2:])
+    sample = sample[:: max(1, len(sample) // _N_SURFACES)]
+    sample = sample[:, :: max(1, sample.shape[1] // _N_SAMPLES)].astype(np.float64)
+    extent = float(np.ptp(sample, axis=1).max())
     if not 0.0 < extent < np.inf:
         return
-    largest = float(np.abs(some).max())
-    step = 1.0 if dtype.kind in "iu" else float(np.spacing(np.abs(some).max().astype(dtype)))
+    largest = float(np.abs(sample).max())
+    step = 1.0 if dtype.kind in "iu" else float(np.spacing(np.abs(sample).max().astype(dtype)))
     has_step = dtype.kind in "iu" or dtype.itemsize < 8
     if not has_step and largest > _FAR * extent:
-        step = max(step, *(_common_step(x.ravel()) for x in np.moveaxis(some, 2, 0)))
+        step = max(step, *(_common_step(x.ravel()) for x in np.moveaxis(sample, 2, 0)))
     usual = extent / math.sqrt(values.shape[-2])
     digits = math.log10(usual / step)
     if digits >= _ENOUGH_DIGITS:
@@ -563,14 +564,15 @@ def _common_step(values: Array) -> float:
 
 def refuse_type(value: object, name: str, expected: str) -> NoReturn:
     """Raise an ArgumentTypeError that says which class was found, or that it was a class itself."""
-    kind = f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
-    raise ArgumentTypeError(f"{name} must be {expected}; found {kind}")
+    if isinstance(value, type):
+        raise ArgumentTypeError(f"{name} must be {expected}; found the class {value.__name__}")
+    raise ArgumentTypeError(f"{name} must be {expected}; found {type(value).__name__}")
 
 
-def check_instance(value: object, name: str, kind: type[object], expected: str = "") -> None:
+def check_instance(value: object, name: str, cls: type[object], expected: str = "") -> None:
     """Raise an ArgumentTypeError, which says what was found, unless an object is of this class."""
-    if not isinstance(value, kind):
-        refuse_type(value, name, expected or f"a {kind.__name__}")
+    if not isinstance(value, cls):
+        refuse_type(value, name, expected or f"a {cls.__name__}")
 
 
 def items_of(values: Iterable[Kind], name: str, expected: str) -> tuple[Kind, ...]:
@@ -648,8 +650,10 @@ def _shown(value: object) -> str:
 
 
 def _describe(array: object, values: Values) -> str:
-    kind = type(array).__name__
-    return f"{kind} of dtype {values.dtype}" if values.ndim else f"{kind} {_shown(array)}"
+    class_name = type(array).__name__
+    if values.ndim:
+        return f"{class_name} of dtype {values.dtype}"
+    return f"{class_name} {_shown(array)}"
 
 
 def _unit_hint(ratio: float) -> str:

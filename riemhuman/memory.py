@@ -137,7 +137,10 @@ def _free_memory() -> float:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:
         return math.inf
-    sizes = {name: rest.split()[0] for name, _, rest in (line.partition(":") for line in lines)}
+    sizes = {}
+    for line in lines:
+        name, _, size = line.partition(":")
+        sizes[name] = size.split()[0]
     if "MemAvailable" not in sizes:
         return math.inf
     return 1024.0 * (int(sizes["MemAvailable"]) + int(sizes.get("SwapFree", 0)))

@@ -184,8 +184,9 @@ class GaugeInvariantMetric(MidpointMetric):
 def _first_order_weights(metric: object) -> FirstOrderWeights | None:
     """Return the weights of a metric's first-order parts, or None if it has others."""
     if isinstance(metric, SobolevMetric):
-        first, *others = metric.terms
-        return first.weights if isinstance(first, FirstOrderTerm) and not others else None
+        first = metric.terms[0]
+        is_alone = len(metric.terms) == 1
+        return first.weights if is_alone and isinstance(first, FirstOrderTerm) else None
     if not isinstance(metric, SurfaceMetric):
         return None
     template = metric.space.template

@@ -99,6 +99,12 @@ def distinct_pairs(pairs: Integers) -> tuple[Integers, Integers, Integers]:
     return np.stack(np.divmod(keys, size), axis=1), places.reshape(-1), counts
 
 
+def triangle_sides(faces: Triangles) -> Integers:
+    """Return the sides of triangles in their direction, three of each in turn, shape (3F, 2)."""
+    sides: Integers = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    return sides
+
+
 def place_numbers(points: Array) -> Integers:
     """Return a number for each point, from 0 on, the same where all coordinates are equal."""
     order = np.lexsort(points.T)

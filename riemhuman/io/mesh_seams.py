@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.errors import ArgumentError
-from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only
+from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only, triangle_sides
 
 SEAMS = ("join", "keep")
 """Choices of readers: whether they join seams."""
@@ -155,7 +155,7 @@ def check_seams(seams: str) -> str:
 
 def _border_edges(faces: Triangles) -> Integers:
     """Return the edges that belong to one triangle alone, in its direction, shape (B, 2)."""
-    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    sides = triangle_sides(faces)
     keys = sides.min(axis=1) * (int(faces.max()) + 1) + sides.max(axis=1)
     order = np.argsort(keys)
     is_new = np.concatenate([[True], np.diff(keys[order]) != 0, [True]])

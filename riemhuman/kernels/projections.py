@@ -38,8 +38,8 @@ class Projection:
         """Return the projected rows."""
         centered = rows - self.mean
         projected = centered @ self.components.T
-        rest = np.sum(centered**2, axis=1) - np.sum(projected**2, axis=1)
-        return np.column_stack([projected, np.sqrt(np.maximum(rest, 0.0))])
+        squared_residuals = np.sum(centered**2, axis=1) - np.sum(projected**2, axis=1)
+        return np.column_stack([projected, np.sqrt(np.maximum(squared_residuals, 0.0))])
 
 
 def principal_components(sample: Array, n_components: int | None = None) -> tuple[Array, Array]:

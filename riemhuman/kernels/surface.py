@@ -294,8 +294,8 @@ def _refuse(bad: Booleans, message: str, error: type[Exception], part: str, part
     *leading, first = (int(i) for i in np.argwhere(bad)[0])
     where = f" of item {tuple(leading)}" if leading else ""
     count = int(bad.sum())
-    others = "" if count == 1 else f", the first of {count} such {parts}"
-    raise error(f"{message}; found otherwise at {part} {first}{where}{others}")
+    total = "" if count == 1 else f", the first of {count} such {parts}"
+    raise error(f"{message}; found otherwise at {part} {first}{where}{total}")
 
 
 def triangle_frames(points: Points, operator: csr_matrix) -> Array:

@@ -147,8 +147,10 @@ def _limbs_first(parts: list[Integers], areas: Array) -> tuple[list[Integers], i
     """Return the limbs, then all smaller parts as one, and the number of limbs."""
     is_limb = [areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS]]
     n_limbs = is_limb.count(True)  # the first parts, as they are the largest
-    limbs, others = parts[:n_limbs], parts[n_limbs:]
-    return ([*limbs, np.concatenate(others)] if others else limbs), n_limbs
+    limbs, small_parts = parts[:n_limbs], parts[n_limbs:]
+    if small_parts:
+        return [*limbs, np.concatenate(small_parts)], n_limbs
+    return limbs, n_limbs
 
 
 class ModelParameters(NamedTuple):

@@ -25,6 +25,7 @@ from riemhuman.io.mesh_arrays import (
     distinct_pairs,
     face_difference,
     read_only,
+    triangle_sides,
 )
 from riemhuman.io.mesh_seams import Seams, common_seams, find_seams
 from riemhuman.io.meshes import (
@@ -205,8 +206,7 @@ class Template:
     @cached_property
     def edges(self) -> Integers:
         """Each undirected edge once, lower vertex index first, shape (E, 2), read-only int64."""
-        sides = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        return read_only(distinct_pairs(np.sort(sides, axis=1))[0])
+        return read_only(distinct_pairs(np.sort(triangle_sides(self.faces), axis=1))[0])
 
     @cached_property
     def is_closed(self) -> bool:

@@ -32,7 +32,7 @@ from scipy.sparse import bsr_array, csr_array, diags_array, eye_array, kron
 from riemhuman.arrays import Array, Booleans, Integers, Points, TangentVectors, Triangles
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.io.mesh_arrays import distinct_pairs
+from riemhuman.io.mesh_arrays import distinct_pairs, triangle_sides
 from riemhuman.kernels import surface
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import apply_operator, cotangent_laplacian
@@ -156,13 +156,13 @@ def _is_large(surfaces: Points, faces: Triangles) -> bool:
 def _frame_of(surfaces: Points, face: Integers, i: int) -> tuple[float, ...]:
     """Return the frame of a triangle at time i."""
     # e₁ runs along q₂ − q₁ = p e₁, e₂ across it, and q₃ − q₁ = q e₁ + r e₂.
-    one, two, three = face[0], face[1], face[2]
-    x0 = surfaces[two, i, 0] - surfaces[one, i, 0]
-    x1 = surfaces[two, i, 1] - surfaces[one, i, 1]
-    x2 = surfaces[two, i, 2] - surfaces[one, i, 2]
-    y0 = surfaces[three, i, 0] - surfaces[one, i, 0]
-    y1 = surfaces[three, i, 1] - surfaces[one, i, 1]
-    y2 = surfaces[three, i, 2] - surfaces[one, i, 2]
+    v1, v2, v3 = face[0], face[1], face[2]
+    x0 = surfaces[v2, i, 0] - surfaces[v1, i, 0]
+    x1 = surfaces[v2, i, 1] - surfaces[v1, i, 1]
+    x2 = surfaces[v2, i, 2] - surfaces[v1, i, 2]
+    y0 = surfaces[v3, i, 0] - surfaces[v1, i, 0]
+    y1 = surfaces[v3, i, 1] - surfaces[v1, i, 1]
+    y2 = surfaces[v3, i, 2] - surfaces[v1, i, 2]
     n0, n1, n2 = x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
     squared = n0 * n0 + n1 * n1 + n2 * n2
     xx = x0 * x0 + x1 * x1 + x2 * x2
@@ -186,13 +186,13 @@ def _derivatives_in_frame(
 ) -> tuple[float, ...]:
     """Return M_kj = e_k·∂_j h, the derivatives of a deformation h along e₁ and e₂."""
     _, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame
-    one, two, three = face[0], face[1], face[2]
-    x0 = vectors[two, i, 0] - vectors[one, i, 0]
-    x1 = vectors[two, i, 1] - vectors[one, i, 1]
-    x2 = vectors[two, i, 2] - vectors[one, i, 2]
-    y0 = over_r * (vectors[three, i, 0] - vectors[one, i, 0]) - skew * x0
-    y1 = over_r * (vectors[three, i, 1] - vectors[one, i, 1]) - skew * x1
-    y2 = over_r * (vectors[three, i, 2] - vectors[one, i, 2]) - skew * x2
+    v1, v2, v3 = face[0], face[1], face[2]
+    x0 = vectors[v2, i, 0] - vectors[v1, i, 0]
+    x1 = vectors[v2, i, 1] - vectors[v1, i, 1]
+    x2 = vectors[v2, i, 2] - vectors[v1, i, 2]
+    y0 = over_r * (vectors[v3, i, 0] - vectors[v1, i, 0]) - skew * x0
+    y1 = over_r * (vectors[v3, i, 1] - vectors[v1, i, 1]) - skew * x1
+    y2 = over_r * (vectors[v3, i, 2] - vectors[v1, i, 2]) - skew * x2
     x0, x1, x2 = over_p * x0, over_p * x1, over_p * x2
     return (
         a0 * x0 + a1 * x1 + a2 * x2,
@@ -217,19 +217,19 @@ def _add_to_corners(
         over_p * k31 - skew * k32,
     )
     k12, k22, k32 = over_r * k12, over_r * k22, over_r * k32
-    one, two, three = face[0], face[1], face[2]
+    v1, v2, v3 = face[0], face[1], face[2]
     x0, y0 = k11 * a0 + k21 * b0 + k31 * c0, k12 * a0 + k22 * b0 + k32 * c0
     x1, y1 = k11 * a1 + k21 * b1 + k31 * c1, k12 * a1 + k22 * b1 + k32 * c1
     x2, y2 = k11 * a2 + k21 * b2 + k31 * c2, k12 * a2 + k22 * b2 + k32 * c2
-    slopes[one, i, 0] -= x0 + y0
-    slopes[one, i, 1] -= x1 + y1
-    slopes[one, i, 2] -= x2 + y2
-    slopes[two, i, 0] += x0
-    slopes[two, i, 1] += x1
-    slopes[two, i, 2] += x2
-    slopes[three, i, 0] += y0
-    slopes[three, i, 1] += y1
-    slopes[three, i, 2] += y2
+    slopes[v1, i, 0] -= x0 + y0
+    slopes[v1, i, 1] -= x1 + y1
+    slopes[v1, i, 2] -= x2 + y2
+    slopes[v2, i, 0] += x0
+    slopes[v2, i, 1] += x1
+    slopes[v2, i, 2] += x2
+    slopes[v3, i, 0] += y0
+    slopes[v3, i, 1] += y1
+    slopes[v3, i, 2] += y2
 
 
 @compiled
@@ -367,10 +367,10 @@ def _vertex_sums(
             onp.zeros(shape if has_images else nothing),
             onp.zeros(shape if has_slopes else nothing),
         )
-        return _add_vertex_sums(surfaces, faces, values, first, last, sums), *sums
+        infinite = _add_vertex_sums(surfaces, faces, values, first, last, sums)
+        return infinite, *sums
 
-    sums = sums_in_chunks(run, len(faces), threaded=_is_large(surfaces, faces))
-    return VertexSums(*sums)
+    return VertexSums(*sums_in_chunks(run, len(faces), threaded=_is_large(surfaces, faces)))
 
 
 @compiled
@@ -393,12 +393,12 @@ def _add_vertex_sums(
     x, y, n, b = onp.empty(3), onp.empty(3), onp.empty(3), onp.empty(3)
     total = 0.0
     for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        v1, v2, v3 = faces[t, 0], faces[t, 1], faces[t, 2]
         for i in range(surfaces.shape[1]):
             xx = xy = yy = squared = 0.0
             for d in range(3):
-                x[d] = surfaces[two, i, d] - surfaces[one, i, d]
-                y[d] = surfaces[three, i, d] - surfaces[one, i, d]
+                x[d] = surfaces[v2, i, d] - surfaces[v1, i, d]
+                y[d] = surfaces[v3, i, d] - surfaces[v1, i, d]
                 xx += x[d] * x[d]
                 xy += x[d] * y[d]
                 yy += y[d] * y[d]
@@ -420,19 +420,19 @@ def _add_vertex_sums(
             at_one, at_two, at_three = factor * xy, factor * (xx - xy), factor * (yy - xy)
             if len(z) > 0:
                 for d in range(3):
-                    toward_two = at_three * (z[two, i, d] - z[one, i, d])
-                    toward_three = at_two * (z[three, i, d] - z[one, i, d])
-                    between = at_one * (z[three, i, d] - z[two, i, d])
-                    images[one, i, d] -= toward_two + toward_three
-                    images[two, i, d] += toward_two - between
-                    images[three, i, d] += toward_three + between
+                    toward_two = at_three * (z[v2, i, d] - z[v1, i, d])
+                    toward_three = at_two * (z[v3, i, d] - z[v1, i, d])
+                    between = at_one * (z[v3, i, d] - z[v2, i, d])
+                    images[v1, i, d] -= toward_two + toward_three
+                    images[v2, i, d] += toward_two - between
+                    images[v3, i, d] += toward_three + between
             if len(by_areas) > 0:
-                by_area = (by_areas[one, i] + by_areas[two, i] + by_areas[three, i]) / 3.0
+                by_area = (by_areas[v1, i] + by_areas[v2, i] + by_areas[v3, i]) / 3.0
                 product12 = product13 = product23 = 0.0
                 if len(h) > 0:
                     for d in range(3):
-                        h12, h13 = h[two, i, d] - h[one, i, d], h[three, i, d] - h[one, i, d]
-                        z12, z13 = z[two, i, d] - z[one, i, d], z[three, i, d] - z[one, i, d]
+                        h12, h13 = h[v2, i, d] - h[v1, i, d], h[v3, i, d] - h[v1, i, d]
+                        z12, z13 = z[v2, i, d] - z[v1, i, d], z[v3, i, d] - z[v1, i, d]
                         product12 += z12 * h12
                         product13 += z13 * h13
                         product23 += (z13 - z12) * (h13 - h12)
@@ -443,26 +443,25 @@ def _add_vertex_sums(
                 in_yy = factor * (4.0 * product12 + xx * by_area)
                 for d in range(3):
                     step_two, step_three = in_xx * x[d] + in_xy * y[d], in_xy * x[d] + in_yy * y[d]
-                    slopes[two, i, d] += step_two
-                    slopes[three, i, d] += step_three
-                    slopes[one, i, d] -= step_two + step_three
+                    slopes[v2, i, d] += step_two
+                    slopes[v3, i, d] += step_three
+                    slopes[v1, i, d] -= step_two + step_three
             if len(by_normals) > 0:
                 for d in range(3):
-                    b[d] = by_normals[one, i, d] + by_normals[two, i, d] + by_normals[three, i, d]
+                    b[d] = by_normals[v1, i, d] + by_normals[v2, i, d] + by_normals[v3, i, d]
                 for d in range(3):
                     e, g = (d + 1) % 3, (d + 2) % 3
                     step_two = 0.5 * (y[e] * b[g] - y[g] * b[e])
                     step_three = 0.5 * (b[e] * x[g] - b[g] * x[e])
-                    slopes[two, i, d] += step_two
-                    slopes[three, i, d] += step_three
-                    slopes[one, i, d] -= step_two + step_three
+                    slopes[v2, i, d] += step_two
+                    slopes[v3, i, d] += step_three
+                    slopes[v1, i, d] -= step_two + step_three
     return total
 
 
 def surrounded_vertices(faces: Triangles, n_vertices: int) -> Booleans:
     """Return which vertices are interior: neither on a border nor outside all triangles."""
-    sides = onp.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges, _, counts = distinct_pairs(sides)
+    edges, _, counts = distinct_pairs(onp.sort(triangle_sides(faces), axis=1))
     if counts.max() > 2:
         worst = int(onp.argmax(counts))
         raise ArgumentError(
@@ -566,7 +565,7 @@ def vertex_normals(f: Points, template: Template, averages: csr_array) -> Array:
 
 def mixed_edges(faces: Triangles) -> Integers:
     """Return the edges that both triangles pass in the same direction: these face opposite ways."""
-    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    sides = triangle_sides(faces)
     edges, edge_of_side, _ = distinct_pairs(onp.sort(sides, axis=1))
     n_ahead = onp.bincount(edge_of_side, weights=sides[:, 0] < sides[:, 1])
     mixed: Integers = edges[(onp.bincount(edge_of_side) == 2) & (n_ahead != 1)]

@@ -171,33 +171,33 @@ class SumOfTerms(TablesOfTerms, SumOnSurfaces):
     def squared_dists(
         self,
         point: Points,
-        others: Points,
+        targets: Points,
         weights: Array,
-        other_faces: Triangles | None = None,
+        target_faces: Triangles | None = None,
     ) -> tuple[Array, Array]:
         """Return the squared distances of one surface from others, and the slope of their sum."""
         faces, frames, areas = self._faces, self._frames, self.areas
-        faces_of_others = faces if other_faces is None else of_one_kind(other_faces)
+        faces_of_targets = faces if target_faces is None else of_one_kind(target_faces)
         f = of_one_kind(point)[:, None]
-        references = [of_one_kind(reference)[:, None] for reference in others]
+        surfaces = [of_one_kind(target)[:, None] for target in targets]
 
         def run(first: int, last: int) -> tuple[Array, Array]:
-            squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
+            squared, gradient = onp.zeros(len(targets)), onp.zeros((len(point), 1, 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
             for start in range(first, last, size):
                 end = min(start + size, last)
                 records, slopes = onp.zeros((2, 2, LENGTH, end - start))
                 fill_records(f, faces, frames, start, end, records[1:])
-                for i, reference in enumerate(references):
+                for i, target in enumerate(surfaces):
                     # The slopes by these are summed as well but not used.
-                    fill_records(reference, faces_of_others, frames, start, end, records[:1])
+                    fill_records(target, faces_of_targets, frames, start, end, records[:1])
                     weighted = of_one_kind(weights[i] * areas[start:end])
                     for term in self.terms:
                         squared[i] += term.add_segments(records, slopes, weighted)
                 add_gradient(records[1:], slopes[1:], faces, frames, start, end, gradient)
             return squared, gradient
 
-        threaded = len(faces) * len(others) > _WORTH_THREADS
+        threaded = len(faces) * len(targets) > _WORTH_THREADS
         squared, gradient = sums_in_chunks(run, len(faces), threaded=threaded)
         return squared / weights, gradient[:, 0]
 

@@ -6,7 +6,12 @@ import pytest
 from riemhuman.errors import (
     ArgumentError,
 )
-from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs, split_polygons
+from riemhuman.io.mesh_arrays import (
+    check_mesh,
+    distinct_pairs,
+    split_polygons,
+    triangle_sides,
+)
 
 
 def test_checks_of_meshes():
@@ -20,6 +25,11 @@ def test_polygons_of_few_corners():
     assert split_polygons(np.zeros(0, int), np.zeros(0, int)).shape == (0, 3)
     with pytest.raises(ArgumentError, match="1 of 3 have fewer, .*index 1 with 2"):
         split_polygons(np.arange(12), np.array([3, 2, 7]))
+
+
+def test_sides_keep_the_direction_of_their_triangle():
+    sides = triangle_sides(np.array([[4, 7, 5], [1, 0, 2]]))
+    assert sides.tolist() == [[4, 7], [7, 5], [5, 4], [1, 0], [0, 2], [2, 1]]
 
 
 def test_distinct_pairs_are_those_of_numpy():
