@@ -140,7 +140,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman components bodies/ -o components/ -n 5 --samples 20 --seed 7\n"
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
     cli.FILES,
-    cli.output("FOLDER", names=_COMPONENT_FILES),
+    cli.output("FOLDER", names=_COMPONENT_FILES, always="components.html"),
     cli.option("-n --n-components", "components", default=3, metavar="K"),
     cli.option("--samples", "number of random bodies", default=0, metavar="N"),
     cli.option("--seed", "seed of the random bodies", default=0, metavar="S"),
@@ -301,7 +301,7 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     "  riemhuman align bodies/ -o aligned/ --template anna.ply\n"
     "  riemhuman align bodies/ -o aligned/ --unit millimetres --up z\n",
     cli.FILES,
-    cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))"),
+    cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))", always="aligned.html"),
     cli.template("the first mesh", "to align with"),
     UNITS,
 )

@@ -199,19 +199,21 @@ def output(
     *endings: str,
     text: str | None = None,
     names: str | None = None,
+    always: str = "",
     flags: str = "-o --output",
     required: bool = True,
     takes_stream: bool = False,
 ) -> Argument:
     """Return the declaration of an output: a file or, with a pattern of names in it, a folder.
 
-    With `takes_stream`, ``-`` stands for standard output.
+    A folder with such names is an earlier result if the file `always` is among them. With
+    `takes_stream`, ``-`` stands for standard output.
     """
     attribute = _attribute(flags)
 
     def check(options: argparse.Namespace) -> None:
         # Before the command runs; `options.ending` is empty for a folder.
-        from riemhuman.io.outputs import check_output_file, check_output_folder
+        from riemhuman.io.outputs import FolderContent, check_output_file, check_output_folder
 
         text = getattr(options, attribute)
         if text is None or (text == "-" and takes_stream):
@@ -224,8 +226,8 @@ def output(
         may_be_folder = not endings or text.endswith("/") or place.is_dir() or not place.suffix
         if names is not None and may_be_folder:
             options.ending = ""
-            options.is_ours = re.compile(names).fullmatch
-            check_output_folder(place, options.is_ours, force=options.force)
+            options.content = FolderContent(names, always)
+            check_output_folder(place, options.content, force=options.force)
         else:
             options.ending = place.suffix.lower()
             accepted = endings if names is None else (*endings, "/ (a folder)")

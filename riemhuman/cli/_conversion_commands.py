@@ -80,7 +80,11 @@ def _target(parser: argparse._ActionsContainer) -> None:
     cli.path_option("source", "IN", "a mesh, bodies of SAM 3D Body, a recording, or a folder"),
     _target,
     cli.output(
-        "OUT", *dict.fromkeys((*_WRITTEN_MESHES, *_MOTIONS)), names=_FOLDER_FILES, required=False
+        "OUT",
+        *dict.fromkeys((*_WRITTEN_MESHES, *_MOTIONS)),
+        names=_FOLDER_FILES,
+        always="summary.json",
+        required=False,
     ),
     cli.path_option("--map", "MAP", "a map of `riemhuman make-map`"),
     cli.path_option("--faces", "MESH", "mesh with the triangles of SAM 3D Body"),

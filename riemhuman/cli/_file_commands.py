@@ -42,14 +42,14 @@ _MOST_LISTED = 100
 )
 def _examples(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.cli._example_files import write_example_files
-    from riemhuman.io.outputs import atomic_folder, check_output_folder
+    from riemhuman.io.outputs import atomic_folder, check_parent
 
     if options.folder.exists():
         raise FileError(f"{options.folder} exists; name a folder that does not exist yet")
-    check_output_folder(options.folder, lambda name: False, force=False)
+    check_parent(options.folder)
     with (
         options.task("Example files"),
-        atomic_folder(options.folder, is_ours=lambda name: False) as temporary,
+        atomic_folder(options.folder) as temporary,
     ):
         contents = write_example_files(temporary)
     lines = [f"{names:32}{text}" for names, text in contents.items()]

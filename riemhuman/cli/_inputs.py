@@ -266,7 +266,13 @@ def path_output(mesh: str, *pages: str) -> cli.Argument:
     )
     has_figure = any(name.endswith(".png") for name in pages)
     return cli.several(
-        cli.output("PATH", *_PATH_ENDINGS, text=text, names=rf"{mesh}_\d{{4,}}\.ply|{written}"),
+        cli.output(
+            "PATH",
+            *_PATH_ENDINGS,
+            text=text,
+            names=rf"{mesh}_\d{{4,}}\.ply|{written}",
+            always=pages[0],
+        ),
         lambda parser: parser.set_defaults(mesh=mesh, pages=pages, has_figure=has_figure),
     )
 
@@ -320,7 +326,7 @@ def mesh_folder(
     """Write meshes by the names of their files, and a record, into a folder that takes more."""
     from riemhuman.io.outputs import atomic_folder
 
-    with atomic_folder(options.output, options.is_ours) as folder:
+    with atomic_folder(options.output, options.content) as folder:
         for name, surface in meshes.items():
             rh.save_mesh(folder / name, surface, faces)
         if summary is not None:

@@ -153,7 +153,7 @@ class Motion(ABC):
     def _save_frames(self, folder: Path) -> None:
         if folder.exists():
             raise FileError(f"{folder} exists; name a folder that does not exist yet")
-        with atomic_folder(folder, is_ours=lambda name: False) as temporary:
+        with atomic_folder(folder) as temporary:
             for number, frame in enumerate(self):
                 save_mesh(temporary / f"frame_{number:05d}.ply", frame, self.faces)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from riemhuman.errors import FileError, warn
@@ -25,6 +26,21 @@ _ATTEMPTS = 3
 _LOCK_NAME = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?\.lock")
 
 
+@dataclass(frozen=True)
+class FolderContent:
+    """What a command writes into a folder: a pattern of names, and the name of a file among them.
+
+    A folder without the latter is no earlier result, but perhaps files of the user's own, whose
+    names may match: a folder of meshes, or of PDF files.
+    """
+
+    names: str
+    always: str
+
+    def holds(self, name: str) -> bool:
+        return re.fullmatch(self.names, name) is not None
+
+
 def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
     """Raise an error if a file cannot be written after the work; with `force`, it may exist."""
     suffix_of(path, endings)
@@ -35,19 +51,19 @@ def check_output_file(path: Path, endings: Sequence[str], *, force: bool) -> Non
     if os.path.lexists(path) and not force:
         raise FileError(f"{path} exists; --force replaces it")
     check_replaceable(path)
-    _check_parent(Path(os.path.realpath(path)) if path.is_symlink() else path)
+    check_parent(Path(os.path.realpath(path)) if path.is_symlink() else path)
 
 
-def check_output_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> None:
+def check_output_folder(path: Path, content: FolderContent, *, force: bool) -> None:
     """Raise an error if a folder could not be written after the work, see `atomic_folder`."""
     if path.is_symlink():
         raise FileError(f"{path} is a link; name a folder that does not exist yet")
     if path.exists():
         if not path.is_dir():
             raise FileError(f"{path} is a file; name a folder that does not exist yet")
-        if _check_content(path, is_ours) and not force:
+        if _check_content(path, content) and not force:
             raise FileError(f"{path} holds an earlier result; --force replaces it")
-    _check_parent(path)
+    check_parent(path)
 
 
 @contextmanager
@@ -94,8 +110,8 @@ def _hidden_folder(parent: Path, targets: Iterable[Path]) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
-    """Yield a temporary folder, which then replaces a folder that holds only our files.
+def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[Path]:
+    """Yield a temporary folder, which then replaces an earlier result or, without content, nothing.
 
     What killed processes have left beside the folder is removed, and folders that they were about
     to replace are put back.
@@ -111,7 +127,7 @@ def atomic_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
                 temporary.mkdir()
                 yield temporary
                 if path.exists():
-                    _check_content(path, is_ours)
+                    _check_content(path, content)
                     shutil.copymode(path, temporary)
                     hidden.mkdir()
                     os.rename(path, replaced)
@@ -181,19 +197,26 @@ def _put_back(hidden: Path, parent: Path) -> list[str]:
     return returned
 
 
-def _check_content(path: Path, is_ours: Callable[[str], bool]) -> bool:
-    """Return whether a folder holds files; raise an error if some are not the command's."""
+def _check_content(path: Path, content: FolderContent | None) -> bool:
+    """Return whether a folder holds files; raise an error if they are not an earlier result."""
     with convert_errors(path, "cannot be read"):
         entries = sorted(os.scandir(path), key=lambda entry: entry.name)
     for entry in entries:
-        if not (is_ours(entry.name) and entry.is_file(follow_symlinks=False)):
+        is_ours = content is not None and content.holds(entry.name)
+        if not (is_ours and entry.is_file(follow_symlinks=False)):
             raise FileError(
                 f"{path} holds something else ({entry.name}); name a folder that does not exist yet"
             )
+    if entries and content is not None and content.always not in (e.name for e in entries):
+        raise FileError(
+            f"{path} holds {entries[0].name}, but no {content.always}, so it is no earlier result; "
+            "name a folder that does not exist yet"
+        )
     return bool(entries)
 
 
-def _check_parent(path: Path) -> None:
+def check_parent(path: Path) -> None:
+    """Raise an error unless a file or folder can be made at a path."""
     parent = Path(os.path.abspath(path)).parent
     if not parent.is_dir():
         if parent.exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -36,7 +37,7 @@ def save_pdf(content: Content, file: Path, browser: str | None) -> None:
     version = library_version()
     if browser is not None:
         # In the same folder, because a browser in a container may see no other.
-        page = file.with_name(f"{file.stem}.print.html")
+        page = file.with_name(f"print-{secrets.token_hex(4)}.html")
         write_text(page, sheet_page(content, version, printed=True))
         try:
             if print_page(browser, page, file):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of
 from riemhuman.errors import FileError, MissingDependencyError, warn
 from riemhuman.io.files import file_path, write_text
-from riemhuman.io.outputs import atomic_folder, check_output_folder
+from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
@@ -34,12 +33,10 @@ from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, 
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.template import check_body_sizes
 
-SHEET_FILES = r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)"
-"""Pattern of the names of files in a folder of sheets."""
-
 _INDEX = "index.html"
 _TABLE = "measurements.csv"
 _WORKBOOK = "measurements.xlsx"
+_CONTENT = FolderContent(r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)", always=_TABLE)
 _BATCH = 8  # bodies whose measurements are taken together
 _MOST_BROWSERS = 4
 Progress = Callable[[str], AbstractContextManager[object]]
@@ -99,17 +96,13 @@ def make_sheets(
     places = [bodies] if isinstance(bodies, (str, os.PathLike)) else list(bodies)
     paths = [file_path(place, "bodies") for place in places]
     folder = file_path(output, "output", "folder")
-    check_output_folder(folder, _is_sheet_file, force=replace_output)
+    check_output_folder(folder, _CONTENT, force=replace_output)
     with progress("Reading bodies"):
         subjects = find_subjects(paths, labels, unit=unit, up=up)
     sheets = _measured(subjects, measurements, units, progress)
-    with atomic_folder(folder, _is_sheet_file) as temporary:
+    with atomic_folder(folder, _CONTENT) as temporary:
         _write(temporary, sheets, progress)
     return folder / _INDEX
-
-
-def _is_sheet_file(name: str) -> bool:
-    return re.fullmatch(SHEET_FILES, name) is not None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import shutil
 
 import h5py
 import numpy as np
@@ -81,6 +82,26 @@ def turned(bodies, tmp_path):
     for name, f in zip("ab", bodies.points[:2] @ TURN, strict=True):
         save_mesh(folder / f"{name}.ply", f, bodies.template.faces)
     return folder
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["align", "{mesh}", "-o", "{folder}"],
+        ["convert", "{mesh}", "{folder}"],
+        ["transfer", "{mesh}", "--onto", "{mesh}", "-o", "{folder}"],
+    ],
+)
+def test_no_folder_of_meshes_is_taken_for_an_earlier_result(refused, scans, tmp_path, command):
+    """Not even by --force: it replaces what the command has written, and nothing else."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for number in range(2):
+        shutil.copy(scans / f"body_{number}.ply", folder / f"frame_{number:04d}.ply")
+    places = {"mesh": folder / "frame_0000.ply", "folder": folder}
+    message = refused(*[word.format(**places) for word in command], "--force")
+    assert "so it is no earlier result; name a folder that does not exist yet" in message
+    assert sorted(file.name for file in folder.iterdir()) == ["frame_0000.ply", "frame_0001.ply"]
 
 
 def test_align_takes_out_rigid_motions(run, scans, bodies, tmp_path):

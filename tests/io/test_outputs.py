@@ -12,15 +12,14 @@ import pytest
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.outputs import (
+    FolderContent,
     atomic_folder,
     check_output_file,
     check_output_folder,
     files_together,
 )
 
-
-def is_ours(name):
-    return name.startswith("time_")
+CONTENT = FolderContent(r"time_.*", always="time_0")
 
 
 def test_files_that_can_be_written(tmp_path, monkeypatch):
@@ -33,7 +32,7 @@ def test_files_that_can_be_written(tmp_path, monkeypatch):
     with pytest.raises(FileError, match="no permission in .*; name another place"):
         check_output_file(tmp_path / "new.npz", [".npz"], force=True)
     with pytest.raises(FileError, match="no permission in"):
-        check_output_folder(tmp_path / "new", is_ours, force=True)
+        check_output_folder(tmp_path / "new", CONTENT, force=True)
 
 
 @pytest.mark.parametrize(
@@ -58,41 +57,46 @@ def test_files_that_cannot_be_written(tmp_path, name, error, message):
 
 def test_folders(tmp_path):
     old = tmp_path / "old"
-    check_output_folder(tmp_path / "new", is_ours, force=False)
+    check_output_folder(tmp_path / "new", CONTENT, force=False)
     old.mkdir()
-    check_output_folder(old, is_ours, force=False)
-    (old / "time_0.ply").touch()
-    check_output_folder(old, is_ours, force=True)
+    check_output_folder(old, CONTENT, force=False)
+    (old / "time_0").touch()
+    check_output_folder(old, CONTENT, force=True)
     with pytest.raises(FileError, match="holds an earlier result; --force"):
-        check_output_folder(old, is_ours, force=False)
+        check_output_folder(old, CONTENT, force=False)
     with pytest.raises(FileError, match="is a file; name a folder"):
-        check_output_folder(old / "time_0.ply", is_ours, force=True)
+        check_output_folder(old / "time_0", CONTENT, force=True)
     for add in (
         lambda: (old / "thesis.tex").touch(),
         lambda: (old / "time_1.ply").mkdir(),
-        lambda: (old / "time_1.ply").symlink_to(old / "time_0.ply"),
+        lambda: (old / "time_1.ply").symlink_to(old / "time_0"),
     ):
         add()
         with pytest.raises(FileError, match=r"holds something else"):
-            check_output_folder(old, is_ours, force=True)
+            check_output_folder(old, CONTENT, force=True)
         for entry in old.iterdir():
             entry.rmdir() if entry.is_dir() else entry.unlink()
+    # Files whose names match, but without the one that a result always has, are the user's own.
+    (old / "time_of_my_life.ply").touch()
+    for force in (False, True):
+        with pytest.raises(FileError, match=r"holds time_of_my_life\.ply, but no time_0"):
+            check_output_folder(old, CONTENT, force=force)
     (tmp_path / "link").symlink_to(old)
     with pytest.raises(FileError, match="link is a link"):
-        check_output_folder(tmp_path / "link", is_ours, force=True)
+        check_output_folder(tmp_path / "link", CONTENT, force=True)
 
 
 def test_a_folder_is_replaced_as_a_whole(tmp_path):
     path = tmp_path / "path"
     for content in ("first", "second"):
-        with atomic_folder(path, is_ours) as temporary:
+        with atomic_folder(path, CONTENT) as temporary:
             (temporary / "time_0").write_text(content)
             assert content == "first" or (path / "time_0").read_text() == "first"
         assert (path / "time_0").read_text() == content
         path.chmod(0o700)
 
     def fail(error):
-        with atomic_folder(path, is_ours) as temporary:
+        with atomic_folder(path, CONTENT) as temporary:
             (temporary / "time_0").write_text("half")
             raise error
 
@@ -105,10 +109,10 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
             fail(error)
         assert (path / "time_0").read_text() == "second"
         assert list(tmp_path.iterdir()) == [path]
-    with atomic_folder(path, is_ours) as temporary:
+    with atomic_folder(path, CONTENT) as temporary:
         (temporary / "time_1").touch()
     assert os.listdir(path) == ["time_1"]
-    with pytest.raises(FileError, match=r"something else \(thesis"), atomic_folder(path, is_ours):
+    with pytest.raises(FileError, match=r"something else \(thesis"), atomic_folder(path, CONTENT):
         (path / "thesis.tex").touch()  # by somebody else, meanwhile
     assert sorted(os.listdir(path)) == ["thesis.tex", "time_1"]
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
@@ -118,7 +122,7 @@ WRITE = """
 import sys
 from pathlib import Path
 from riemhuman.io.outputs import atomic_folder
-with atomic_folder(Path(sys.argv[1]), lambda name: True) as temporary:
+with atomic_folder(Path(sys.argv[1])) as temporary:
     (temporary / "time_0").touch()
     print("begun", flush=True)
     sys.stdin.read()
@@ -132,7 +136,7 @@ def test_what_a_killed_writer_left_is_removed(tmp_path, other):
     writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert writer.stdout.readline() == "begun\n"
     (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
-    with atomic_folder(tmp_path / "first", is_ours) as temporary:
+    with atomic_folder(tmp_path / "first", CONTENT) as temporary:
         (temporary / "time_0").touch()
     assert (hidden / "time_0").exists()
     writer.kill()
@@ -140,7 +144,7 @@ def test_what_a_killed_writer_left_is_removed(tmp_path, other):
     assert hidden.exists()
     with (
         pytest.warns(UserWarning, match=f"killed process had left in .*: {re.escape(hidden.name)}"),
-        atomic_folder(tmp_path / other, is_ours) as temporary,
+        atomic_folder(tmp_path / other, CONTENT) as temporary,
     ):
         (temporary / "time_0").touch()
     assert {place.name for place in tmp_path.iterdir()} == {"first", other}
@@ -187,14 +191,14 @@ def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path, monkeypatch, oth
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "rename", copy_all)
-        with atomic_folder(path, is_ours) as temporary:
+        with atomic_folder(path, CONTENT) as temporary:
             (temporary / "time_0").write_text("new")
     thesis = copy / ".thesis.part.lock"
     thesis.touch()
     with (
         pytest.raises(KeyboardInterrupt),
         pytest.warns(UserWarning, match="killed") as warned,
-        atomic_folder(copy / other, is_ours),
+        atomic_folder(copy / other, CONTENT),
     ):
         raise KeyboardInterrupt
     assert any(f": {path.name}" in str(warning.message) for warning in warned)
@@ -214,7 +218,7 @@ def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatc
         rename(source, target)
 
     monkeypatch.setattr(os, "rename", refuse_new)
-    with pytest.raises(FileError, match="No space left"), atomic_folder(path, is_ours) as temporary:
+    with pytest.raises(FileError, match="No space left"), atomic_folder(path, CONTENT) as temporary:
         (temporary / "time_1").touch()
     assert os.listdir(path) == ["time_0"]
     assert list(tmp_path.iterdir()) == [path]

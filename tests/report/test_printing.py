@@ -6,7 +6,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.errors import FileFormatError
-from riemhuman.report import printing
+from riemhuman.report import _sheet_making, printing
 from riemhuman.report import sheets as sheets_module
 
 
@@ -24,6 +24,26 @@ def test_the_browser_prints_two_sides(bodies, record, tmp_path):
         assert pages_of(tmp_path / "sheet.pdf") == 2
         assert b"Skia" in (tmp_path / "sheet.pdf").read_bytes()
     assert [file.name for file in tmp_path.iterdir()] == ["sheet.pdf"]
+
+
+def test_the_printed_page_takes_the_place_of_no_other(bodies, tmp_path, monkeypatch):
+    """The browser reads it from a file beside the PDF, which is removed afterwards."""
+    longest = "e" * 251  # bytes that leave room for an ending of four
+    for name in ("emma", longest):
+        (tmp_path / f"{name[:200]}.print.html").write_text("mine")
+        printed = []
+
+        def print_page(browser, page, pdf, printed=printed):
+            printed.append(page.read_text(encoding="utf-8"))
+            pdf.write_bytes(b"%PDF")
+            return True
+
+        monkeypatch.setattr(sheets_module, "find_browser", lambda: "browser")
+        monkeypatch.setattr(_sheet_making, "print_page", print_page)
+        rh.report.sheet(bodies[0]).save(tmp_path / f"{name}.pdf")
+        assert "stature" in printed[0]
+        assert (tmp_path / f"{name[:200]}.print.html").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_a_browser_that_fails_leaves_it_to_matplotlib(bodies, tmp_path, monkeypatch):

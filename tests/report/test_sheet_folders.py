@@ -94,6 +94,11 @@ def test_an_earlier_result_is_kept_unless_asked(folder, tmp_path, no_pdf):
     output = tmp_path / "sheets"
     output.mkdir()
     (output / "gone.html").touch()
+    # Pages or PDF files alone may be the user's own.
+    with pytest.raises(FileError, match=r"gone\.html, but no measurements\.csv"):
+        rh.report.make_sheets([folder / "emma_1.ply"], output, replace_output=True)
+    assert (output / "gone.html").exists()
+    (output / "measurements.csv").touch()
     with pytest.raises(FileError, match="earlier result"):
         rh.report.make_sheets([folder / "emma_1.ply"], output)
     rh.report.make_sheets([folder / "emma_1.ply"], output, replace_output=True)
