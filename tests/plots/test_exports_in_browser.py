@@ -123,3 +123,10 @@ def test_a_link_restores_what_is_seen(browser, opened, tmp_path):
     browser.driver.get(address.split("=")[0] + "=1,x")
     browser.wait_for("return document.querySelector('.viewer').dataset.ready")
     assert browser.run(STATE)[-1] == 0
+    # So is a vertex that there is not, about which bodies would turn.
+    for vertex in (-1, len(BODIES.points[0])):
+        browser.driver.get("about:blank")
+        browser.driver.get(address.split("=")[0] + f"=0,0,1,0,0,0,0,{vertex}")
+        browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        pivot = "document.querySelector('.viewer').viewer.bodies()[0].pivot"
+        assert browser.run(f"return {pivot}") is None

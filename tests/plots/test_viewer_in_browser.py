@@ -307,6 +307,17 @@ def test_paths_play_by_key_slider_speed_and_loop(browser, opened):
     browser.wait_for("return document.querySelector('[data-part=play]').textContent === 'Play'")
 
 
+def test_the_last_choice_is_shown(browser, opened):
+    """Though an earlier one takes longer, because its bodies are built first."""
+    opened("paths")
+    chosen = browser.run(
+        "const { viewer } = document.querySelector('.viewer');"
+        "return Promise.all([viewer.choose(1), viewer.choose(0)]).then(() => viewer.chosen)"
+    )
+    assert chosen == 0
+    assert browser.run("return document.querySelector('.viewer').dataset.choice") == "there"
+
+
 def test_time_of_a_path_is_a_share_and_of_a_recording_seconds_and_frames(browser, opened):
     opened("paths")
     assert text_of(browser, "moment") == "t = 0.00"

@@ -110,11 +110,13 @@ class Viewer {
   }
 
   async choose(index) {
+    this.wanted = index;
     if (!this.built[index]) {
       this.built[index] = await Promise.all(this.data.choices[index].bodies.map(
         (body) => Body.from(body, this.faces, this.data.n_vertices, this.skin),
       ));
     }
+    if (this.wanted !== index) return; // something else was chosen in the meantime
     const pivot = this.bodies()[0].pivot;
     this.bodies().forEach((body) => this.scene.remove(body.holder));
     this.chosen = index;

@@ -158,7 +158,8 @@ async function restore(viewer) {
     });
     await viewer.choose(choice);
   }
-  if (texts[7] !== "" && Number.isInteger(pivot) && 3 * pivot < viewer.bodies()[0].positions.length) {
+  const nVertices = viewer.bodies()[0].positions.length / 3;
+  if (texts[7] !== "" && Number.isInteger(pivot) && pivot >= 0 && pivot < nVertices) {
     viewer.bodies().forEach((body) => body.turnAbout(pivot));
   }
   viewer.yaw = yaw;
