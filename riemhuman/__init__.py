@@ -11,7 +11,8 @@ Examples in docstrings assume ``import numpy as np`` and ``import riemhuman as r
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from riemhuman.provided import default_solvers, notebook_pictures
 
@@ -174,7 +175,7 @@ _SUBPACKAGES = (
 __all__ = [*_MODULE_OF_NAME, *_SUBPACKAGES]
 
 
-def _import(module: str) -> Any:
+def _import(module: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except (ImportError, MemoryError, OSError) as error:
@@ -202,7 +203,7 @@ notebook_pictures.load_by(_load_plots)
 
 if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
 
-    def __getattr__(name: str) -> Any:
+    def __getattr__(name: str) -> object:
         if name in _MODULE_OF_NAME:
             return getattr(_import(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
         if name in _SUBPACKAGES:

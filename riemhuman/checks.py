@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
+from collections.abc import Hashable, Iterable, Mapping, Sequence, Set, Sized
 from contextlib import suppress
 from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 
@@ -140,7 +140,7 @@ def real_array(
         )
     if shape is not None and not (batched and values.shape[-len(shape) :] == tuple(shape)):
         if rows:
-            array = unflatten(array if isbox(array) else values, shape)  # type: ignore[arg-type]
+            array = unflatten(array if isbox(array) else values, shape)
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
     try:
@@ -164,9 +164,7 @@ def real_array(
                 f"{_LONGEST_LENGTH:g} in absolute value; the largest coordinate of one item is "
                 f"{largest[wrong][0]:g}: choose another unit"
             )
-    if isbox(array):
-        return array  # type: ignore[return-value]  # traced, which behaves as its values do
-    return checked
+    return array if isbox(array) else checked
 
 
 def unflatten(array: Array, shape: Sequence[int | str]) -> Array:
@@ -235,14 +233,14 @@ def distance_matrix(distances: ArrayLike, name: str, *, symmetric: bool = True) 
 
 def length_of(points: object, name: str) -> int:
     """Return the number of points of an array, or of an object that has a length and slices."""
-    has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
-    # Arrays of no dimension have both, and classes have those of their objects.
-    is_none = isinstance(points, type) or getattr(points, "shape", None) == ()
-    if is_none or not has_slices or isinstance(points, (Mapping, str, bytes, memoryview)):
+    # Arrays of no dimension have the methods of others, and classes those of their objects.
+    has_slices = hasattr(points, "__getitem__") and getattr(points, "shape", None) != ()
+    is_none = isinstance(points, (type, Mapping, str, bytes, memoryview))
+    if is_none or not has_slices or not isinstance(points, Sized):
         raise ArgumentTypeError(
             f"{name} must be an array, or have a length and slices; found {type(points).__name__}"
         )
-    return len(points)  # type: ignore[arg-type]  # it has a length
+    return len(points)
 
 
 def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:

@@ -114,7 +114,10 @@ class Transformer(Estimator):
             return values
         package = import_optional(container, "statistics")
         columns = list(self.get_feature_names_out())
+        frame: Array  # to type checkers, which know only the default
         if container == "polars":
-            return package.DataFrame(values, schema=columns, orient="row")  # type: ignore[no-any-return]  # asked for
-        index = X.index if isinstance(X, (package.DataFrame, package.Series)) else None
-        return package.DataFrame(values, index=index, columns=columns)  # type: ignore[no-any-return]  # asked for
+            frame = package.DataFrame(values, schema=columns, orient="row")
+        else:
+            index = X.index if isinstance(X, (package.DataFrame, package.Series)) else None
+            frame = package.DataFrame(values, index=index, columns=columns)
+        return frame

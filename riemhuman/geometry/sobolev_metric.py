@@ -39,16 +39,13 @@ class MidpointMetric(MetricOfTerms):
         self, space: SurfaceSpace, terms: Sequence[QuadraticTerm], **solvers: Unpack[Solvers]
     ) -> None:
         super().__init__(space, **solvers)
-        self.terms = checked_terms(terms, QuadraticTerm)  # type: ignore[type-abstract]  # of subclasses
+        self.terms = checked_terms(terms, QuadraticTerm)
         self._sum = SumOfQuadraticTerms(self.terms, space.template)
-
-    @property
-    def is_translation_invariant(self) -> bool:  # type: ignore[override]  # read only
-        return all(term.is_translation_invariant for term in self.terms)
-
-    @property
-    def is_reparametrization_invariant(self) -> bool:  # type: ignore[override]  # read only
-        return all(term.is_reparametrization_invariant for term in self.terms)
+        self.is_translation_invariant = all(term.is_translation_invariant for term in self.terms)
+        self.is_stretch_invariant = all(term.is_stretch_invariant for term in self.terms)
+        self.is_reparametrization_invariant = all(
+            term.is_reparametrization_invariant for term in self.terms
+        )
 
 
 class SobolevMetric(MidpointMetric):

@@ -48,10 +48,6 @@ class MetricOfTerms(RiemannianMetric):
     terms: tuple[Term, ...] | tuple[QuadraticTerm, ...]
     _sum: SumOnSurfaces
 
-    @property
-    def is_stretch_invariant(self) -> bool:  # type: ignore[override]  # read only, as metrics are
-        return all(term.is_stretch_invariant for term in self.terms)
-
     def inner_product(
         self,
         tangent_vec_a: TangentVectors,
@@ -161,12 +157,11 @@ class SurfaceMetric(MetricOfTerms):
         self, space: SurfaceSpace, terms: Sequence[Term], **solvers: Unpack[Solvers]
     ) -> None:
         super().__init__(space, **solvers)
-        self.terms = checked_terms(terms, Term)  # type: ignore[type-abstract]  # of subclasses
+        self.terms = checked_terms(terms, Term)
         self._sum = SumOfTerms(self.terms, space.template)
-
-    @property
-    def is_rotation_invariant(self) -> bool:  # type: ignore[override]  # read only, as metrics are
-        return all(term.is_rotation_invariant for term in self.terms)
+        self.is_rotation_invariant = all(term.is_rotation_invariant for term in self.terms)
+        self.is_stretch_invariant = all(term.is_stretch_invariant for term in self.terms)
+        self.has_target_metric = all(term.has_target_space for term in self.terms)
 
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         """Return the sum of the squared distances of fields (equation 5)."""
@@ -201,10 +196,6 @@ class SurfaceMetric(MetricOfTerms):
                 chart = np.sqrt(term.weight) * chart
                 sketches.append(field_coordinates(chart, self.space.template.face_areas))
         return np.concatenate(sketches, axis=-1)
-
-    @property
-    def has_target_metric(self) -> bool:  # type: ignore[override]
-        return all(term.has_target_space for term in self.terms)
 
     @cached_property
     def target_metric(self) -> RiemannianMetric:

@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import TypeAlias, TypeVar, overload
 
 from riemhuman.memory import memory_to_import
 
@@ -25,6 +25,9 @@ FUSED = {"contract", "nsz"}
 
 SUM = {"contract", "nsz", "reassoc"}
 """Value of `fastmath` for sums: terms may also change places."""
+
+Options: TypeAlias = dict[str, bool | str | set[str]]
+"""Options of `numba.njit`."""
 
 # Seconds of compilation after which the user is told.
 _LONG = 2.0
@@ -36,26 +39,26 @@ _waiting: list[Compiled] = []
 class Compiled:
     """The placeholder of a compiled function until the first call."""
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+    def __init__(self, function: Callable[..., object], options: Options) -> None:
         self.py_func, self._options = function, options
         self.is_inlined = bool(options.get("forceinline"))
         functools.update_wrapper(self, function)
         _waiting.append(self)
 
     @functools.cached_property
-    def function(self) -> Any:
+    def function(self) -> Callable[..., object]:
         """The compiled function."""
         with memory_to_import("numba"):
             return _njit(self.py_func, self._options)
 
     @property
-    def _numba_type_(self) -> Any:
+    def _numba_type_(self) -> object:
         """The type of the compiled function, which numba asks of an object that code names."""
         import numba
 
         return numba.types.Dispatcher(self.function)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> object:
         if self.is_inlined:
             return self.py_func(*arguments)
         _bind()
@@ -130,10 +133,10 @@ class CompilationTime:
         taken = self
 
         class Listener(event.Listener):
-            def on_start(self, started: Any) -> None:
+            def on_start(self, started: object) -> None:
                 taken._begin()
 
-            def on_end(self, ended: Any) -> None:
+            def on_end(self, ended: object) -> None:
                 taken._end()
 
         event.register("numba:compile", Listener())
@@ -155,7 +158,7 @@ class CompilationTime:
 compilation_time = CompilationTime()
 
 
-def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _njit(function: Callable[..., object], options: Options) -> Callable[..., object]:
     import numba
 
     compilation_time.listen()
@@ -164,8 +167,10 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     # Compiling C-callable wrappers, and Python wrappers of inlined functions, is slow.
     options = {"fastmath": False, "error_model": "numpy", "nogil": True, **options}
     options["no_cfunc_wrapper"] = True
+    compiled_function: Callable[..., object]
     if options.get("forceinline"):  # kept on disk as a part of its callers
-        return numba.njit(no_cpython_wrapper=True, **options)(function)
+        compiled_function = numba.njit(no_cpython_wrapper=True, **options)(function)
+        return compiled_function
     # Numba checks only the file of the function itself, not those of inlined functions. It names
     # its cache files by the qualified name, so a digest of all sources is added to that name. Files
     # cached for other sources are then ignored; they stay until the cache folder is emptied.
@@ -173,10 +178,11 @@ def _njit(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     if digest is not None:
         function.__qualname__ += f"-{digest}"
     try:
-        return numba.njit(cache=True, **options)(function)
+        compiled_function = numba.njit(cache=True, **options)(function)
     except (OSError, RuntimeError):  # numba has no folder that it can write to
         _warn_once()
-        return numba.njit(**options)(function)
+        compiled_function = numba.njit(**options)(function)
+    return compiled_function
 
 
 @functools.cache
@@ -189,13 +195,13 @@ def _warn_once() -> None:
     )
 
 
-def _digest(names: dict[str, Any]) -> str | None:
+def _digest(names: dict[str, object]) -> str | None:
     """Return what changes with the files of a module and of its imports; None in notebooks."""
     files, modules = {__file__}, [names]
     while modules:
         names = modules.pop()
         file = names.get("__file__")
-        if file is None or not os.path.isfile(file):
+        if not isinstance(file, str) or not os.path.isfile(file):
             return None
         if file not in files:
             files.add(file)

@@ -19,7 +19,7 @@ _TRIANGLES += onp.eye(2, 3)[:, None, None]
 TermType = TypeVar("TermType")
 
 
-def checked_terms(terms: Sequence[TermType], term_class: type[TermType]) -> tuple[TermType, ...]:
+def checked_terms(terms: Sequence[TermType], term_class: type[object]) -> tuple[TermType, ...]:
     """Return the terms of a metric after checking that they work triangle by triangle."""
     if not isinstance(terms, Sequence) or isinstance(terms, str):
         raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")
