@@ -7,7 +7,8 @@ and the solvers that find them, is added by `riemhuman.geometry.metric.Riemannia
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import cast
+from types import EllipsisType
+from typing import TypeAlias, cast
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
@@ -33,6 +34,9 @@ from riemhuman.memory import check_memory, enough_memory
 from riemhuman.representation import Unchanging
 
 __all__ = ["MetricTensor"]
+
+# An index of as many axes as paths of points have.
+_Index: TypeAlias = "tuple[EllipsisType | slice[int | None, int | None, None], ...]"
 
 # For points with more bytes than this, the memory of their features is checked first.
 _MANY_BYTES = 2**26
@@ -409,10 +413,9 @@ class MetricTensor(Unchanging, ABC):
 
     def _squared_segments(self, path: Points) -> Array:
         whole_point = (slice(None),) * len(self.space.shape)
-        times = slice(None, -1), slice(1, None)
-        # Type checkers cannot express an index with as many axes as the points have.
-        start = path[..., times[0], *whole_point]  # type: ignore[arg-type]
-        end = path[..., times[1], *whole_point]  # type: ignore[arg-type]
+        before: _Index = (..., slice(None, -1), *whole_point)
+        after: _Index = (..., slice(1, None), *whole_point)
+        start, end = path[before], path[after]
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))

@@ -18,7 +18,8 @@ __all__ = ["PointSpace"]
 class PointSpace(ABC):
     r"""A space whose points and tangent vectors are arrays of the same shape.
 
-    It is the part of `riemhuman.Manifold` that metrics are defined on.
+    It is the part of `riemhuman.Manifold` that metrics are defined on: a manifold can have a metric
+    and a metric has a space, so what metrics know of their space knows no metrics.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ from riemhuman.kernels.surface import (
     triangle_corners,
     triangle_frames,
 )
-from riemhuman.solvers._lbfgs import minimize_from
+from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
 from riemhuman.solvers.results import MeanResult, Result, finish, interruptible
@@ -114,9 +114,28 @@ class NearestSurface:
         check_metric(metric)
         images = metric.target_metric.check_points(images, "images")
         start = real_array(start, "start", metric.space.shape, batched=False)
-        companion = metric.complementary_metric if self.companion_weight else None
-
         distances = image_distances(metric, images)
+        known = [start]
+
+        def best(inner: Result | None) -> MeanResult:
+            value, _ = distances.value_and_gradient(known[-1])
+            return MeanResult(known[-1], value, np.array([value]))
+
+        with interruptible(best):
+            minimum = self._minimum(metric, distances, start, known)
+            known.append(minimum.x)
+            variance, _ = distances.value_and_gradient(minimum.x)
+        return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))
+
+    def _minimum(
+        self,
+        metric: RiemannianMetric,
+        distances: _ByDefinition | _OfElasticMetric,
+        start: Points,
+        known: list[Array],
+    ) -> Minimum:
+        """Return the surface found, with the companion's part; add a guess to those known."""
+        companion = metric.complementary_metric if self.companion_weight else None
 
         def function(f: Points) -> tuple[float, Array]:
             value, gradient = distances.value_and_gradient(f)
@@ -132,37 +151,25 @@ class NearestSurface:
             unseen = self.companion_weight * companion.metric_matrix(f)
             return SparseCholeskyFactor(2.0 * (metric.metric_matrix(f) + unseen))
 
-        known = [start]
-
-        def best(inner: Result | None) -> MeanResult:
-            value, _ = distances.value_and_gradient(known[-1])
-            return MeanResult(known[-1], value, np.array([value]))
-
-        with interruptible(best):
-            first_value, _ = function(start)
-            if not np.isfinite(first_value):
-                raise DegenerateSurfaceError("every triangle of start must have an area")
-            guess = distances.nearby(start)
-            if function(guess)[0] < _NEARBY * first_value:
-                known.append(guess)
-            rounding = max(
-                min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start)
-            )
-            minimum = minimize_from(
-                known[-1],
-                metric.space,
-                None,
-                function,
-                half_inverse_hessian_at,
-                tolerance=self.tolerance,
-                max_iter=self.max_iter,
-                refresh=_REFRESH,
-                floor=rounding,
-                progress="surface" if self.progress else "",
-            )
-            known.append(minimum.x)
-            variance, _ = distances.value_and_gradient(minimum.x)
-        return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))
+        first_value, _ = function(start)
+        if not np.isfinite(first_value):
+            raise DegenerateSurfaceError("every triangle of start must have an area")
+        guess = distances.nearby(start)
+        if function(guess)[0] < _NEARBY * first_value:
+            known.append(guess)
+        rounding = max(min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start))
+        return minimize_from(
+            known[-1],
+            metric.space,
+            None,
+            function,
+            half_inverse_hessian_at,
+            tolerance=self.tolerance,
+            max_iter=self.max_iter,
+            refresh=_REFRESH,
+            floor=rounding,
+            progress="surface" if self.progress else "",
+        )
 
 
 def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Booleans:

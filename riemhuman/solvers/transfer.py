@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -371,48 +371,34 @@ class Disentangling:
         posed: Array,
     ) -> DisentanglingResult:
         """Return the surface found from A in the pose of B."""
-        space = shape_metric.space
-        terms = [(shape_metric, 1.0, shape), (pose_metric, self.pose_weight, posed)]
-        faces = space.template.faces
+        goals = _Goals(
+            [_Goal(shape_metric, 1.0, shape), _Goal(pose_metric, self.pose_weight, posed)]
+        )
+        faces = shape_metric.space.template.faces
         least_areas = _LEAST_AREA * np.minimum(
             triangle_areas(shape, faces), triangle_areas(posed, faces)
         )
 
-        def weighted_sum(surface: Points) -> tuple[float, Array]:
-            value, gradient = 0.0, np.zeros_like(surface)
-            for metric, weight, point in terms:
-                squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
-                value += weight * squared
-                gradient += weight * slopes[1]
-            return value, gradient
-
         def objective(surface: Points) -> tuple[float, Array]:
             if np.any(triangle_areas(surface, faces) < least_areas):
                 return np.inf, np.zeros_like(surface)
-            return weighted_sum(surface)
+            return goals.value_and_gradient(surface)
 
-        def factor(surface: Points) -> CholeskyFactor:
-            matrix = sum(weight * metric.metric_matrix(surface) for metric, weight, _ in terms)
-            return SparseCholeskyFactor(2.0 * matrix)
-
-        rounding = sum(
-            weight * rounding_energy(metric, posed, size=_ROUNDING) for metric, weight, _ in terms
-        )
         minimum = minimize_from(
             posed,
-            space,
+            shape_metric.space,
             None,
             objective,
-            factor,
+            goals.factor,
             tolerance=self.tolerance,
             max_iter=self.max_iter,
-            floor=rounding,
+            floor=goals.rounding(posed),
             progress="disentangling" if self.progress else "",
         )
         surface, value = minimum.x, minimum.value
         if self.basis is not None:
             surface = _in_span(self.basis, shape, surface)
-            value, _ = weighted_sum(surface)
+            value, _ = goals.value_and_gradient(surface)
         surface = surface + np.mean(pose - surface, axis=0)
         return DisentanglingResult(
             surface,
@@ -422,6 +408,40 @@ class Disentangling:
             float(shape_metric.dist(shape, surface)),
             float(pose_metric.dist(pose, surface)),
             **minimum.outcome,
+        )
+
+
+class _Goal(NamedTuple):
+    """A surface to be near to by a metric, and the weight of the squared distance."""
+
+    metric: SurfaceMetric
+    weight: float
+    surface: Points
+
+
+class _Goals(NamedTuple):
+    """The weighted sum of the squared distances from some surfaces, each by its metric."""
+
+    goals: list[_Goal]
+
+    def value_and_gradient(self, surface: Points) -> tuple[float, Array]:
+        value, gradient = 0.0, np.zeros_like(surface)
+        for metric, weight, point in self.goals:
+            squared, slopes = metric.energy_and_gradient(np.stack([point, surface]))
+            value += weight * squared
+            gradient += weight * slopes[1]
+        return value, gradient
+
+    def factor(self, surface: Points) -> CholeskyFactor:
+        """Return a factor of about the second derivatives at a surface."""
+        matrix = sum(goal.weight * goal.metric.metric_matrix(surface) for goal in self.goals)
+        return SparseCholeskyFactor(2.0 * matrix)
+
+    def rounding(self, surface: Points) -> float:
+        """Return the part of the value at a surface that is due to rounding errors."""
+        return sum(
+            goal.weight * rounding_energy(goal.metric, surface, size=_ROUNDING)
+            for goal in self.goals
         )
 
 
