@@ -41,7 +41,8 @@ class ReadableUnit:
         sign : {"", "+"}
             Whether positive values have a sign, too.
         """
-        return f"{value * self.scale:{sign}{width or ''}.{self.digits}f}"
+        # "z": what is rounded to zero has no minus.
+        return f"{value * self.scale:{sign}z{width or ''}.{self.digits}f}"
 
 
 _INCHES = 1 / 0.0254  # in a metre, exactly

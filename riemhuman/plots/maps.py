@@ -136,6 +136,8 @@ def _classical_scaling(distances: ndarray) -> ndarray:
 def stress(distances: ndarray, positions: ndarray) -> float:
     r"""Return Kruskal's stress √(Σ (d_ij − δ_ij)² / Σ d_ij²) of an embedding, over all pairs.
 
+    If all distances are zero, it is zero where all items coincide in the embedding, else infinite.
+
     Parameters
     ----------
     distances : array, shape (n, n)
@@ -151,7 +153,10 @@ def stress(distances: ndarray, positions: ndarray) -> float:
     distances = distance_matrix(distances, "distances")
     positions = real_array(positions, "positions", (len(distances), "n_axes"), batched=False)
     on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
-    return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))
+    squared_errors, squares = ((distances - on_map) ** 2).sum(), (distances**2).sum()
+    if not squares:
+        return float("inf") if squared_errors else 0.0
+    return float(np.sqrt(squared_errors / squares))
 
 
 def describe_stress(stress: float) -> str:

@@ -171,7 +171,7 @@ def _text(value: float, unit: ReadableUnit, sign: str = "") -> str:
     if np.isnan(value):
         return _NONE
     digits = min(unit.digits, 1) if unit.scale == 100.0 else unit.digits
-    return f"{value * unit.scale:{sign}.{digits}f}".replace("-", "−")
+    return replace(unit, digits=digits).text(value, sign=sign).replace("-", "−")
 
 
 def view_measurements(

@@ -358,14 +358,14 @@ def _value(value: float, unit: ReadableUnit, sign: str = "") -> str:
     if not np.isfinite(value):
         return NOTHING
     digits = _DIGITS.get(unit.name, unit.digits)
-    return f"{value * unit.scale:{sign}.{digits}f}".replace("-", _MINUS)
+    return replace(unit, digits=digits).text(value, sign=sign).replace("-", _MINUS)
 
 
 def _uncertainty(value: float, unit: ReadableUnit) -> str:
     """Return an uncertainty, with one more digit if it would be 0."""
     digits = _DIGITS.get(unit.name, unit.digits)
     is_small = abs(value * unit.scale) < 0.5 * 10.0**-digits
-    return f"{value * unit.scale:.{digits + 1}f}" if is_small else _value(value, unit)
+    return replace(unit, digits=digits + 1).text(value) if is_small else _value(value, unit)
 
 
 def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:

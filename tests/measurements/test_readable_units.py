@@ -30,6 +30,11 @@ def test_text_may_have_a_width_and_a_sign():
     assert readable_unit("m").text(-0.012, sign="+") == "-1.20"
 
 
+def test_what_is_rounded_to_zero_has_no_minus():
+    assert readable_gap(-1e-17) == "0.0 mm"
+    assert readable_unit("kg").text(-1e-9, 6, "+") == " +0.00"
+
+
 def test_gaps_are_small():
     assert (readable_gap(0.0024), readable_gap(0.0254, "in")) == ("2.4 mm", "1.000 in")
     assert gap_unit("cm").name == "mm"

@@ -22,6 +22,13 @@ def test_scaling_keeps_the_distances_of_points_in_a_plane():
     assert stress(DISTANCES, 2 * found) == pytest.approx(1)
 
 
+def test_items_that_coincide_are_kept():
+    nothing = np.zeros((4, 4))
+    assert stress(nothing, embed(nothing, method="mds")) == 0.0
+    assert stress(nothing, POINTS[:4]) == np.inf
+    assert describe_stress(0.0) == "distances are kept"
+
+
 def test_t_sne_is_seeded_and_keeps_groups_together():
     groups = np.repeat([0, 1, 2], 10)
     noise = np.random.default_rng(1).uniform(0.1, 0.2, (30, 30))

@@ -113,7 +113,7 @@ class ValueScale {
     const last = this.stops.length - 1;
     this.values.forEach((value, vertex) => {
       if (Number.isNaN(value)) return; // not known, and grey
-      const place = last * Math.min(1, Math.max(0, (value - low) / (high - low)));
+      const place = last * Math.min(1, Math.max(0, (value - low) / (high - low || 1)));
       const before = Math.min(Math.floor(place), last - 1);
       for (let k = 0; k < 3; k += 1) {
         const [a, b] = [this.stops[before][k], this.stops[before + 1][k]];
