@@ -235,8 +235,8 @@ def length_of(points: object, name: str) -> int:
     """Return the number of points of an array, or of an object that has a length and slices."""
     # Arrays of no dimension have the methods of others, and classes those of their objects.
     has_slices = hasattr(points, "__getitem__") and getattr(points, "shape", None) != ()
-    is_none = isinstance(points, (type, Mapping, str, bytes, memoryview))
-    if is_none or not has_slices or not isinstance(points, Sized):
+    is_refused = isinstance(points, (type, Mapping, str, bytes, memoryview))
+    if is_refused or not has_slices or not isinstance(points, Sized):
         raise ArgumentTypeError(
             f"{name} must be an array, or have a length and slices; found {type(points).__name__}"
         )

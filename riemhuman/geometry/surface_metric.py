@@ -42,7 +42,10 @@ from riemhuman.terms.term import Term
 
 
 class MetricOfTerms(RiemannianMetric):
-    """A metric on aligned surfaces that is a sum of terms; subclasses set the terms and the sum."""
+    """A metric on aligned surfaces that is a sum of terms.
+
+    Subclasses set the terms, their sum, and which motions of surfaces it ignores.
+    """
 
     space: SurfaceSpace
     terms: tuple[Term, ...] | tuple[QuadraticTerm, ...]

@@ -49,15 +49,12 @@ class AlignedEnds:
 
     start: Points
     end: Points
+    given_end: Points
+    are_moved: bool
     # The motion of the end: a rotation vector for row vectors, and the shift of the centroid.
     turn: Array
     shift: Array
     weights: Array
-    given_end: Array
-
-    @property
-    def are_moved(self) -> bool:
-        return self.end is not self.given_end
 
     def turned_back(self, path: Points) -> Array:
         """Return a path between the aligned ends as one between the given ends."""
@@ -135,7 +132,9 @@ def end_of_logarithm(metric: RiemannianMetric, start: Points, end: Points) -> Ar
 
 def ends_as_given(start: Points, end: Points) -> AlignedEnds:
     """Return the ends of a path that stay where they are."""
-    return AlignedEnds(start, end, np.zeros(3), np.zeros(3), np.ones(1), end)
+    return AlignedEnds(
+        start, end, end, are_moved=False, turn=np.zeros(3), shift=np.zeros(3), weights=np.ones(1)
+    )
 
 
 def align_ends(metric: RiemannianMetric, start: Points, end: Points) -> AlignedEnds:
@@ -146,7 +145,7 @@ def align_ends(metric: RiemannianMetric, start: Points, end: Points) -> AlignedE
     turns, shifts = rigid_motions(end[None], start, weights, rotations=True)
     moved = end @ turns[0] + shifts[0]
     if np.abs(moved - end).max() <= _STILL * np.ptp(start, axis=0).max():
-        moved = end
+        return ends_as_given(start, end)
     shift = (centroid(moved, weights) - centroid(end, weights))[0]
     turn = Rotation.from_matrix(turns[0]).as_rotvec()
-    return AlignedEnds(start, moved, turn, shift, weights, end)
+    return AlignedEnds(start, moved, end, are_moved=True, turn=turn, shift=shift, weights=weights)

@@ -97,7 +97,7 @@ class TablesOfTerms(ABC):
 
 
 class SumOfFields(TablesOfTerms):
-    """Distances of many points whose fields, those of one term, a function computes."""
+    """Distances by one term, of the fields that a function computes of points."""
 
     def __init__(self, term: Term, areas: Array, fields: Callable[[Points], Fields]) -> None:
         super().__init__([term], areas)

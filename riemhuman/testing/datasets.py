@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol, cast
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, PointsOnDemand
 from riemhuman.checks import is_missing_label
+from riemhuman.surfaces import Template
 from riemhuman.testing.reports import Properties, PropertyReport, report_of, share
 
 __all__ = ["check_dataset"]
@@ -18,7 +20,18 @@ _N_READ = 8
 _NEEDED = ("points", "template", "subject", "pose")
 
 
-def check_dataset(dataset: Any) -> PropertyReport:  # Any: it may lack what is checked
+class DataSet(Protocol):
+    """What is checked of a data set that lacks nothing."""
+
+    points: PointsOnDemand
+    template: Template
+    subject: Collection[object] | None
+    pose: Collection[object] | None
+
+    def __len__(self) -> int: ...
+
+
+def check_dataset(dataset: object) -> PropertyReport:
     """Check that a data set has what tables, reports and estimators need.
 
     It needs a length; ``points``, surfaces of shape (n, V, 3), as an array or an object whose
@@ -38,10 +51,15 @@ def check_dataset(dataset: Any) -> PropertyReport:  # Any: it may lack what is c
     >>> rh.testing.check_dataset(bodies).passed
     True
     """
-    surfaces = _Surfaces(dataset)
-    properties = {"it has points, template, subject and pose": surfaces.lacking}
-    if not surfaces.lacking():
-        properties |= surfaces.properties()
+
+    def lacking() -> float:
+        return sum(not hasattr(dataset, name) for name in _NEEDED)
+
+    properties: dict[str, Callable[[], float]] = {
+        "it has points, template, subject and pose": lacking
+    }
+    if not lacking():
+        properties |= _Surfaces(cast(DataSet, dataset)).properties()
     return report_of(dataset, properties, 0.0)
 
 
@@ -49,7 +67,7 @@ def check_dataset(dataset: Any) -> PropertyReport:  # Any: it may lack what is c
 class _Surfaces:
     """The surfaces and labels of a data set."""
 
-    dataset: Any
+    dataset: DataSet
 
     def properties(self) -> Properties:
         return {
@@ -60,10 +78,7 @@ class _Surfaces:
             "there is a label for every surface": self.labels,
         }
 
-    def lacking(self) -> float:
-        return sum(not hasattr(self.dataset, name) for name in _NEEDED)
-
-    def some(self) -> list[ndarray]:
+    def sample(self) -> list[Array]:
         last = min(len(self.dataset), len(self.dataset.points)) - 1
         numbers = np.unique(np.linspace(0, last, _N_READ).astype(int))
         return [np.asarray(self.dataset.points[int(number)]) for number in numbers]
@@ -73,10 +88,10 @@ class _Surfaces:
 
     def shapes(self) -> float:
         shape = np.shape(self.dataset.template.vertices)
-        return share([surface.shape != shape for surface in self.some()])
+        return share([surface.shape != shape for surface in self.sample()])
 
     def finite(self) -> float:
-        return share([not np.isfinite(surface).all() for surface in self.some()])
+        return share([not np.isfinite(surface).all() for surface in self.sample()])
 
     def slices(self) -> float:
         points, n = self.dataset.points, min(2, len(self.dataset))
@@ -91,7 +106,7 @@ class _Surfaces:
         ]
         return share(is_wrong) if is_wrong else 0.0
 
-    def _are_complete(self, labels: Any) -> bool:
+    def _are_complete(self, labels: Collection[object]) -> bool:
         has_one_axis = getattr(labels, "ndim", 1) == 1
         is_complete = has_one_axis and len(labels) == len(self.dataset)
         return is_complete and not any(map(is_missing_label, labels))

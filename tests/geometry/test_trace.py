@@ -30,7 +30,7 @@ def walk(call):
             if path.startswith(PACKAGE) and not frame.f_code.co_name.startswith("<"):
                 place = (path[len(PACKAGE) + 1 :], frame.f_code.co_qualname)
                 functions.add(place)
-                above = next((one for one in reversed(stack) if one), None)
+                above = next((caller for caller in reversed(stack) if caller), None)
                 if above is not None and floor(place) > floor(above):
                     climbs.add(above)
             stack.append(place)
@@ -75,12 +75,12 @@ def test_points_are_checked_once(monkeypatch):
         return finite(x)
 
     monkeypatch.setattr(np, "isfinite", noted)
-    one = POINTS[0].shape
+    shape = POINTS[0].shape
     for call, expected in (
-        (lambda: METRIC.dist(POINTS[0], POINTS[1]), [one, one]),
+        (lambda: METRIC.dist(POINTS[0], POINTS[1]), [shape, shape]),
         (lambda: METRIC.energy(POINTS), [POINTS.shape]),
-        (lambda: METRIC.inner_product(POINTS[1], POINTS[2], POINTS[0]), [one, one, one]),
+        (lambda: METRIC.inner_product(POINTS[1], POINTS[2], POINTS[0]), [shape, shape, shape]),
     ):
         seen.clear()
         call()
-        assert [shape for shape in seen if len(shape) > 1] == expected
+        assert [shape_seen for shape_seen in seen if len(shape_seen) > 1] == expected
