@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
+import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence, Set, Sized
 from contextlib import suppress
 from typing import NoReturn, Protocol, SupportsIndex, TypeVar
@@ -34,6 +35,8 @@ class SpaceOfPoints(Protocol):
 
 
 _LONGEST = 200
+# Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
+_UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 # Fourth powers of lengths, and what weights make of them, stay within double precision.
 _LARGEST_WEIGHT = _LONGEST_LENGTH = 1e60
 _SHORTEST_LENGTH = 1e-60
@@ -594,6 +597,43 @@ def texts_of(
         if not isinstance(item, str):
             raise ArgumentTypeError(f"{name} must be {expected}; found {_shown(item)} among them")
     return tuple(map(str, items))
+
+
+def text(value: object, name: str) -> str:
+    """Return a text that pages and pictures can show."""
+    if not isinstance(value, str):
+        refuse_type(value, name, "a text")
+    return _writable(value, name)
+
+
+def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ...]:
+    """Return `count` names of items as texts; whole numbers are names as well.
+
+    `items` says what they are the names of, such as "surfaces".
+    """
+    expected = f"a sequence of texts, one for each of the {count} {items}"
+    if isinstance(values, Set) or not isinstance(values, Iterable):
+        refuse_type(values, name, expected)
+    names = [_name(value, name) for value in items_of(values, name, expected)]
+    if len(names) != count:
+        raise ArgumentError(f"{name} must name each of the {count} {items}; found {len(names)}")
+    return tuple(names)
+
+
+def _name(value: object, name: str) -> str:
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        return str(int(value))
+    if not isinstance(value, str):
+        raise ArgumentTypeError(f"{name} must hold texts; found {_shown(value)} among them")
+    return _writable(value, name)
+
+
+def _writable(value: str, name: str) -> str:
+    if _UNWRITABLE.search(value):
+        raise ArgumentError(
+            f"{name} must be a text without control characters; found {_shown(value)}"
+        )
+    return str(value)
 
 
 def flag(value: object, name: str) -> bool:

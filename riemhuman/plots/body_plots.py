@@ -13,7 +13,15 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import (
+    check_instance,
+    flag,
+    names_of,
+    real_array,
+    real_number,
+    text,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric
 from riemhuman.io.mesh_arrays import check_mesh
@@ -23,6 +31,7 @@ from riemhuman.plots._ground_picture import SHOWN, Ground, window_of
 from riemhuman.plots.figures import (
     SKIN,
     new_axes,
+    plain,
     scale_ends,
     value_colors,
 )
@@ -33,7 +42,14 @@ from riemhuman.plots.rendering import (
     surface_values,
     vertex_values,
 )
-from riemhuman.plots.windows import View, Window, same_heights, window_around
+from riemhuman.plots.windows import (
+    View,
+    Window,
+    pixel_height,
+    same_heights,
+    view_of,
+    window_around,
+)
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.terms import EbinTerm, NormalTerm
@@ -84,8 +100,10 @@ def plot_body(
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     ax = new_axes(ax, 3.2, 4.8)
-    view = View() if view is None else view
-    window = window_of(vertices, view, ground=ground)
+    view = view_of(view)
+    has_ground = flag(ground, "ground")
+    bar_label = None if label is None else text(label, "label")
+    window = window_of(vertices, view, ground=has_ground)
     low, limit = 0.0, 0.0
     if values is not None:
         shades = surface_values(values, len(vertices), len(np.asarray(faces)))
@@ -96,12 +114,12 @@ def plot_body(
         low, limit = scale_ends(shades)
         color = value_colors(vertex_values(shades, faces, len(vertices)), limit, signed=low < 0)
     picture = render(
-        vertices, faces, height=height, view=view, window=window, color=color, ground=ground
+        vertices, faces, height=height, view=view, window=window, color=color, ground=has_ground
     )
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
-    if values is not None and label is not None:
-        draw_bar(ax, low, limit, label)
+    if values is not None and bar_label is not None:
+        draw_bar(ax, low, limit, bar_label)
     return ax
 
 
@@ -177,30 +195,31 @@ def plot_path(
     """
     given, given_faces = as_surfaces(path, faces)
     surfaces = real_array(given, "path", ("n_times", "n_vertices", 3), batched=False)
+    if not len(surfaces):
+        raise ArgumentError("path must hold at least one surface; found none")
     numbers = np.arange(len(surfaces))
     if n_shown is not None:
         n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
         numbers = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
-    if labels is not None and len(labels) != len(surfaces):
-        raise ArgumentError(
-            f"labels must name each of the {len(surfaces)} surfaces; found {len(labels)}"
-        )
+    titles = None if labels is None else names_of(labels, "labels", len(surfaces), "surfaces")
+    bar_label = None if label is None else text(label, "label")
+    pixels = pixel_height(height)
     triangles = check_mesh(surfaces[0], given_faces)[1]
-    if ground and not one_floor:
+    has_ground = flag(ground, "ground")
+    if has_ground and not flag(one_floor, "one_floor"):
         surfaces = surfaces.copy()
         surfaces[..., 1] -= surfaces[..., 1].min(axis=1, keepdims=True)
-    view = View() if view is None else view
+    view = view_of(view)
     step = None if spacing is None else real_number(spacing, "spacing", minimum=0, strict=True)
-    floors, windows = _floors_and_windows(surfaces[numbers], view, step, ground=ground)
+    floors, windows = _floors_and_windows(surfaces[numbers], view, step, ground=has_ground)
     widths = np.array([frame.width for frame in windows])
     middles = np.cumsum(widths) - widths / 2
     if step is not None:
         middles = widths[0] / 2 + step * np.arange(len(numbers))
     tints, low, limit = _tints(surfaces, triangles, values, largest, colors)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / windows[0].height), 2.4)
-    whole_number(height, "height", minimum=1)
     for order, (index, frame, floor) in enumerate(zip(numbers, windows, floors, strict=True)):
-        picture = drawn(surfaces[index], triangles, height, view, frame, tints[index], floor)
+        picture = drawn(surfaces[index], triangles, pixels, view, frame, tints[index], floor)
         left = middles[order] - frame.width / 2
         right = middles[order] + frame.width / 2
         ax.imshow(
@@ -209,15 +228,15 @@ def plot_path(
             interpolation="antialiased",
             zorder=2 + order,
         )
-        if labels is not None:
+        if titles is not None:
             ax.text(
-                middles[order], 0.0, labels[int(index)], ha="center", va="top", fontsize="small"
+                middles[order], 0.0, plain(titles[index]), ha="center", va="top", fontsize="small"
             )
     ax.set_xlim(0.0, middles[-1] + widths[-1] / 2)
     ax.set_ylim(0.0, windows[0].height)
     ax.set_axis_off()
-    if values is not None and label is not None:
-        draw_bar(ax, low, limit, label)
+    if values is not None and bar_label is not None:
+        draw_bar(ax, low, limit, bar_label)
     return ax
 
 
@@ -240,6 +259,8 @@ def _tints(
             f"values must have one row for each of the {n_surfaces} surfaces; "
             f"found shape {shades.shape}"
         )
+    if largest is not None:
+        largest = real_number(largest, "largest", minimum=0)
     low, limit = scale_ends(shades, largest)
     smooth = np.stack([vertex_values(row, triangles, n_vertices) for row in shades])
     return value_colors(smooth, limit, signed=low < 0), low, limit
@@ -314,6 +335,7 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
     >>> rh.plots.contributions(metric, bodies[0], bodies[1]).normal.shape
     (2400,)
     """
+    check_instance(metric, "metric", ElasticMetric, "an ElasticMetric(...)")
     space = metric.space
     first_a, first_b = (
         surface.derivatives(space.check_point(f, "surface"), space.template.differential_operator)
@@ -344,7 +366,7 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     >>> rh.plots.per_area([3.0], [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     array([6.])
     """
-    areas = triangle_areas(np.asarray(vertices, dtype=np.float64), np.asarray(faces))
+    areas = triangle_areas(*check_mesh(vertices, faces))
     if not areas.all():
         raise ArgumentError("faces must not include triangles without area")
     return real_array(values, "values", (len(areas),)) / areas

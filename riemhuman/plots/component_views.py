@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import refuse_type
+from riemhuman.checks import check_instance
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.mesh_arrays import check_mesh
@@ -49,8 +49,7 @@ def view_components(
     >>> pca = rh.TangentPCA(space, n_components=2).fit(bodies.points[:50:10])
     >>> rh.plots.view_components(pca).save("components.html")
     """
-    if not isinstance(pca, TangentPCA):
-        refuse_type(pca, "pca", "a TangentPCA(...)")
+    check_instance(pca, "pca", TangentPCA, "a TangentPCA(...)")
     (middle,) = pca.inverse_transform(np.zeros((1, 1)))
     if middle.ndim != 2 or middle.shape[1] != 3:
         raise ArgumentError(f"pca must be fitted to surfaces; found points of {middle.shape}")

@@ -5,6 +5,7 @@ Both bodies are coloured, each compared with the other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,9 +13,10 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_instance, names_of, real_array, text
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements import (
     Measurements,
@@ -68,7 +70,7 @@ def view_difference(
     point_b: object = None,
     faces: ArrayLike | None = None,
     *,
-    names: tuple[str, str] = ("a", "b"),
+    names: Sequence[str] = ("a", "b"),
     measurements: Measurements | None = None,
     metric: ElasticMetric | None = None,
     title: str | None = None,
@@ -89,7 +91,7 @@ def view_difference(
         The bodies, metres; or a `VisitComparison` of both, with `measurements`.
     faces : array_like, shape (F, 3), optional
         Triangles; none for meshes and comparisons.
-    names : tuple of str
+    names : sequence of two str
     measurements : Measurements, optional
         By default those of the open body model, if the bodies have its triangles.
     metric : ElasticMetric, optional
@@ -106,12 +108,14 @@ def view_difference(
     >>> viewer.save("difference.html")
     """
     gap = gap_unit(system)
-    difference = _difference(point_a, point_b, faces, measurements, names, system)
+    titles = _two_names(names)
+    page_title = None if title is None else text(title, "title")
+    difference = _difference(point_a, point_b, faces, measurements, titles, system)
     outside = difference.outside(gap.scale)
     density = _density(difference, metric)
     lengths = []
     densities = []
-    for k, (name, other) in enumerate(zip(names, reversed(names), strict=True)):
+    for k, (name, other) in enumerate(zip(titles, reversed(titles), strict=True)):
         surface = difference.surfaces[k][np.newaxis]
         lengths.append(
             ViewedBody(
@@ -138,8 +142,8 @@ def view_difference(
         difference.faces,
         choices,
         legend="Colours",
-        title=title or f"Differences between {names[0]} and {names[1]}",
-        description=_description(difference, names, gap),
+        title=page_title or f"Differences between {titles[0]} and {titles[1]}",
+        description=_description(difference, titles, gap),
         panel=difference.panel,
     )
 
@@ -149,7 +153,7 @@ def plot_difference(
     point_b: object = None,
     faces: ArrayLike | None = None,
     *,
-    names: tuple[str, str] = ("a", "b"),
+    names: Sequence[str] = ("a", "b"),
     measurements: Measurements | None = None,
     view: View | None = None,
     height: int = 640,
@@ -175,7 +179,8 @@ def plot_difference(
     >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
     """
     gap = gap_unit(system)
-    difference = _difference(point_a, point_b, faces, measurements, names)
+    titles = _two_names(names)
+    difference = _difference(point_a, point_b, faces, measurements, titles)
     values = np.stack(difference.outside(gap.scale))
     figure = new_figure(7.2, 4.8)
     plot_path(
@@ -183,13 +188,18 @@ def plot_difference(
         difference.faces,
         values,
         largest=colour_limit(values),
-        labels=names,
+        labels=titles,
         label=f"+ outside of the other body, − inside, {gap.name}",
         view=view,
         ax=figure.subplots(),
         height=height,
     )
     return figure
+
+
+def _two_names(names: Sequence[str]) -> tuple[str, str]:
+    first, second = names_of(names, "names", 2, "bodies")
+    return first, second
 
 
 def _description(difference: _Difference, names: tuple[str, str], gap: ReadableUnit) -> str:
@@ -233,6 +243,8 @@ def _difference(
     system: str | None = None,
 ) -> _Difference:
     """Return two bodies in one pose and, if units are given, the list of their measurements."""
+    if measurements is not None:
+        check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
     if isinstance(point_a, VisitComparison):
         if measurements is None:
             raise ArgumentError(
@@ -243,10 +255,11 @@ def _difference(
         raise ArgumentError("point_b must be given, unless point_a is a VisitComparison")
     first, triangles = as_surfaces(point_a, faces)
     second, second_triangles = as_surfaces(point_b, faces)
-    if not np.array_equal(triangles, second_triangles):
-        raise ArgumentError("point_a and point_b must have the same triangles")
     surface = np.asarray(real_array(first, "point_a", ("V", 3), batched=False))
     second_surface = np.asarray(real_array(second, "point_b", surface.shape, batched=False))
+    triangles = check_triangles(triangles, len(surface), "point_a")
+    if faces is None and not np.array_equal(triangles, second_triangles):
+        raise ArgumentError("point_a and point_b must have the same triangles")
     if measurements is None:
         definitions = open_measurements(Template(surface, triangles))
         measurements = None if definitions is None else Measurements(definitions)
@@ -254,7 +267,6 @@ def _difference(
         compared = compare_visits(measurements, surface, second_surface)
         return _of_comparison(compared, measurements, names, system)
     moved = procrustes(second_surface, to=surface, scale=None)
-    triangles = np.asarray(triangles)
     outward = np.sum((moved - surface) * vertex_normals(surface, triangles), axis=1)
     return _Difference((surface, moved), triangles, outward, is_standard=False)
 

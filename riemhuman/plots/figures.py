@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.checks import check_instance
 from riemhuman.io.files import atomic_file, file_path
 from riemhuman.optional import import_matplotlib
 
@@ -76,12 +77,18 @@ def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
     Notebooks and windows show the figure, unless the backend that would do so is not installed.
     """
     if ax is not None:
+        check_instance(ax, "ax", import_matplotlib("axes").Axes, "axes of matplotlib")
         return ax
     try:
         pyplot = import_matplotlib("pyplot")
         return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
     except ImportError:
         return new_figure(width, height).subplots()
+
+
+def plain(text: str) -> str:
+    """Return a text that matplotlib writes as it is, without formulas between dollar signs."""
+    return text.replace("$", r"\$")
 
 
 def strip_figure(ax: Axes) -> Figure:

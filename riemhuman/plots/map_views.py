@@ -10,11 +10,11 @@ from markupsafe import Markup
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import class_indices, real_array
+from riemhuman.checks import names_of, real_array, text, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import class_colors
-from riemhuman.plots.maps import free_places
+from riemhuman.plots.maps import free_places, named_classes
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
 
@@ -148,24 +148,25 @@ def view_map(
     >>> viewer.save("map.html")
     """
     places = np.asarray(real_array(positions, "positions", ("n_items", 2), batched=False))
-    items = class_indices(labels, "labels", len(places))
+    items, classes = named_classes(labels, names, len(places))
+    if names is None:
+        classes = ("",) * len(classes)
     surfaces = np.asarray(
         real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
     )
-    titles = [str(number) for number in range(len(places))] if item_names is None else item_names
-    if len(titles) != len(places):
-        raise ArgumentError(
-            f"item_names must have one entry per body; found {len(titles)} for {len(places)}"
-        )
-    classes = [""] * (int(items.max()) + 1) if names is None else list(names)
+    if surfaces.size == 0:
+        raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
+    given_names = range(len(places)) if item_names is None else item_names
+    titles = names_of(given_names, "item_names", len(places), "bodies")
+    page_title = text(title, "title")
     # All stand in one place.
     low, high = surfaces.min(axis=1, keepdims=True), surfaces.max(axis=1, keepdims=True)
     middle = (low + high) / 2
     middle[..., 1] = low[..., 1]
     body = ViewedBody(titles[0], surfaces - middle)
     return Viewer(
-        np.asarray(faces),
-        {title: [body]},
-        title=title,
-        panel=MapPanel(places, items, classes, titles, note),
+        values_of(faces, "faces"),
+        {page_title: [body]},
+        title=page_title,
+        panel=MapPanel(places, items, classes, titles, text(note, "note")),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -10,14 +11,25 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import PointsLike
-from riemhuman.checks import Rng, class_indices, distance_matrix, generator, one_of, real_array
+from riemhuman.arrays import Integers, Labels, PointsLike
+from riemhuman.checks import (
+    Rng,
+    class_indices,
+    distance_matrix,
+    generator,
+    length_of,
+    names_of,
+    one_of,
+    real_array,
+    real_number,
+    text,
+)
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_matplotlib, import_optional
-from riemhuman.plots.figures import class_colors, new_axes
+from riemhuman.plots.figures import class_colors, new_axes, plain
 from riemhuman.plots.rendering import render
 
 if TYPE_CHECKING:
@@ -40,6 +52,7 @@ _LINE_HEIGHT = 0.16
 _POINT_INCHES = 0.05
 _BODY_PIXELS = 200
 _MOST_BODIES = 12
+_MOST_CLASSES = 10_000
 _GRID = 90  # places for bodies in each direction
 _N_ORDERS = 24  # orders in which bodies take the nearest free place
 _DARKER = 0.62  # names than points, for legibility
@@ -172,6 +185,7 @@ def describe_stress(stress: float) -> str:
     >>> rh.plots.describe_stress(0.35)
     'distances are off by a third'
     """
+    stress = real_number(stress, "stress", minimum=0.0)
     if stress < _NO_STRESS:
         return "distances are kept"
     nearest = min(_FRACTIONS, key=lambda fraction: abs(np.log(stress / fraction)))
@@ -214,7 +228,11 @@ def plot_embedding(
     >>> ax = rh.plots.plot_embedding([[0, 1], [1, 0], [1, 1]], [0, 0, 1], ["Anna", "Ben"])
     """
     places = real_array(positions, "positions", ("n_items", 2), batched=False)
-    items = class_indices(labels, "labels", len(places))
+    items, classes = named_classes(labels, names, len(places))
+    titles = None
+    if item_names is not None:
+        titles = names_of(item_names, "item_names", len(places), "items")
+    length_unit = None if unit is None else text(unit, "unit")
     if (points is None) != (faces is None):
         raise ArgumentError("points and faces must be given together; found only one of them")
     ax = new_axes(ax, 6.0, 5.0)
@@ -226,14 +244,14 @@ def plot_embedding(
             color=colors[label],
             marker=_MARKERS[label // 10 % len(_MARKERS)],
             linewidths=0,
-            label=str(label) if names is None else names[label],
+            label=plain(classes[label]),
             zorder=3,
         )
     ax.set(xticks=[], yticks=[])
     for spine in ax.spines.values():
         spine.set_visible(False)
     is_drawn = points is not None and len(np.unique(items)) <= _MOST_BODIES
-    if item_names is None and not is_drawn:
+    if titles is None and not is_drawn:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     low, high = places.min(axis=0), places.max(axis=0)
     margin = 0.05 * np.maximum(high - low, 1e-9)
@@ -242,15 +260,37 @@ def plot_embedding(
         margin += np.maximum(high - low, 1e-9) * rooms / (1 - rooms) / 2
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
-    if unit is not None:
-        _add_length_bar(ax, unit)
-    if item_names is not None:
-        _add_item_names(ax, places, item_names)
+    if length_unit is not None:
+        _add_length_bar(ax, length_unit)
+    if titles is not None:
+        _add_item_names(ax, places, titles)
     if points is None or faces is None:
         return ax
     surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
-    _add_bodies(ax, places, items, colors, names, surfaces, faces)
+    _add_bodies(ax, places, items, colors, classes, surfaces, faces)
     return ax
+
+
+def named_classes(
+    labels: Labels, names: Sequence[str] | None, count: int
+) -> tuple[Integers, tuple[str, ...]]:
+    """Return the classes of items, counted from 0, and the names of classes, or their numbers."""
+    if not count:
+        raise ArgumentError("positions must hold at least one item; found none")
+    items = class_indices(labels, "labels", count)
+    low, high = int(items.min()), int(items.max())
+    if low < 0 or high >= _MOST_CLASSES:
+        raise ArgumentError(
+            f"labels must be classes counted from 0, below {_MOST_CLASSES}; found {low} to {high}"
+        )
+    if names is None:
+        return items, tuple(map(str, range(high + 1)))
+    named = names_of(names, "names", length_of(names, "names"), "classes")
+    if len(named) <= high:
+        raise ArgumentError(
+            f"names must hold a name for each class; found {len(named)} for the classes 0 to {high}"
+        )
+    return items, named
 
 
 def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
@@ -274,7 +314,7 @@ def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
         best = int(overlaps.sum(axis=1).argmin())
         written = np.append(written, boxes[[best]], axis=0)
         ax.annotate(
-            name,
+            plain(name),
             position,
             xytext=tuple(offsets[best]),
             textcoords="offset points",
@@ -298,7 +338,7 @@ def _add_length_bar(ax: Axes, unit: str) -> None:
     ends = [middle - length / 2, middle + length / 2]
     ax.plot(ends, [bottom, bottom], color="#8a8f96", linewidth=2, clip_on=False)
     ax.annotate(
-        f"{length:g} {unit}", (middle, bottom), xytext=(0, 3), textcoords="offset points",
+        plain(f"{length:g} {unit}"), (middle, bottom), xytext=(0, 3), textcoords="offset points",
         ha="center", va="bottom", fontsize=_NAME_POINTS,
     )  # fmt: skip
 
@@ -308,7 +348,7 @@ def _add_bodies(
     positions: ndarray,
     labels: ndarray,
     colors: ndarray,
-    names: Sequence[str] | None,
+    names: Sequence[str],
     points: ndarray,
     faces: ArrayLike,
 ) -> None:
@@ -316,9 +356,7 @@ def _add_bodies(
     offsetbox = import_matplotlib("offsetbox")
     classes, counts = np.unique(labels, return_counts=True)
     classes = classes[np.argsort(-counts, kind="stable")][:_MOST_BODIES]
-    titles = [
-        str(label) if names is None else fill(names[label], _NAME_LETTERS) for label in classes
-    ]
+    titles = [fill(names[label], _NAME_LETTERS) for label in classes]
     centres = np.stack([np.median(positions[labels == label], axis=0) for label in classes])
     size = _inches(ax)
     low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
@@ -339,7 +377,7 @@ def _add_bodies(
         settings = {"xycoords": "axes fraction", "frameon": False, "pad": 0}
         ax.add_artist(offsetbox.AnnotationBbox(image, tuple(at), **settings))
         ax.annotate(
-            title, tuple((place + [0.0, tall / 2 - _BODY_HEIGHT - _NAME_GAP]) / size),
+            plain(title), tuple((place + [0.0, tall / 2 - _BODY_HEIGHT - _NAME_GAP]) / size),
             xycoords="axes fraction", ha="center", va="top", fontsize=_NAME_POINTS,
             linespacing=1.0, color=_DARKER * color,
         )  # fmt: skip

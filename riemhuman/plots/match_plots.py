@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.plots.figures import new_figure
+from riemhuman.checks import check_instance, names_of, real_array
+from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.windows import View, Window, window_around
 from riemhuman.registration import RegisteredScan, correspondence
@@ -43,6 +44,7 @@ def position_colors(points: ndarray) -> ndarray:
     >>> rh.plots.position_colors(bodies[0]).shape
     (1202, 3)
     """
+    points = real_array(points, "points", ("n_points", 3), batched=False, finite=False)
     is_seen = np.isfinite(points).all(axis=1)
     colors = np.tile(_UNSEEN, (len(points), 1))
     if not is_seen.any():
@@ -79,6 +81,9 @@ def plot_match(
     >>> figure = rh.plots.plot_match(result_a, result_b)  # doctest: +SKIP
     """
     results = (result_a, result_b)
+    for name, result in zip(("result_a", "result_b"), results, strict=True):
+        check_instance(result, name, RegisteredScan, "a registered scan")
+    titles = names_of(names, "names", 2, "scans")
     points_a = apply_transform(result_a.transform, result_a.scan.points)
     points_b = apply_transform(result_b.transform, result_b.scan.points)
     # Where the points of both scans are on the first: one scale, so that a place has one colour.
@@ -102,7 +107,7 @@ def plot_match(
             window = replace(windows[column], width=width, height=height)
             ax.imshow(_picture(result, points, point_colors, window, view))
             ax.set_axis_off()
-            ax.set_title(f"{names[column]}, {side}", fontsize=9)
+            ax.set_title(plain(f"{titles[column]}, {side}"), fontsize=9)
     return figure
 
 

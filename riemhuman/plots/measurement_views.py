@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import check_instance, mask, one_of, real_array, text
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements import (
     BodySizes,
@@ -21,15 +21,16 @@ from riemhuman.measurements import (
     in_standard_pose,
     readable_unit,
 )
+from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots._measurement_groups import Lines, MeasurementGroup, grouped, pictured
 from riemhuman.plots._packing import packed_points
 from riemhuman.plots._web_files import fill
-from riemhuman.plots.figures import new_figure
+from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.windows import View, window_around
+from riemhuman.plots.windows import View, pixel_height, window_around
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -211,13 +212,16 @@ def view_measurements(
     >>> viewer.save("anna.html")
     """
     surface = _posed(measurements, points, pose)
-    trusted = None if trusted_vertices is None else np.asarray(trusted_vertices)[np.newaxis]
+    body_name = text(name, "name")
+    trusted = None
+    if trusted_vertices is not None:
+        trusted = mask(trusted_vertices, "trusted_vertices", [(len(surface),)])[np.newaxis]
     measured = measurements.measure(
         surface[np.newaxis], axes="space", missing="nan", trusted_vertices=trusted
     )
     return Viewer(
         measurements.definitions.faces,
-        {"Body": [ViewedBody(name, surface[np.newaxis])]},
+        {"Body": [ViewedBody(body_name, surface[np.newaxis])]},
         title=title,
         panel=measurement_panel(measurements, [surface], measured, system=system),
     )
@@ -225,6 +229,7 @@ def view_measurements(
 
 def _posed(measurements: Measurements, points: object, pose: str) -> ndarray:
     """Return a checked body, in the standard pose or as it stands."""
+    check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
     one_of(pose, "pose", _POSES)
     shape = (measurements.definitions.n_vertices, 3)
     surface = np.asarray(real_array(points, "points", shape, batched=False))
@@ -270,6 +275,9 @@ def plot_measurements(
     >>> figure = rh.plots.plot_measurements(girths, bodies[0], pose="as is")
     """
     surface = _posed(measurements, points, pose)
+    one_of(system, "system", tuple(READABLE_UNITS))
+    pixels = pixel_height(height)
+    written_names = _written_names(names)
     lines = measurements.lines(surface, axes=axes)
     measured = measurements.measure(surface[np.newaxis], axes=axes, missing="nan")
     every = measurements.definitions.measurements
@@ -289,11 +297,18 @@ def plot_measurements(
         picture = panels[2 * row, column]
         picture.set_title(group.title, fontsize=11)
         group_lines = [lines[every[k].name] for k in group.members]
-        _draw_group(picture, surface, measurements.definitions.faces, group_lines, height)
+        _draw_group(picture, surface, measurements.definitions.faces, group_lines, pixels)
         table = panels[2 * row + 1, column]
         table.set(xlim=(0, 1), ylim=(longest + 1, 0))
-        _write_table(table, group, measured, system, names or {})
+        _write_table(table, group, measured, system, written_names)
     return figure
+
+
+def _written_names(names: Mapping[str, str] | None) -> dict[str, str]:
+    if names is None:
+        return {}
+    check_instance(names, "names", Mapping, "a mapping of names to texts")
+    return {name: plain(text(written, f"names[{name!r}]")) for name, written in names.items()}
 
 
 def _draw_group(

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_instance, names_of, real_array, values_of
 from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.motions import Warp
@@ -101,6 +101,7 @@ def view_motions(
     >>> viewer = rh.plots.view_motions(knees[:20], other[:30], warp, knees.faces)
     """
     motions = [_frames(first, "first"), _frames(second, "second")]
+    check_instance(warp, "warp", Warp, "a Warp, such as DynamicTimeWarping(...).warp returns")
     rate = _rate(first, second)
     if faces is None:
         if not isinstance(first, Motion):
@@ -108,13 +109,13 @@ def view_motions(
         faces = first.faces
     lasts = (len(motions[0]) - 1, len(motions[1]) - 1)
     _check_warp(warp, lasts)
-    labels = _names(first, second) if names is None else (str(names[0]), str(names[1]))
+    labels = _names(first, second) if names is None else _two_names(names)
     moments = np.linspace(warp.first[0], warp.first[-1], len(motions[0]))
     retimed = [moments, warp(moments)]
     bodies = [ViewedBody(label, frames) for label, frames in zip(labels, motions, strict=True)]
     aligned = [replace(body, times=t) for body, t in zip(bodies, retimed, strict=True)]
     return Viewer(
-        np.asarray(faces),
+        values_of(faces, "faces"),
         {"aligned": aligned, "as recorded": bodies},
         "Play",
         f"{labels[0]} and {labels[1]} aligned in time",
@@ -149,6 +150,11 @@ def _check_warp(warp: Warp, lasts: tuple[int, int]) -> None:
                 f"warp must hold times of the {name} motion from 0 to {last}; "
                 f"found {np.min(times):g} to {np.max(times):g}"
             )
+
+
+def _two_names(names: Sequence[str]) -> tuple[str, str]:
+    first, second = names_of(names, "names", 2, "motions")
+    return first, second
 
 
 def _names(first: Motion | ArrayLike, second: Motion | ArrayLike) -> tuple[str, str]:

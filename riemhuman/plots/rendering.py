@@ -18,7 +18,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from riemhuman.checks import real_array, whole_number
+from riemhuman.checks import check_instance, flag, length_of, real_array, text, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
@@ -29,7 +29,14 @@ from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._ground_picture import Ground, window_of
 from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots.figures import SKIN
-from riemhuman.plots.windows import View, Window, same_heights, window_around
+from riemhuman.plots.windows import (
+    View,
+    Window,
+    pixel_height,
+    same_heights,
+    view_of,
+    window_around,
+)
 
 _REFLECTED = 0.04  # share of the light that skin mirrors when seen from the front
 _SAMPLES = 2  # of a pixel in each direction, which smooth the outline
@@ -96,10 +103,13 @@ def render(
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     colors = real_array(color, "color", (3,))
-    whole_number(height, "height", minimum=1)
-    view = View() if view is None else view
-    floor = Ground.below([vertices]) if ground else None
-    window = window_of(vertices, view, ground=ground) if window is None else window
+    height = pixel_height(height)
+    view = view_of(view)
+    has_ground = flag(ground, "ground")
+    floor = Ground.below([vertices]) if has_ground else None
+    if window is None:
+        window = window_of(vertices, view, ground=has_ground)
+    check_instance(window, "window", Window, "a Window(...)")
     return drawn(vertices, faces, height, view, window, colors, floor)
 
 
@@ -119,7 +129,7 @@ def drawn(
         corner_colors *= shade[faces][..., np.newaxis]
     points, triangles, corner_colors = _with_eyes(vertices, faces, color, corner_colors)
 
-    width = max(1, round(height * window.width / window.height))
+    height, width = window.pixels(height)
     scale = height * _SAMPLES / window.height
     shape = (height * _SAMPLES, width * _SAMPLES)
     rotated = view.rotate(points)
@@ -157,10 +167,14 @@ def _with_eyes(
 def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
     """Return the colours of the corners of triangles, shape (F, 3, 3)."""
     shapes = ((3,), (len(faces), 3), (n_vertices, 3))
-    if colors.shape not in shapes or colors.min() < 0 or colors.max() > 1:
+    if colors.shape not in shapes:
         raise ArgumentError(
-            f"color must have shape (3,), ({len(faces)}, 3) or ({n_vertices}, 3) and lie between "
-            f"0 and 1; found shape {colors.shape}, from {colors.min():g} to {colors.max():g}"
+            f"color must have shape (3,), ({len(faces)}, 3) or ({n_vertices}, 3); found "
+            f"{colors.shape}"
+        )
+    if colors.min() < 0 or colors.max() > 1:
+        raise ArgumentError(
+            f"color must lie between 0 and 1; found {colors.min():g} to {colors.max():g}"
         )
     if colors.shape == (n_vertices, 3) and n_vertices != len(faces):
         return colors[faces]
@@ -177,13 +191,13 @@ def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
     values : array_like, shape (..., F) or (..., V)
     n_vertices, n_faces : int
     """
-    shape = np.shape(values)
+    numbers = values_of(values, "values")
+    shape = numbers.shape
     if shape[-1:] not in ((n_vertices,), (n_faces,)):
         raise ArgumentError(
             f"values must have one number per triangle ({n_faces}) or vertex ({n_vertices}); "
             f"found shape {shape}"
         )
-    numbers = np.asarray(values)
     is_known = ~np.isnan(numbers) if numbers.dtype.kind == "f" else np.ones(shape, dtype=bool)
     checked = real_array(np.where(is_known, numbers, 0.0), "values", shape, batched=False)
     return np.where(is_known, checked, np.nan)
@@ -405,10 +419,14 @@ def surfaces_html(
     >>> rh.plots.surfaces_html(bodies.points[:2], bodies.template.faces, "Two")[:7]
     '<figure'
     """
-    image, text = "", escape(caption, quote=True)
-    if len(surfaces):
-        image = f'<img src="{image_source(strip_picture(surfaces, faces))}" alt="{text}">'
-    return f'<figure style="margin:0">{image}<figcaption>{text}</figcaption></figure>'
+    image, words = "", escape(text(caption, "caption"), quote=True)
+    if length_of(surfaces, "surfaces"):
+        strip = real_array(surfaces, "surfaces", ("n", "n_vertices", 3), batched=False)
+        if strip.size == 0:
+            raise ArgumentError(f"surfaces must have vertices; found shape {strip.shape}")
+        triangles = None if faces is None else check_mesh(strip[0], faces)[1]
+        image = f'<img src="{image_source(strip_picture(strip, triangles))}" alt="{words}">'
+    return f'<figure style="margin:0">{image}<figcaption>{words}</figcaption></figure>'
 
 
 def image_source(picture: ndarray) -> str:

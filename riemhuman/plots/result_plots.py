@@ -10,10 +10,19 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Labels
-from riemhuman.checks import class_indices, class_numbers, length_of, real_array
+from riemhuman.checks import (
+    check_instance,
+    class_numbers,
+    length_of,
+    names_of,
+    real_array,
+    real_number,
+    text,
+)
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_matplotlib
-from riemhuman.plots.figures import class_colors, new_axes
+from riemhuman.plots.figures import class_colors, new_axes, plain
+from riemhuman.plots.maps import named_classes
 from riemhuman.retrieval import confusion, precision_recall
 
 if TYPE_CHECKING:
@@ -47,19 +56,25 @@ def plot_energy(
     >>> ax = rh.plots.plot_energy({"basis": [3.0, 2.0, 1.9], "straight": [3.0, 2.5]})
     """
     curves = energies if isinstance(energies, Mapping) else {"": energies}
+    if lines is not None:
+        check_instance(lines, "lines", Mapping, "a mapping of names to energies")
+    levels = {
+        text(name, "lines"): real_number(value, f"lines[{name!r}]")
+        for name, value in (lines or {}).items()
+    }
     ax = new_axes(ax, 3.6, 2.6)
     colors = class_colors(max(2, len(curves)))
     highest = 0
     for (name, curve), color in zip(curves.items(), colors, strict=False):
         values = np.atleast_1d(real_array(curve, "energies", ("n_iterations",), batched=False))
         highest = max(highest, len(values) - 1)
-        ax.plot(np.arange(len(values)), values, color=color, marker=".", label=name or None)
-    level = dict(lines or {})
-    for name, value in level.items():
-        above = value == max(level.values())
+        title = plain(text(name, "energies")) or None
+        ax.plot(np.arange(len(values)), values, color=color, marker=".", label=title)
+    for name, value in levels.items():
+        above = value == max(levels.values())
         ax.axhline(value, linewidth=0.8, linestyle=(0, (4, 3)), color="#8a8f96")
         ax.annotate(
-            name, (1.0, value), xycoords=("axes fraction", "data"),
+            plain(name), (1.0, value), xycoords=("axes fraction", "data"),
             xytext=(-2, 3 if above else -3), textcoords="offset points", ha="right",
             va="bottom" if above else "top", fontsize="small",
         )  # fmt: skip
@@ -100,11 +115,13 @@ def plot_precision_recall(
     >>> D = np.abs(place[:, None] - place)
     >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1, 2, 2])
     """
+    check_instance(distances, "distances", Mapping, "a mapping of names to matrices of distances")
     _check_classes(class_numbers(labels, "labels", length_of(labels, "labels"))[0])
     ax = new_axes(ax, 4.2, 3.2)
     for (name, matrix), color in zip(distances.items(), class_colors(len(distances)), strict=True):
         recall, precision = precision_recall(matrix, labels)
-        ax.plot(100 * recall, 100 * precision, color=color, marker=".", label=name)
+        title = plain(text(name, "distances"))
+        ax.plot(100 * recall, 100 * precision, color=color, marker=".", label=title)
     ax.set(xlabel="recall, %", ylabel="precision, %", xlim=(0, 102), ylim=(0, 104))
     _hide_frame(ax)
     ax.legend(
@@ -142,11 +159,10 @@ def plot_confusion(
     >>> D = np.abs(place[:, None] - place)
     >>> ax = rh.plots.plot_confusion(D, [0, 0, 1, 1, 2, 2])
     """
-    items = class_indices(labels, "labels", length_of(distances, "distances"))
+    items, named = named_classes(labels, names, length_of(distances, "distances"))
     _check_classes(items)
     counts = confusion(distances, items)
-    classes = np.unique(items)
-    titles = [str(label) if names is None else names[label] for label in classes]
+    titles = [plain(named[label]) for label in np.unique(items)]
     ax = new_axes(ax, 4.2, 4.0)
     without_zeros = np.ma.masked_equal(counts, 0)
     _heat_map(ax, without_zeros, counts.sum(axis=1).max(), titles, titles, digits=1)
@@ -183,9 +199,14 @@ def plot_sweep(
     --------
     >>> ax = rh.plots.plot_sweep([[90, 95], [80, 99]], [1e-4, 1], ["c = 0", "c = 1"])
     """
-    cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)
+    rows = real_array(lams, "lams", ("n_lams",), batched=False)
+    columns = names_of(weights, "weights", length_of(weights, "weights"), "columns")
+    if not (len(rows) and len(columns)):
+        raise ArgumentError("lams and weights must hold at least one entry each; found none")
+    cells = real_array(scores, "scores", (len(rows), len(columns)), batched=False)
     ax = new_axes(ax, 5.2, 3.0)
-    _heat_map(ax, np.ma.array(cells), 100.0, [f"{lam:g}" for lam in lams], weights)
+    labels = [f"{lam:g}" for lam in rows]
+    _heat_map(ax, np.ma.array(cells), 100.0, labels, [plain(column) for column in columns])
     ax.set(xlabel="c (with a = 1)", ylabel="λ")
     return ax
 
@@ -209,8 +230,8 @@ def _heat_map(
     ax.set_xticks(range(len(columns)), columns)
     ax.set_yticks(range(len(rows)), rows)
     for row, column in np.argwhere(~np.ma.getmaskarray(values)):
-        text = f"{values[row, column]:.{digits}f}".removesuffix(".0")
-        ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
+        written = f"{values[row, column]:.{digits}f}".removesuffix(".0")
+        ax.text(column, row, written, ha="center", va="center", fontsize="small", color=_ON_SHADES)
 
 
 def _hide_frame(ax: Axes) -> None:

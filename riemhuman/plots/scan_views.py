@@ -12,6 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from riemhuman.checks import check_instance, real_number, text
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill
@@ -20,7 +21,7 @@ from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_color
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.windows import View, Window, window_around
+from riemhuman.plots.windows import View, Window, pixel_height, view_of, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 
 if TYPE_CHECKING:
@@ -156,12 +157,13 @@ def view_scan(
     >>> viewer = rh.plots.view_scan(scan.surface, bodies[0], bodies.template.faces)
     >>> viewer.save("over.html")
     """
-    over = lay_over_body(scan, points, faces, unit=unit)
     gap = gap_unit(system)
+    page_title = None if title is None else text(title, "title")
+    over = lay_over_body(scan, points, faces, unit=unit)
     sentences = [_sentence(over, gap)]
     if isinstance(scan, (RegisteredScan, ScanRecord)):
         trust = "Registered scan" if scan.trusted else "Registered scan, not trusted"
-        title = title or trust
+        page_title = page_title or trust
         if scan.message:
             sentences.insert(0, f"{scan.message[0].upper()}{scan.message[1:].rstrip('.')}.")
     drawn = _around(over).thinned(_MOST_DISCS if over.scan_faces is None else _MOST_CORNERS)
@@ -170,7 +172,7 @@ def view_scan(
     return Viewer(
         over.faces,
         {"Body": [ViewedBody("", over.points[None])]},
-        title=title or "Scan over its body",
+        title=page_title or "Scan over its body",
         description=" ".join(sentences),
         panel=ScanPanel(drawn, _colour_end(over, gap), gap),
     )
@@ -263,8 +265,11 @@ def plot_scan(
     >>> figure = rh.plots.plot_scan(over)
     """
     gap = gap_unit(system)
-    end = _colour_end(over, gap) if limit is None else limit
-    pictures, window = _pictures(over, end, gap, height, view)
+    check_instance(over, "over", ScanOverBody, "a scan over its body")
+    end = _colour_end(over, gap)
+    if limit is not None:
+        end = real_number(limit, "limit", minimum=0.0, strict=True)
+    pictures, window = _pictures(over, end, gap, pixel_height(height), view_of(view))
     figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.2)
     axes = figure.subplots(1, 3)
     gaps = _gaps(over)

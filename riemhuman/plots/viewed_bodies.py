@@ -8,7 +8,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.arrays import JSONRecord
+from riemhuman.checks import check_instance, real_array, real_number, text
 from riemhuman.datasets.motions import ModelMotion
+from riemhuman.errors import ArgumentError
 from riemhuman.plots._bones import bone_record
 from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots.figures import (
@@ -89,6 +91,29 @@ class ViewedBody:
     value_limit: float | None = None
     components: ComponentChanges | None = None
     times: ndarray | None = None
+
+    def __post_init__(self) -> None:
+        text(self.label, "label")
+        text(self.value_label, "value_label")
+        text(self.value_caption, "value_caption")
+        if not isinstance(self.frames, ModelMotion):
+            frames = real_array(self.frames, "frames", ("n_times", "n_vertices", 3), batched=False)
+            if frames.size == 0:
+                raise ArgumentError(f"frames must hold a surface; found shape {frames.shape}")
+            object.__setattr__(self, "frames", frames)
+        channels = real_array(self.color, "color", (3,), batched=False)
+        if channels.min() < 0 or channels.max() > 1:
+            raise ArgumentError(f"color must lie between 0 and 1; found {self.color}")
+        if self.values is not None:
+            values = real_array(self.values, "values", ("n",), batched=False, finite=False)
+            object.__setattr__(self, "values", values)
+        if self.value_limit is not None:
+            real_number(self.value_limit, "value_limit", minimum=0.0)
+        if self.components is not None:
+            check_instance(self.components, "components", ComponentChanges)
+        if self.times is not None:
+            times = real_array(self.times, "times", ("n_shown",), batched=False)
+            object.__setattr__(self, "times", times)
 
     @property
     def limit(self) -> float:

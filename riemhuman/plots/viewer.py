@@ -17,7 +17,16 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import JSONRecord
-from riemhuman.checks import real_array, real_number, values_of
+from riemhuman.checks import (
+    check_instance,
+    flag,
+    items_of,
+    names_of,
+    real_array,
+    real_number,
+    text,
+    values_of,
+)
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
@@ -137,8 +146,23 @@ class Viewer:
     panel: Panel | None = None
 
     def __post_init__(self) -> None:
-        if not (self.choices and all(self.choices.values())):
+        check_instance(self.choices, "choices", Mapping, "a mapping of names to lists of bodies")
+        bodies_by_name = {
+            text(name, "choices"): items_of(bodies, f"choices[{name!r}]", "a list of ViewedBody")
+            for name, bodies in self.choices.items()
+        }
+        if not (bodies_by_name and all(bodies_by_name.values())):
             raise ArgumentError("choices must hold at least one body, and none may be empty")
+        for name, bodies in bodies_by_name.items():
+            for number, body in enumerate(bodies):
+                check_instance(body, f"choices[{name!r}][{number}]", ViewedBody, "a ViewedBody")
+        object.__setattr__(self, "choices", bodies_by_name)
+        text(self.legend, "legend")
+        text(self.title, "title")
+        text(self.description, "description")
+        real_number(self.seconds, "seconds", minimum=0.0, strict=True)
+        if self.frames_per_second is not None:
+            real_number(self.frames_per_second, "frames_per_second", minimum=0.0, strict=True)
         surfaces = [body.frames[0] for bodies in self.choices.values() for body in bodies]
         sizes = {len(surface) for surface in surfaces}
         if len(sizes) > 1:
@@ -190,7 +214,7 @@ class Viewer:
             data["panel"] = {"name": self.panel.name, **self.panel.data()}
         return fill(
             "viewer.html",
-            identifier=identifier,
+            identifier=text(identifier, "identifier"),
             title=self.title,
             legend=self.legend,
             stills={
@@ -358,19 +382,22 @@ def view_path(
             continue
         surfaces, triangles = as_surfaces(one_path, triangles)
         frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
-    if side_by_side:
-        choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
+    page_title = text(title, "title")
+    if flag(side_by_side, "side_by_side"):
+        choices = {page_title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
-    viewer = Viewer(values_of(triangles, "faces"), choices, legend, title, description)
-    if frames_per_second is not None:
-        if seconds is not None:
-            raise ArgumentError("pass either seconds or frames_per_second; found both")
-        rate = real_number(frames_per_second, "frames_per_second", minimum=0, strict=True)
-        return replace(viewer, frames_per_second=rate)
-    if seconds is not None:
-        viewer = replace(viewer, seconds=real_number(seconds, "seconds", minimum=0, strict=True))
-    return viewer
+    if frames_per_second is not None and seconds is not None:
+        raise ArgumentError("pass either seconds or frames_per_second; found both")
+    return Viewer(
+        values_of(triangles, "faces"),
+        choices,
+        legend,
+        page_title,
+        description,
+        seconds=_SECONDS if seconds is None else seconds,
+        frames_per_second=frames_per_second,
+    )
 
 
 def view_bodies(
@@ -402,18 +429,16 @@ def view_bodies(
     if surfaces.size == 0:
         raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
-    names = [""] * len(surfaces) if names is None else names
-    bodies = _labelled(names, surfaces, [SKIN] * len(surfaces))
-    return Viewer(values_of(triangles, "faces"), {title: bodies}, title=title)
+    given_names = [""] * len(surfaces) if names is None else names
+    bodies = _labelled(given_names, surfaces, [SKIN] * len(surfaces))
+    page_title = text(title, "title")
+    return Viewer(values_of(triangles, "faces"), {page_title: bodies}, title=page_title)
 
 
 def _labelled(
-    names: Sequence[str], surfaces: ndarray, colors: Sequence[tuple[float, float, float]]
+    given_names: Sequence[str], surfaces: ndarray, colors: Sequence[tuple[float, float, float]]
 ) -> list[ViewedBody]:
-    if len(names) != len(surfaces):
-        raise ArgumentError(
-            f"names must have one entry per body; found {len(names)} for {len(surfaces)} bodies"
-        )
+    names = names_of(given_names, "names", len(surfaces), "bodies")
     return [
         ViewedBody(name, surface[np.newaxis], color)
         for name, surface, color in zip(names, surfaces, colors, strict=True)
@@ -456,22 +481,26 @@ def save_picture(
     'Anna, Ben'
     """
     surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
+    if surfaces.size == 0:
+        raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
     colors = [SKIN] * len(surfaces)
-    if mean:
+    has_mean = flag(mean, "mean")
+    page_title = text(title, "title")
+    if has_mean:
         colors[-1] = MEAN
     bodies = _labelled(names, surfaces, colors)
     ending = file_path(path).suffix.lower()
     if ending not in (".png", ".html"):
         raise ArgumentError(f"path must end in .png or .html; found {os.fspath(path)!r}")
     if ending == ".html":
-        Viewer(np.asarray(faces), {title: bodies}, title=title).save(path)
+        Viewer(values_of(faces, "faces"), {page_title: bodies}, title=page_title).save(path)
         return f"all {len(surfaces)} bodies"
     # The mean is always drawn, the others evenly chosen.
-    n_others = len(bodies) - 1 if mean else len(bodies)
-    n_drawn = min(n_others, _MOST_IN_PICTURE - 1 if mean else _MOST_IN_PICTURE)
+    n_others = len(bodies) - 1 if has_mean else len(bodies)
+    n_drawn = min(n_others, _MOST_IN_PICTURE - 1 if has_mean else _MOST_IN_PICTURE)
     numbers = np.linspace(0, n_others - 1, n_drawn).round().astype(int).tolist()
     drawn = [bodies[number] for number in numbers]
-    if mean:
+    if has_mean:
         drawn.append(bodies[-1])
     labels = [body.label for body in drawn]
     frames = [body.frames[0] for body in drawn]
@@ -490,6 +519,6 @@ def save_picture(
     sentence = ", ".join(labels)
     if n_drawn < n_others:
         sentence += f": {n_drawn} of {n_others} bodies"
-        if mean:
+        if has_mean:
             sentence += " and their mean"
     return sentence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,12 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array, real_number
+from riemhuman.checks import check_instance, real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError
+
+# Of a picture.
+_LARGEST_HEIGHT = 10_000
+_MOST_PIXELS = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,14 @@ class View:
         return points @ np.stack([right, np.cross(towards, right), towards], axis=1)
 
 
+def view_of(view: View | None) -> View:
+    """Return the direction that a function was given, or the default one."""
+    if view is None:
+        return View()
+    check_instance(view, "view", View, "a View(...)")
+    return view
+
+
 @dataclass(frozen=True)
 class Window:
     """The part of the viewer's picture plane that is shown, metres."""
@@ -58,6 +72,24 @@ class Window:
     centre: tuple[float, float]
     width: float
     height: float
+
+    def pixels(self, height: int) -> tuple[int, int]:
+        """Return the height and width of a picture of this window."""
+        width = height * self.width / self.height if self.height > 0 else math.inf
+        if not height * width <= _MOST_PIXELS:
+            raise ArgumentError(
+                f"a picture of {self.width:.3g} m by {self.height:.3g} m, {height} pixels high, "
+                f"would have more than {_MOST_PIXELS:,} pixels; pass a smaller height"
+            )
+        return height, max(1, round(width))
+
+
+def pixel_height(height: int) -> int:
+    """Return the height of a picture that a function was given."""
+    pixels = whole_number(height, "height", minimum=1)
+    if pixels > _LARGEST_HEIGHT:
+        raise ArgumentError(f"height must be at most {_LARGEST_HEIGHT} pixels; found more")
+    return pixels
 
 
 def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.arrays import JSONRecord
-from riemhuman.checks import one_of
-from riemhuman.datasets import load_open_bodies
+from riemhuman.checks import check_basis, check_function, check_instance, flag, one_of
+from riemhuman.datasets import Bodies, load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
 from riemhuman.measurements import open_measurements
@@ -50,7 +50,6 @@ from riemhuman.report.registered_scans import scan_section
 from riemhuman.retrieval.benchmarks import of_extensions, representations, table_metrics
 
 if TYPE_CHECKING:
-    from riemhuman.datasets import Bodies
     from riemhuman.surfaces import DeformationBasis
 
 _ONE = {"bodies": "body", "people": "person", "poses": "pose", "pairs": "pair"}
@@ -114,27 +113,33 @@ def make_report(
     >>> page = rh.report.make_report("report", quick=True)  # doctest: +SKIP
     """
     one_of(units, "units", tuple(READABLE_UNITS))
+    if bodies is not None:
+        check_instance(bodies, "bodies", Bodies, "Bodies, such as rh.datasets.load_faust returns")
+    if basis is not None:
+        check_basis(basis, "basis")
+    is_quick = flag(quick, "quick")
+    check_function(progress, "progress")
     check_folder(output)
     import_matplotlib(extra="report")
     import_optional("sklearn.manifold", "report")
     started = _now()
-    bodies = _bodies_to_report(bodies, basis, quick, progress)
+    bodies = _bodies_to_report(bodies, basis, is_quick, progress)
     compared = table_metrics(bodies)
-    compared |= of_extensions(bodies) if quick else representations(bodies)
+    compared |= of_extensions(bodies) if is_quick else representations(bodies)
     sections = [] if scans is None else [scan_section(read_records(scans), units=units)]
     folder = open_folder(output)
     digest = fingerprint(bodies)
     common = {**_identity(), "bodies": digest}
     store = ResultStore(folder / "results", common, progress)
     figures = ResultStore(folder / "results" / "figures", common, progress)
-    plan = QUICK if quick else Plan()
+    plan = QUICK if is_quick else Plan()
     files = Output(folder, figures, plan.dots_an_inch)
     report = Report(bodies, plan, store, files, compared, basis, units)
     sections += _sections_of(report)
     steps = _rows_of_steps(store)
     making = fill("making", steps=files.table("steps", steps))
     sections.append(Section("making", "How this was made", "Making", making))
-    write_text(folder / "index.html", _page_text(report, sections, quick=quick))
+    write_text(folder / "index.html", _page_text(report, sections, quick=is_quick))
     write_provenance(
         folder,
         {

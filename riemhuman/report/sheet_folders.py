@@ -10,7 +10,7 @@ from pathlib import Path
 
 from numpy import ndarray
 
-from riemhuman.checks import one_of
+from riemhuman.checks import check_function, check_instance, flag, items_of, one_of
 from riemhuman.errors import FileError, MissingDependencyError, warn
 from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
@@ -93,10 +93,16 @@ def make_sheets(
     >>> page = rh.report.make_sheets("bodies", "sheets")  # doctest: +SKIP
     """
     one_of(units, "units", tuple(READABLE_UNITS))
-    places = [bodies] if isinstance(bodies, (str, os.PathLike)) else list(bodies)
+    if isinstance(bodies, (str, os.PathLike)):
+        bodies = [bodies]
+    places = items_of(bodies, "bodies", "a path or a sequence of paths")
+    if measurements is not None:
+        check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
+    replaces = flag(replace_output, "replace_output")
+    check_function(progress, "progress")
     paths = [file_path(place, "bodies") for place in places]
     folder = file_path(output, "output", "folder")
-    check_output_folder(folder, _CONTENT, force=replace_output)
+    check_output_folder(folder, _CONTENT, force=replaces)
     with progress("Reading bodies"):
         subjects = find_subjects(paths, labels, unit=unit, up=up)
     sheets = _measured(subjects, measurements, units, progress)

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.arrays import ArrayLike
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import one_of, real_array, text
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_text
@@ -144,13 +144,14 @@ def sheet(
     """
     one_of(sex, "sex", ("adult", "woman", "man"))
     one_of(units, "units", tuple(READABLE_UNITS))
-    points, subject = _subject(body, "body", name, sex, visit)
+    person, date = text(name, "name"), text(visit, "visit")
+    points, subject = _subject(body, "body", person, sex, date)
     measurements = _measurements_of(model, points)
     real_array(points, "body", (measurements.definitions.n_vertices, 3), batched=False)
     average = average_for(measurements)
     values = values_of(measurements, [subject], average)[0]
     if before is not None:
-        earlier, first = _subject(before, "before", name, sex, "the earlier visit")
+        earlier, first = _subject(before, "before", person, sex, "the earlier visit")
         real_array(earlier, "before", points.shape, batched=False)
         values = with_changes(measurements, values, first, subject)
     return _sheet(measurements, subject, values, units)

@@ -32,7 +32,7 @@ def test_the_page_has_a_dot_for_each_body_and_a_name_for_each_class():
 
 
 def test_names_of_items_must_fit():
-    with pytest.raises(ArgumentError, match="one entry per body; found 2 for 10"):
+    with pytest.raises(ArgumentError, match="item_names must name each of the 10 bodies; found 2"):
         rh.plots.view_map(
             PLACES, BODIES.subject, points=BODIES.points, faces=BODIES.template.faces,
             item_names=["a", "b"],
