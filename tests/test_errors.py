@@ -153,10 +153,135 @@ def doors():
     }
 
 
+def doors_of_pictures():
+    """Return the doors of plots and of reports, as `doors` does."""
+    template = sphere_template()
+    faces = template.faces
+    points = surfaces(template, 3, rng=1, size=0.1)
+    space = rh.AlignedSurfaces(template, scale=None)
+    places = np.arange(6.0).reshape(3, 2)
+    classes = [0, 1, 2]
+    distances = np.abs(np.subtract.outer([0.0, 1.0, 5.0], [0.0, 1.0, 5.0]))
+    pca = rh.TangentPCA(rh.VectorSpace((42, 3)), 1).fit(points)
+    warp = rh.motions.DynamicTimeWarping(space.metric, centered=True).warp(points, points)
+    plots, report = rh.plots, rh.report
+
+    def viewed(**settings):
+        return plots.Viewer(faces, {"a": [plots.ViewedBody("a", points[:1], **settings)]})
+
+    def viewer(**settings):
+        return plots.Viewer(faces, {"a": [plots.ViewedBody("a", points)]}, **settings)
+
+    return {
+        "contributions": lambda odd: plots.contributions(odd, points[0], points[1]),
+        "contributions point": lambda odd: plots.contributions(space.metric, points[0], odd),
+        "Contributions": lambda odd: plots.Contributions(odd, np.ones(3)),
+        "describe_stress": plots.describe_stress,
+        "embed": lambda odd: plots.embed(odd, method="mds"),
+        "embed bodies": lambda odd: plots.embed(space.metric, odd, method="mds"),
+        "embed method": lambda odd: plots.embed(distances, method=odd),
+        "per_area": lambda odd: plots.per_area(np.ones(80), odd, faces),
+        "per_area faces": lambda odd: plots.per_area(np.ones(80), points[0], odd),
+        "plot_body": lambda odd: plots.plot_body(odd, faces),
+        "plot_body values": lambda odd: plots.plot_body(points[0], faces, odd, height=9),
+        "plot_body color": lambda odd: plots.plot_body(points[0], faces, color=odd, height=9),
+        "plot_body view": lambda odd: plots.plot_body(points[0], faces, view=odd, height=9),
+        "plot_body ground": lambda odd: plots.plot_body(points[0], faces, ground=odd, height=9),
+        "plot_body ax": lambda odd: plots.plot_body(points[0], faces, ax=odd, height=9),
+        "plot_confusion": lambda odd: plots.plot_confusion(odd, classes),
+        "plot_confusion labels": lambda odd: plots.plot_confusion(distances, odd),
+        "plot_confusion names": lambda odd: plots.plot_confusion(distances, classes, odd),
+        "plot_difference": lambda odd: plots.plot_difference(points[0], odd, faces),
+        "plot_difference names": lambda odd: plots.plot_difference(
+            points[0], points[1], faces, names=odd, height=9
+        ),
+        "plot_embedding": lambda odd: plots.plot_embedding(odd, classes),
+        "plot_embedding labels": lambda odd: plots.plot_embedding(places, odd),
+        "plot_embedding names": lambda odd: plots.plot_embedding(places, classes, odd),
+        "plot_embedding items": lambda odd: plots.plot_embedding(places, classes, item_names=odd),
+        "plot_energy": plots.plot_energy,
+        "plot_energy lines": lambda odd: plots.plot_energy([2.0, 1.0], lines=odd),
+        "plot_match": lambda odd: plots.plot_match(odd, odd),
+        "plot_path": lambda odd: plots.plot_path(odd, faces),
+        "plot_path labels": lambda odd: plots.plot_path(points, faces, labels=odd, height=9),
+        "plot_path height": lambda odd: plots.plot_path(points[:1], faces, height=odd),
+        "plot_path largest": lambda odd: plots.plot_path(
+            points, faces, points[..., 0], largest=odd, height=9
+        ),
+        "plot_precision_recall": lambda odd: plots.plot_precision_recall(odd, classes),
+        "plot_scan": plots.plot_scan,
+        "plot_sweep": lambda odd: plots.plot_sweep(np.ones((1, 2)), odd, ["a", "b"]),
+        "plot_sweep weights": lambda odd: plots.plot_sweep(np.ones((1, 2)), [1.0], odd),
+        "position_colors": plots.position_colors,
+        "render": lambda odd: plots.render(odd, faces),
+        "render height": lambda odd: plots.render(points[0], faces, height=odd),
+        "render window": lambda odd: plots.render(points[0], faces, window=odd),
+        "save_picture": lambda odd: plots.save_picture(odd, points, faces, ["a", "b", "c"]),
+        "save_picture names": lambda odd: plots.save_picture("a.html", points[:1], faces, odd),
+        "save_picture mean": lambda odd: plots.save_picture(
+            "a.html", points[:1], faces, ["a"], mean=odd
+        ),
+        "stress": lambda odd: plots.stress(odd, places),
+        "surfaces_html": lambda odd: plots.surfaces_html(odd, faces, "caption"),
+        "surfaces_html faces": lambda odd: plots.surfaces_html(points[:1], odd, "caption"),
+        "surfaces_html caption": lambda odd: plots.surfaces_html([], faces, odd),
+        "view": lambda odd: plots.view(odd, faces),
+        "View": plots.View,
+        "view_bodies": lambda odd: plots.view_bodies(odd, faces),
+        "view_bodies faces": lambda odd: plots.view_bodies(points, odd),
+        "view_bodies names": lambda odd: plots.view_bodies(points, faces, odd),
+        "view_bodies title": lambda odd: plots.view_bodies(points, faces, title=odd),
+        "view_components": plots.view_components,
+        "view_components faces": lambda odd: plots.view_components(pca, odd),
+        "view_difference metric": lambda odd: plots.view_difference(
+            points[0], points[1], faces, metric=odd
+        ),
+        "view_map": lambda odd: plots.view_map(odd, classes, points=points, faces=faces),
+        "view_map points": lambda odd: plots.view_map(places, classes, points=odd, faces=faces),
+        "view_map faces": lambda odd: plots.view_map(places, classes, points=points, faces=odd),
+        "view_map note": lambda odd: plots.view_map(
+            places, classes, points=points, faces=faces, note=odd
+        ),
+        "view_measurements": lambda odd: plots.view_measurements(odd, points[0]),
+        "view_motions": lambda odd: plots.view_motions(odd, points, warp, faces),
+        "view_motions warp": lambda odd: plots.view_motions(points, points, odd, faces),
+        "view_motions names": lambda odd: plots.view_motions(points, points, warp, faces, odd),
+        "view_path": lambda odd: plots.view_path(odd, faces),
+        "view_path seconds": lambda odd: plots.view_path(points, faces, seconds=odd),
+        "view_path side": lambda odd: plots.view_path(points, faces, side_by_side=odd),
+        "view_scan": lambda odd: plots.view_scan(odd, points[0], faces),
+        "view_scan system": lambda odd: plots.view_scan(points[0], points[0], faces, system=odd),
+        "ViewedBody": lambda odd: plots.ViewedBody("a", odd),
+        "ViewedBody label": lambda odd: plots.ViewedBody(odd, points),
+        "ViewedBody color": lambda odd: viewed(color=odd),
+        "ViewedBody values": lambda odd: viewed(values=odd),
+        "ViewedBody value_limit": lambda odd: viewed(values=np.ones(42), value_limit=odd),
+        "ViewedBody times": lambda odd: viewed(times=odd),
+        "ViewedBody components": lambda odd: viewed(components=odd),
+        "Viewer": lambda odd: plots.Viewer(odd, {"a": [plots.ViewedBody("a", points)]}),
+        "Viewer choices": lambda odd: plots.Viewer(faces, odd),
+        "Viewer bodies": lambda odd: plots.Viewer(faces, {"a": odd}),
+        "Viewer legend": lambda odd: viewer(legend=odd),
+        "Viewer rate": lambda odd: viewer(frames_per_second=odd),
+        "Viewer parts": lambda odd: viewer(parts=odd),
+        "Viewer panel": lambda odd: viewer(panel=odd),
+        "Viewer.fragment": viewer().fragment,
+        "Viewer.save": lambda odd: viewer().save(odd),
+        "make_report bodies": lambda odd: report.make_report("report", bodies="x", basis=odd),
+        "make_report quick": lambda odd: report.make_report("r", bodies="x", quick=odd),
+        "make_sheets": lambda odd: report.make_sheets(odd, "sheets"),
+        "make_sheets progress": lambda odd: report.make_sheets("a", "sheets", progress=odd),
+        "scan_page": report.scan_page,
+        "sheet": report.sheet,
+        "sheet name": lambda odd: report.sheet(points[0], name=odd),
+        "sheet units": lambda odd: report.sheet(points[0], units=odd),
+    }
+
+
 def test_odd_arguments_are_refused_with_a_typed_error(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     surprises = {}
-    for name, door in doors().items():
+    for name, door in (doors() | doors_of_pictures()).items():
         for label, odd in ODD.items():
             try:
                 with warnings.catch_warnings():

@@ -253,6 +253,11 @@ def output(
     return declare
 
 
+def unless_given(attribute: str, value: str) -> Argument:
+    """Return the declaration of the value of an option of the same command that is not given."""
+    return lambda parser: parser.set_defaults(**{attribute: value})
+
+
 def template(default: str, use: str = "whose triangle areas weight the metric") -> Argument:
     """Return the declarations of the template and of the unit of meshes."""
     text = f"template mesh, {use} (default: {default})"

@@ -343,7 +343,7 @@ def _retrieve(options: argparse.Namespace) -> cli.Answer:
 
 def _matrix_options(*, required: bool) -> cli.Argument:
     return cli.several(
-        cli.path_option("matrix", "NPZ", "distance matrix, see riemhuman matrix"),
+        cli.path_option("matrix", "MATRIX", "distances (.npz, or .csv), see riemhuman matrix"),
         cli.path_option("--labels", "CSV", "table of file, subject and pose", required=required),
         cli.flag("--allow-missing", "leave out meshes without labels, and labels without a mesh"),
     )
@@ -351,9 +351,14 @@ def _matrix_options(*, required: bool) -> cli.Argument:
 
 def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[str, list[str]]]:
     """Return distances, names and labels of meshes: if a table is given, of those in it."""
+    from riemhuman.io.text_tables import TABLE_ENDINGS, read_matrix
+
     file = options.matrix
-    arrays: dict[str, ndarray] = rh.io.load_arrays(file, ["distances", "names"])
-    distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
+    if file.suffix.lower() in TABLE_ENDINGS:
+        names, distances = read_matrix(file)
+    else:
+        arrays: dict[str, ndarray] = rh.io.load_arrays(file, ["distances", "names"])
+        distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
     if distances.shape != (len(names), len(names)):
         raise FileFormatError(
             f"{file}: distances must be a matrix with a row and a column for each of its "
@@ -392,12 +397,13 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
     "plot",
     "a map of a distance matrix",
     "Draws the meshes of a distance matrix (see riemhuman matrix) as points in the plane, by\n"
-    "multidimensional scaling, or by t-SNE, which preserves neighbourhoods. Points show the\n"
-    "names of their files, or have the colours of their labels. With --bodies, one body of "
-    "each\n"
-    "label is drawn next to its points, and on a page (.html), pointing at a point shows its\n"
-    "body.",
-    "  riemhuman plot D.npz -o map.png\n"
+    "multidimensional scaling, which keeps distances as well as a plane can, or by t-SNE, which\n"
+    "keeps neighbours. Bodies differ in more than two ways, so the picture says how far its\n"
+    "distances are off, and how many nearest neighbours it keeps. If both are lost, nothing is\n"
+    "drawn. Points show the names of their files, or have the colours of their labels. With\n"
+    "--bodies, one body of each label is drawn next to its points, and on a page (.html),\n"
+    "pointing at a point shows its body.",
+    "  riemhuman plot D.csv\n"
     "  riemhuman plot D.npz --labels labels.csv --bodies bodies/ -o map.html\n"
     "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
     "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
@@ -406,18 +412,21 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
         "FILE",
         *cli.FIGURE_ENDINGS,
         ".html",
-        text="picture to write: .png, .svg or .pdf, or with --bodies a page: .html",
+        text="picture: .png, .svg or .pdf, or with --bodies a page: .html (default: map.png)",
+        required=False,
     ),
+    cli.unless_given("output", "map.png"),
     cli.path_option("--bodies", "FOLDER", "folder of the meshes, to show bodies"),
     cli.choice("--by", "label that the colours show", *_QUESTIONS),
-    cli.choice("--method", "method that places the points", "mds", "t-sne"),
+    cli.choice(
+        "--method", "method that places the points; t-sne needs riemhuman[report]", "mds", "t-sne"
+    ),
 )
 def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     distances, names, labels = _read_matrix(options)
     item_names = None
-    unit = None
     meshes = None
     if labels:
         classes, items = np.unique(labels[options.by], return_inverse=True)
@@ -426,22 +435,8 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
         items, class_names = np.zeros(len(names), dtype=int), None
         item_names = [Path(name).stem for name in names]
     positions = rh.plots.embed(distances, method=options.method)
-    record = {"meshes": len(items), "method": options.method, "stress": None}
-    scale = "Near points are similar bodies (t-SNE); their distances have no unit."
-    if options.method == "mds":
-        unit = "m"
-        record["stress"] = stress = rh.plots.stress(distances, positions)
-        record["fit"] = loss = rh.plots.describe_stress(stress)
-        if stress > rh.plots.maps.LARGEST_STRESS:
-            raise ArgumentError(
-                f"a plane cannot represent these distances: with --method mds, {loss}; --method "
-                "t-sne shows which bodies are neighbours"
-            )
-        scale = (
-            "Distances between points approximate those between bodies under the metric, in "
-            "metres:\n"
-            f"{loss}."
-        )
+    scale, unit, facts = _meaning(distances, positions, options.method)
+    record = {"meshes": len(items), "method": options.method, **facts}
     if options.bodies is not None:
         meshes = _meshes_of(names, options.bodies)
     if options.ending == ".html":
@@ -463,6 +458,29 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
         ax.set_xlabel(scale)
         rh.plots.figures.save_figure(ax.figure, options.output)
     return cli.Answer(record, record)
+
+
+def _meaning(
+    distances: Array, positions: Array, method: str
+) -> tuple[str, str | None, dict[str, object]]:
+    """Return what distances on a map mean in two lines, their unit, if any, and both in numbers."""
+    kept, count, by_chance = rh.plots.maps.neighbours_kept(distances, positions)
+    facts: dict[str, object] = {"stress": None, "neighbours_kept": kept}
+    neighbours = f"Of the {count} bodies nearest to each, the map keeps {100 * kept:.0f} %."
+    if method != "mds":
+        scale = "Near points are similar bodies (t-SNE). Distances have no unit."
+        return f"{scale}\n{neighbours}", None, facts
+    stress = rh.plots.stress(distances, positions)
+    facts |= {"stress": stress, "fit": rh.plots.describe_stress(stress)}
+    least_kept = by_chance + rh.plots.maps.LEAST_KEPT * (1 - by_chance)
+    if stress > rh.plots.maps.LARGEST_STRESS and kept < least_kept:
+        raise ArgumentError(
+            f"a plane shows nothing of these distances: they are off by {100 * stress:.0f} %, and "
+            f"of the {count} bodies nearest to each, a map keeps {100 * kept:.0f} %, where chance "
+            f"keeps {100 * by_chance:.0f} %; riemhuman retrieve lists who is near to whom"
+        )
+    scale = f"Distances approximate those of the metric, in metres: off by {100 * stress:.0f} %."
+    return f"{scale}\n{neighbours}", "m", facts
 
 
 def _meshes_of(names: Sequence[str], folder: Path) -> RegisteredMeshes:

@@ -18,6 +18,9 @@ from riemhuman.io.files import memory_errors, read_text
 SEPARATORS = (";", "\t", ",")
 """What may separate the cells of a table; of equally many, the first, as in 0,62;1,31."""
 
+TABLE_ENDINGS = (".csv", ".tsv", ".txt")
+"""Endings of files that are read as tables."""
+
 _FORMULA = ("=", "+", "-", "@")
 _ADVICE = (
     "write decimals with a point, and separate numbers by semicolons or tabs to be unambiguous"
@@ -65,6 +68,31 @@ def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, Val
     if named_columns is not None and max(named_columns) < length:
         return {name: numbers[named_columns] for name, numbers in table.items()}
     return table
+
+
+def read_matrix(file: Path) -> tuple[list[str], Values]:
+    """Return the names and the numbers of a square table with names in its first line and column.
+
+    Columns may be in another order than rows.
+    """
+    _, rows = read_rows(file)
+    if len(rows) < 2:
+        raise FileFormatError(f"{file} holds no matrix: names in the first line, then rows")
+    header = rows[0][1][1:]
+    names = [cells[0] for _, cells in rows[1:]]
+    if sorted(header) != sorted(names) or len(set(names)) < len(names) or not all(names):
+        raise FileFormatError(
+            f"{file}: the rows and the columns of a matrix must have the same names, each once; "
+            f"found {len(set(names))} different names in {len(names)} rows, and "
+            f"{len(set(header))} in {len(header)} columns"
+        )
+    numbers = []
+    for line, (_, *fields) in rows[1:]:
+        where = f"{file}, line {line}"
+        if len(fields) != len(header):
+            raise FileFormatError(f"{where}: {len(fields)} numbers found, {len(header)} expected")
+        numbers.append([_number(field, where) for field in fields])
+    return names, np.array(numbers)[:, [header.index(name) for name in names]]
 
 
 def read_rows(file: Path) -> tuple[str, list[tuple[int, list[str]]]]:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
 
-from riemhuman.arrays import Integers, Labels, PointsLike
+from riemhuman.arrays import Array, Integers, Labels, PointsLike
 from riemhuman.checks import (
     Rng,
     class_indices,
@@ -50,13 +51,29 @@ _NAME_GAP = 0.04
 _LETTER_WIDTH = 0.09  # of names
 _LINE_HEIGHT = 0.16
 _POINT_INCHES = 0.05
+# Points (of 1/72 inch): the room of the scale bar, and the radius of a point.
+_BAR_POINTS = (110.0, 20.0)
+_DOT_RADIUS = 3.0
 _BODY_PIXELS = 200
 _MOST_BODIES = 12
 _MOST_CLASSES = 10_000
 _GRID = 90  # places for bodies in each direction
 _N_ORDERS = 24  # orders in which bodies take the nearest free place
 _DARKER = 0.62  # names than points, for legibility
-LARGEST_STRESS = 0.4  # of a map that is shown
+LARGEST_STRESS = 0.3
+"""Stress of a map up to which distances on it say something.
+
+Of bodies that are all equally far from each other, the best map has a stress of about 0.4.
+"""
+LEAST_KEPT = 0.2
+"""Least share of nearest neighbours that a map keeps, of those that chance does not keep."""
+_TIE = 1e-9
+_NEIGHBOURS = 5  # of each item, of which a map should keep most
+# Of majorization: steps, least gain of a step, and loss at which distances are kept.
+_MOST_STEPS = 1000
+_SMALLEST_GAIN = 1e-5
+_SMALLEST_LOSS = 1e-12
+_JITTER = 1e-12  # of the largest distance
 _NO_STRESS = 0.01
 _FRACTIONS = {
     0.02: "a fiftieth",
@@ -90,13 +107,16 @@ def embed(
         The bodies that the metric compares; not for distances.
     method : {"t-sne", "mds"}
         t-distributed stochastic neighbour embedding [1]_, which preserves neighbourhoods, or
-        classical multidimensional scaling (Torgerson 1952), which approximates distances.
+        metric multidimensional scaling by majorization [2]_, which keeps distances as well as a
+        plane can: it minimizes `stress`, from classical scaling (Torgerson 1952).
     rng : int or numpy.random.Generator
         Seed of t-SNE.
 
     References
     ----------
     .. [1] van der Maaten, Hinton, "Visualizing data using t-SNE", JMLR 2008.
+    .. [2] de Leeuw, "Convergence of the majorization method for multidimensional scaling",
+       J. Classification 1988.
 
     Examples
     --------
@@ -119,7 +139,7 @@ def embed(
         raise ArgumentError(f"distances must be of at least 3 items; found {len(matrix)}")
     start = _classical_scaling(matrix)
     if method == "mds":
-        return start
+        return _majorized(matrix, start)
     manifold = import_optional("sklearn.manifold", "report")
     # The recommended scale of initial positions for t-SNE.
     start = start / max(float(start[:, 0].std()), 1e-30) * 1e-4
@@ -141,9 +161,73 @@ def _classical_scaling(distances: ndarray) -> ndarray:
     means = squared.mean(axis=0)
     products = -0.5 * (squared - means - means[:, None] + means.mean())
     values, vectors = np.linalg.eigh(products)
-    positions = vectors[:, [-1, -2]] * np.sqrt(np.maximum(values[[-1, -2]], 0.0))
+    return _with_signs(vectors[:, [-1, -2]] * np.sqrt(np.maximum(values[[-1, -2]], 0.0)))
+
+
+def _majorized(distances: Array, positions: Array) -> Array:
+    """Lower the stress of positions by de Leeuw's majorization until it hardly falls."""
+    scale = float(distances.max())
+    if not scale:
+        return positions
+    # Points in one place would stay there.
+    jitter = np.random.default_rng(0).normal(size=positions.shape)
+    places = positions + _JITTER * scale * jitter
+    total = (distances**2).sum()
+    loss = math.inf
+    for _ in range(_MOST_STEPS):
+        on_map = cdist(places, places)
+        previous, loss = loss, float(((distances - on_map) ** 2).sum() / total)
+        if loss < _SMALLEST_LOSS or previous - loss < _SMALLEST_GAIN * loss:
+            break
+        # The Guttman transform.
+        ratios = np.divide(distances, on_map, out=np.zeros_like(on_map), where=on_map > 0)
+        places = (ratios.sum(axis=1)[:, np.newaxis] * places - ratios @ places) / len(places)
+    return _turned(places)
+
+
+def _turned(positions: Array) -> Array:
+    """Return positions about their mean, with the widest direction first."""
+    centred = positions - positions.mean(axis=0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    return _with_signs(centred @ axes.T)
+
+
+def _with_signs(positions: Array) -> Array:
+    """Return positions whose farthest coordinate in each direction is positive."""
     farthest = positions[np.abs(positions).argmax(axis=0), [0, 1]]
     return positions * np.where(farthest < 0, -1.0, 1.0)
+
+
+def neighbours_kept(distances: ArrayLike, positions: ArrayLike) -> tuple[float, int, float]:
+    """Return which share of each item's nearest neighbours are its nearest on a map.
+
+    Also their number, and the share that positions by chance would have; where distances are equal,
+    neighbours are kept by chance.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+    positions : array_like, shape (n, 2)
+    """
+    matrix = distance_matrix(distances, "distances")
+    places = real_array(positions, "positions", (len(matrix), "n_axes"), batched=False)
+    n_others = len(matrix) - 1
+    count = max(1, min(_NEIGHBOURS, n_others // 2))
+    by_chance = count / n_others
+    order = _nearest_first(matrix)
+    on_map = _nearest_first(cdist(places, places))[:, :count]
+    sorted_distances = np.take_along_axis(matrix, order, axis=1)
+    # The nearest that is not counted, from which ties cannot be told.
+    border = sorted_distances[:, count : count + 1]
+    is_tied = sorted_distances[:, :count] >= border * (1.0 - _TIE)
+    is_kept = (order[:, :count, np.newaxis] == on_map[:, np.newaxis]).any(axis=2)
+    return float(np.where(is_tied, by_chance, is_kept).mean()), count, by_chance
+
+
+def _nearest_first(distances: Array) -> Integers:
+    others = distances.copy()
+    np.fill_diagonal(others, np.inf)
+    return np.argsort(others, axis=1, kind="stable")
 
 
 def stress(distances: ndarray, positions: ndarray) -> float:
@@ -294,15 +378,21 @@ def named_classes(
 
 
 def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
-    """Write a name beside each point, where no name stands yet."""
+    """Write a name beside each point, off other points, names and the scale bar if possible."""
     low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
-    points = 72 * (positions - low) / [np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())] * _inches(ax)
+    size = 72 * _inches(ax)
+    points = (positions - low) / [np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())] * size
     height = 9.0  # of a name, points, of which a letter is about 5 wide
     # To the right and left of a point, then a line lower, a line higher and so on.
     lines = (0, -1, 1, -2, 2, -3, 3)
     offsets = np.array([[x, line * height] for line in lines for x in (5.0, -5.0)])
     is_right = offsets[:, 0] > 0
-    written = np.empty((0, 4))  # left, bottom, right and top of names, points
+    # Left, bottom, right and top, in points.
+    bar = [
+        [size[0] / 2 - _BAR_POINTS[0] / 2, 0.0, size[0] / 2 + _BAR_POINTS[0] / 2, _BAR_POINTS[1]]
+    ]
+    dots = np.concatenate([points - _DOT_RADIUS, points + _DOT_RADIUS], axis=1)
+    written = np.concatenate([bar, dots])
     for position, (x, y), name in zip(positions, points, names, strict=True):
         width = 5.0 * len(name)
         left = x + np.where(is_right, offsets[:, 0], offsets[:, 0] - width)
@@ -311,7 +401,8 @@ def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
         is_before = boxes[:, np.newaxis, 2:] <= written[np.newaxis, :, :2]
         is_behind = written[np.newaxis, :, 2:] <= boxes[:, np.newaxis, :2]
         overlaps = ~(is_before | is_behind).any(axis=-1)
-        best = int(overlaps.sum(axis=1).argmin())
+        is_outside = (bottom < 0) | (bottom + height > size[1])
+        best = int((overlaps.sum(axis=1) + len(positions) * is_outside).argmin())
         written = np.append(written, boxes[[best]], axis=0)
         ax.annotate(
             plain(name),

@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import JSONRecord
 from riemhuman.checks import (
     check_instance,
+    check_methods,
     flag,
+    integer_array,
     items_of,
     names_of,
     real_array,
@@ -172,6 +174,11 @@ class Viewer:
             for body in bodies:
                 if body.values is not None:
                     surface_values(body.values, len(surfaces[0]), len(self.faces))
+        if self.parts is not None:
+            check_instance(self.parts, "parts", Mapping, "a mapping of names to triangles")
+            _numbered_parts(self.parts, len(self.faces))
+        if self.panel is not None:
+            check_methods(self.panel, "panel", "a Panel", "html", "picture")
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -184,6 +191,7 @@ class Viewer:
         identifier : str
             Identifier of the viewer, unique in the page.
         """
+        text(identifier, "identifier")
         first_choice = next(iter(self.choices.values()))
         view = View()
         data: JSONRecord = {
@@ -214,7 +222,7 @@ class Viewer:
             data["panel"] = {"name": self.panel.name, **self.panel.data()}
         return fill(
             "viewer.html",
-            identifier=text(identifier, "identifier"),
+            identifier=identifier,
             title=self.title,
             legend=self.legend,
             stills={
@@ -319,7 +327,8 @@ def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> JSONRecord:
         raise ArgumentError(f"at most {_NO_PART} parts can be named; found {len(parts)}")
     numbers = np.full(n_faces, _NO_PART, dtype=np.uint8)
     for number, (name, triangles) in enumerate(parts.items()):
-        members = np.asarray(triangles)
+        text(name, "parts")
+        members = integer_array(triangles, f"parts[{name!r}]", ("n_triangles",))
         if members.size and not 0 <= members.min() <= members.max() < n_faces:
             raise ArgumentError(
                 f"part {name!r} must hold triangles from 0 to {n_faces - 1}; "

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from third_party import Extents, VertexOffsets
 
+from riemhuman.cli._terminal import matrix_text
+from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, AreaMetric, ElasticMetric
 from riemhuman.io import save_mesh
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -279,7 +281,8 @@ def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
     (ax,) = figures[0].axes
     texts = [text.get_text() for text in ax.texts]
     assert {f"body_{number}" for number in (0, 1, 2, 20, 21, 22)} <= set(texts)
-    assert "under the metric, in metres" in ax.get_xlabel()
+    assert "those of the metric, in metres: off by" in ax.get_xlabel()
+    assert "nearest to each, the map keeps" in ax.get_xlabel()
 
 
 def test_scores_are_those_of_the_library(run, scans, matrix):
@@ -304,7 +307,7 @@ def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, mat
     assert found["subject"] == asdict(scores(distances[:5, :5], [0, 0, 0, 1, 1]))
     picture = tmp_path / "map.png"
     finished = run("plot", matrix, "--labels", table, "--allow-missing", "-o", picture)
-    assert finished.out.startswith("meshes      5")
+    assert re.match(r"meshes +5\n", finished.out)
 
 
 def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
@@ -342,5 +345,42 @@ def test_a_map_that_misses_the_distances_is_not_drawn(run, refused, tmp_path):
     file, picture = tmp_path / "D.npz", tmp_path / "map.png"
     save_arrays(file, {"distances": 1 - np.eye(12), "names": np.array([*"abcdefghijkl"])})
     message = refused("plot", file, "-o", picture)
-    assert "distances are off by two thirds; --method t-sne" in message
+    assert "off by 35 %, and of the 5 bodies nearest to each, a map keeps 45 %" in message
     assert not picture.exists()
+
+
+def test_people_are_drawn_though_a_plane_misses_their_distances(run, tmp_path, monkeypatch):
+    """The matrix of a newcomer: distances of bodies, which are almost equal, as a table."""
+    monkeypatch.chdir(tmp_path)
+    bodies = load_open_bodies("coarse")[::3]
+    metric = ElasticMetric(AlignedSurfaces(bodies.template, equip=False))
+    names = [f"{name}.ply" for name in bodies.ids]
+    distances = metric.dist_pairwise(bodies.points)
+    (tmp_path / "D.csv").write_text(matrix_text(names, distances), encoding="utf-8")
+    found = json.loads(run("plot", "D.csv", "--json").out)
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    assert 0.3 < found["stress"] < 0.4
+    assert found["neighbours_kept"] > 0.5
+    # Columns in another order than rows, as spreadsheets leave them.
+    order = np.random.default_rng(0).permutation(len(names))
+    rows = [line.split(",") for line in (tmp_path / "D.csv").read_text("utf-8").splitlines()]
+    shuffled = [";".join([row[0], *(row[1 + k] for k in order)]) for row in rows]
+    (tmp_path / "other.tsv").write_text("\n".join(shuffled), encoding="utf-8")
+    again = json.loads(run("plot", "other.tsv", "-o", "b.png", "--json").out)
+    assert again == found | {"output": "b.png"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no matrix"),
+        ("file,a,b\na,0,1\n", "must have the same names"),
+        ("file,a,a\na,0,1\na,1,0\n", "each once"),
+        ("file,a,b\na,0,1\nb,1\n", "line 3: 1 numbers found, 2 expected"),
+        ("file,a,b\na,0,1\nb,x,0\n", "line 3: 'x' is not a number"),
+    ],
+)
+def test_tables_that_are_no_matrix(refused, tmp_path, text, message):
+    file = tmp_path / "D.csv"
+    file.write_text(text, encoding="utf-8")
+    assert message in refused("plot", file, "-o", tmp_path / "map.png")

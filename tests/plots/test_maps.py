@@ -7,7 +7,13 @@ from scipy.spatial.distance import pdist, squareform
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, MissingDependencyError
 from riemhuman.plots.figures import new_figure
-from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
+from riemhuman.plots.maps import (
+    describe_stress,
+    embed,
+    neighbours_kept,
+    plot_embedding,
+    stress,
+)
 
 POINTS = np.random.default_rng(0).normal(size=(12, 2))
 DISTANCES = squareform(pdist(POINTS))
@@ -27,6 +33,39 @@ def test_items_that_coincide_are_kept():
     assert stress(nothing, embed(nothing, method="mds")) == 0.0
     assert stress(nothing, POINTS[:4]) == np.inf
     assert describe_stress(0.0) == "distances are kept"
+
+
+def test_scaling_minimizes_the_stress():
+    """Five dimensions in a plane: classical scaling, a projection, makes all distances shorter."""
+    points = np.random.default_rng(3).normal(size=(30, 5))
+    distances = squareform(pdist(points))
+    found = embed(distances, method="mds")
+    lowest = stress(distances, found)
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0))
+    assert lowest < 0.7 * stress(distances, points @ axes[:2].T)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        moved = found + 0.03 * rng.normal(size=found.shape)
+        assert stress(distances, moved) > lowest
+
+
+def test_scaling_of_items_in_one_place_and_of_equal_distances():
+    twice = np.repeat(np.repeat(DISTANCES, 2, axis=0), 2, axis=1)
+    assert stress(twice, embed(twice, method="mds")) == pytest.approx(0, abs=1e-6)
+    # A square is the best map of four items that are all equally far from each other.
+    equal = 1 - np.eye(4)
+    square = 0.8536 * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    assert stress(equal, embed(equal, method="mds")) < 1.02 * stress(equal, square)
+
+
+def test_neighbours_kept():
+    assert neighbours_kept(DISTANCES, POINTS) == (1.0, 5, 5 / 11)
+    assert neighbours_kept(1 - np.eye(12), POINTS)[0] == pytest.approx(5 / 11)
+    # On a line, a swap of the first and the last item leaves the neighbours of some.
+    line = np.abs(np.subtract.outer(np.arange(7.0) ** 1.1, np.arange(7.0) ** 1.1))
+    kept, count, _ = neighbours_kept(line, np.stack([[6, 1, 2, 3, 4, 5, 0], np.zeros(7)], axis=1))
+    assert count == 3
+    assert 0.3 < kept < 0.8
 
 
 def test_t_sne_is_seeded_and_keeps_groups_together():

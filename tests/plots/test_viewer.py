@@ -123,7 +123,7 @@ def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path)
     for name, names, message in (
         ("x.jpg", "abcd", r"path must end in .png or .html; found .*x\.jpg"),
         ("x.png", "abc", "names must name each of the 4 bodies; found 3"),
-        ("x.html", "abcde", "found 5 for 4 bodies"),
+        ("x.html", "abcde", "names must name each of the 4 bodies; found 5"),
     ):
         with pytest.raises(ArgumentError, match=message):
             rh.plots.save_picture(tmp_path / name, PATH, TEMPLATE.faces, list(names))
@@ -153,7 +153,10 @@ def test_the_library_is_the_one_described():
         (lambda: view_path({}, TEMPLATE.faces), "at least one body"),
         (lambda: view_path(PATH[0], TEMPLATE.faces), "path must have shape"),
         (lambda: view_path({"a": PATH, "b": PATH[:, 1:]}, TEMPLATE.faces), "same vertices"),
-        (lambda: view_bodies(PATH, TEMPLATE.faces, ["a"]), "names must name each of the 4 bodies; found 1"),
+        (
+            lambda: view_bodies(PATH, TEMPLATE.faces, ["a"]),
+            "names must name each of the 4 bodies; found 1",
+        ),
         (lambda: view_bodies(PATH, TEMPLATE.faces + 100), "out of range"),
     ],
 )
