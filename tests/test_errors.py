@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 import riemhuman
 import riemhuman as rh
@@ -291,6 +292,8 @@ def test_odd_arguments_are_refused_with_a_typed_error(tmp_path, monkeypatch):
                 continue
             except Exception as error:  # noqa: BLE001
                 surprises[name, label] = repr(error)
+            finally:
+                pyplot.close("all")
     assert not surprises
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.checks import refuse_type
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, write_text
@@ -27,6 +28,13 @@ _LONGEST_RECORD = 2**23  # characters
 
 Progress = Callable[[str], AbstractContextManager[object]]
 Computed = tuple[Mapping[str, ndarray], Mapping[str, JSONValue]]
+
+
+def check_progress(progress: object) -> None:
+    """Raise an ArgumentTypeError unless this makes context managers, as `nullcontext` does."""
+    is_other_class = isinstance(progress, type) and not hasattr(progress, "__enter__")
+    if is_other_class or not callable(progress):
+        refuse_type(progress, "progress", "a function from the name of a task to a context manager")
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:

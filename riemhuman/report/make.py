@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.arrays import JSONRecord
-from riemhuman.checks import check_basis, check_function, check_instance, flag, one_of
+from riemhuman.checks import check_basis, check_instance, flag, one_of
 from riemhuman.datasets import Bodies, load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
@@ -42,6 +42,7 @@ from riemhuman.report._storage import (
     Progress,
     ResultStore,
     check_folder,
+    check_progress,
     fingerprint,
     open_folder,
     write_provenance,
@@ -118,7 +119,7 @@ def make_report(
     if basis is not None:
         check_basis(basis, "basis")
     is_quick = flag(quick, "quick")
-    check_function(progress, "progress")
+    check_progress(progress)
     check_folder(output)
     import_matplotlib(extra="report")
     import_optional("sklearn.manifold", "report")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from numpy import ndarray
 
-from riemhuman.checks import check_function, check_instance, flag, items_of, one_of
+from riemhuman.checks import check_instance, flag, items_of, one_of
 from riemhuman.errors import FileError, MissingDependencyError, warn
 from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
@@ -28,6 +28,7 @@ from riemhuman.report._sheet_making import (
 from riemhuman.report._sheet_page import Entry, index_page, sheet_page
 from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
+from riemhuman.report._storage import Progress, check_progress
 from riemhuman.report.printing import check_printing, find_browser
 from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
 from riemhuman.surfaces import Template
@@ -39,7 +40,6 @@ _WORKBOOK = "measurements.xlsx"
 _CONTENT = FolderContent(r"[^.].*\.(html|pdf)|measurements\.(csv|xlsx)", always=_TABLE)
 _BATCH = 8  # bodies whose measurements are taken together
 _MOST_BROWSERS = 4
-Progress = Callable[[str], AbstractContextManager[object]]
 
 
 # More than eight arguments: each keyword is an option of the command.
@@ -99,7 +99,7 @@ def make_sheets(
     if measurements is not None:
         check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
     replaces = flag(replace_output, "replace_output")
-    check_function(progress, "progress")
+    check_progress(progress)
     paths = [file_path(place, "bodies") for place in places]
     folder = file_path(output, "output", "folder")
     check_output_folder(folder, _CONTENT, force=replaces)

@@ -69,8 +69,7 @@ def test_the_folder_is_whole(folder):
     expected = {
         *("comparison", "differences", "mean", "sweep", "measurement-lines"),
         *(f"{kind}-{task}" for kind in ("confusion", "precision-recall") for task in TASKS),
-        *(f"map-{task}-t-sne" for task in TASKS),
-        "map-pose-mds",  # that of people would miss their distances by half
+        *(f"map-{task}-{method}" for task in TASKS for method in ("t-sne", "mds")),
         *("geodesic-pose-change", "geodesic-shape-change"),
     }
     assert names == {f"{name}.{ending}" for name in expected for ending in ("svg", "png")}
@@ -333,7 +332,8 @@ def test_without_labels_nothing_is_said_of_people_or_poses(undrawn, nine_bodies,
 
 def test_maps_open_as_pages_with_bodies(page, folder):
     views = [a["href"] for a in page.all("a") if a["href"].startswith("views/")]
-    assert views == [f"views/map-{name}.html" for name in ("shape-t-sne", "pose-t-sne", "pose-mds")]
+    names = [f"map-{task}-{method}" for method in ("t-sne", "mds") for task in ("shape", "pose")]
+    assert views == [f"views/{name}.html" for name in names]
     for view in views:
         text = (folder / view).read_text(encoding="utf-8")
         assert text.count("<circle") == 9

@@ -23,7 +23,7 @@ def test_it_opens_and_fits_a_screen_and_a_telephone(browser, report_page):
         assert ground == ("rgb(20, 22, 26)" if width == 390 else "rgb(253, 253, 251)")
     # Names on maps, and the smallest text of other figures, are legible on a telephone.
     maps = browser.run(pixels_a_point, "#maps img")
-    assert len(maps) == 3
+    assert len(maps) == 4
     assert _NAME_POINTS * min(maps) >= 10
     others = browser.run(pixels_a_point, "#retrieval img, .scroll img")
     assert len(others) > 6
