@@ -149,16 +149,16 @@ class Viewer:
 
     def __post_init__(self) -> None:
         check_instance(self.choices, "choices", Mapping, "a mapping of names to lists of bodies")
-        bodies_by_name = {
+        choices = {
             text(name, "choices"): items_of(bodies, f"choices[{name!r}]", "a list of ViewedBody")
             for name, bodies in self.choices.items()
         }
-        if not (bodies_by_name and all(bodies_by_name.values())):
+        if not (choices and all(choices.values())):
             raise ArgumentError("choices must hold at least one body, and none may be empty")
-        for name, bodies in bodies_by_name.items():
-            for number, body in enumerate(bodies):
+        for name, choice in choices.items():
+            for number, body in enumerate(choice):
                 check_instance(body, f"choices[{name!r}][{number}]", ViewedBody, "a ViewedBody")
-        object.__setattr__(self, "choices", bodies_by_name)
+        object.__setattr__(self, "choices", choices)
         text(self.legend, "legend")
         text(self.title, "title")
         text(self.description, "description")
