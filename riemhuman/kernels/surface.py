@@ -168,6 +168,13 @@ def triangle_corners(points: Points, faces: Triangles) -> tuple[Array, Array, Ar
     return points[..., faces[:, 0], :], points[..., faces[:, 1], :], points[..., faces[:, 2], :]
 
 
+def doubled_area_vectors(points: Points, faces: Triangles) -> Array:
+    """Return normals of triangles, twice as long as their areas, shape (..., F, 3)."""
+    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
+    vectors: Array = onp.cross(corner_2 - corner_1, corner_3 - corner_1)
+    return vectors
+
+
 def partial_derivatives(points: Points, operator: csr_matrix) -> tuple[Array, Array]:
     """Return f_u and f_v of every triangle."""
     f_u, f_v = np.split(apply_operator(operator, points), 2, axis=-2)
@@ -375,8 +382,7 @@ def cotangent_laplacian(f: Points, faces: Triangles) -> csr_array:
 
 def vertex_normals(points: Points, faces: Triangles) -> Array:
     """Return unit normals of the vertices, averaged over their triangles with areas as weights."""
-    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
-    area_vectors = onp.repeat(onp.cross(corner_2 - corner_1, corner_3 - corner_1), 3, axis=0)
+    area_vectors = onp.repeat(doubled_area_vectors(points, faces), 3, axis=0)
     sums = [onp.bincount(faces.ravel(), column, len(points)) for column in area_vectors.T]
     return unit_vectors(onp.stack(sums, axis=1))
 

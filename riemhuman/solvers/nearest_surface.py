@@ -21,6 +21,7 @@ from riemhuman.kernels.surface import (
     stacked_derivatives,
     triangle_corners,
     triangle_frames,
+    unit_vectors,
 )
 from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
@@ -227,9 +228,7 @@ def _frames(points: Points, faces: Triangles) -> Array:
     """Return two edges and the unit normal of every triangle as columns, shape (..., F, 3, 3)."""
     corner_1, corner_2, corner_3 = triangle_corners(points, faces)
     edge_2, edge_3 = corner_2 - corner_1, corner_3 - corner_1
-    normals = np.cross(edge_2, edge_3)
-    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
-    normals = normals / np.where(lengths > 0, lengths, 1.0)
+    normals = unit_vectors(np.cross(edge_2, edge_3))
     return np.stack([edge_2, edge_3, normals], axis=-1)
 
 

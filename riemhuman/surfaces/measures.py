@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.arrays import Array, Booleans, Integers, Points, Triangles
 from riemhuman.checks import real_array
 from riemhuman.io.mesh_arrays import check_edges, check_triangles
-from riemhuman.kernels.surface import triangle_corners
+from riemhuman.kernels.surface import doubled_area_vectors, triangle_corners
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
 _FLAT = 1e-4
@@ -34,10 +34,8 @@ def triangle_areas(points: Points, faces: Triangles) -> Array:
     """
     points = real_array(points, "points", ("n_vertices", 3))
     faces = check_triangles(faces, points.shape[-2])
-    corner_1, corner_2, corner_3 = triangle_corners(points, faces)
-    area_vectors = np.cross(corner_2 - corner_1, corner_3 - corner_1)
-    double_areas: Array = np.linalg.norm(area_vectors, axis=-1)
-    return 0.5 * double_areas
+    doubled_areas: Array = np.linalg.norm(doubled_area_vectors(points, faces), axis=-1)
+    return 0.5 * doubled_areas
 
 
 def edge_lengths(points: Points, edges: Integers) -> Array:
@@ -193,9 +191,8 @@ def find_inward_triangles(points: Array, faces: Triangles) -> Booleans:
     >>> bool(rh.registration.find_inward_triangles(bodies[0], inward_faces).all())
     True
     """
-    corners = points[faces]
-    centres = corners.mean(axis=1)
-    directed = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    centres = points[faces].mean(axis=1)
+    directed = 0.5 * doubled_area_vectors(points, faces)
     areas = np.linalg.norm(directed, axis=1)
 
     def outwardness(part: Integers) -> tuple[Array, Array]:

@@ -35,7 +35,7 @@ from riemhuman.io.meshes import (
     to_pyvista,
     to_trimesh,
 )
-from riemhuman.kernels.surface import cotangent_laplacian
+from riemhuman.kernels.surface import cotangent_laplacian, doubled_area_vectors
 from riemhuman.surfaces._heat import HeatFlow, TriangleHeat
 from riemhuman.surfaces._poisson import PoissonInterpolator
 from riemhuman.surfaces.measures import body_size, is_closed
@@ -350,7 +350,7 @@ def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]
     second_edge = corners[:, 2] - corners[:, 0]
-    double_areas = np.linalg.norm(np.cross(first_edge, second_edge), axis=1)
+    double_areas = np.linalg.norm(doubled_area_vectors(vertices, faces), axis=1)
     u2 = np.linalg.norm(first_edge, axis=1)
     u3 = np.sum(first_edge * second_edge, axis=1) / u2
     v3 = double_areas / u2
@@ -361,9 +361,7 @@ def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
 def refuse_flat(vertices: Array, faces: Triangles, name: str, remedy: str) -> None:
     """Raise an error if a triangle of a mesh has no area; its message ends with the remedy."""
     corners = vertices[faces]
-    double_areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    double_areas = np.linalg.norm(doubled_area_vectors(vertices, faces), axis=1)
     sides = corners - np.roll(corners, 1, axis=1)
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
     rounding = _ROUNDING * np.abs(corners).max(axis=(1, 2))
