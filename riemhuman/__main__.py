@@ -40,15 +40,16 @@ def main() -> int:
     heard = [number for number in _STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
     for number in heard:
         signal.signal(number, _leave)
-    from riemhuman.cli import interrupt
+    from riemhuman.cli import interrupt, last_interruption
     from riemhuman.cli import main as run
 
     try:
         for number in heard:
             signal.signal(number, interrupt)
         return run()
+    except KeyboardInterrupt:  # before the work or after it: `run` handles those within
+        return 128 + last_interruption()
     finally:
-        sys.stderr.flush()
         for number in heard:
             signal.signal(number, _leave)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -26,13 +25,13 @@ from riemhuman.cli import _conversion_commands, _format_commands  # noqa: F401
 # isort: on
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._commands import Answer, make_parser
-from riemhuman.cli._terminal import interrupt
+from riemhuman.cli._terminal import interrupt, last_interruption
 from riemhuman.errors import RiemhumanError
 from riemhuman.kernels.compilation import compilation_time
 from riemhuman.memory import lack_of_memory
 from riemhuman.optional import import_optional
 
-__all__ = ["interrupt", "main"]
+__all__ = ["interrupt", "last_interruption", "main"]
 
 _DONE = 0
 _NOT_TRUSTED = 1
@@ -71,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
-        number = terminal.interruptions.last(start) or signal.SIGINT
+        number = last_interruption(start)
         terminal.note_interruption(number)
         return _STOPPED + number
     except BrokenPipeError:

@@ -146,7 +146,7 @@ class StatusLine:
                 self._timer.cancel()
                 self._timer = None
             if sys.stderr.isatty():
-                sys.stderr.write("\r\x1b[K")
+                say("\r\x1b[K")
             yield
             if self._tasks:
                 self._write(self._tasks[-1])
@@ -161,18 +161,28 @@ class StatusLine:
                 self._write(self._command)
 
     def _write(self, words: str) -> None:
-        sys.stderr.write(f"{words} ...")
-        sys.stderr.flush()
+        say(f"{words} ...")
 
 
 status = StatusLine()
+
+
+def say(text: str) -> None:
+    """Write to standard error; no work ends because its disk is full or its terminal closed."""
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except BrokenPipeError:
+        raise  # as other programs, end where the reader has left
+    except OSError:
+        discard(sys.stderr)
 
 
 def note(text: str) -> None:
     """Write a line to standard error, above progress bars and the name of the task."""
     tqdm = sys.modules.get("tqdm")  # only progress bars import it
     with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), status.above():
-        sys.stderr.write(f"riemhuman: {' '.join(text.split())}\n")
+        say(f"riemhuman: {' '.join(text.split())}\n")
 
 
 def say_compilation() -> None:
@@ -245,6 +255,11 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     interruptions.add(number, frame)
 
 
+def last_interruption(since: float = 0.0) -> int:
+    """Return the last signal that stopped the command since a moment; that of Ctrl-C if unknown."""
+    return interruptions.last(since) or signal.SIGINT
+
+
 def tolerate_ascii() -> None:
     """Print λ and similar characters as ``?`` on terminals without Unicode."""
     for stream in (sys.stdout, sys.stderr):
@@ -258,17 +273,14 @@ def discard(stream: TextIO) -> None:
 
 
 def note_interruption(number: int) -> None:
-    """Say which signal stopped the command, if there is still somebody to tell."""
+    """Say which signal stopped the command."""
     if number == signal.SIGINT:
         reason = "interrupted"
     elif number == signal.SIGTERM:
         reason = "stopped by another process"
     else:
         reason = "stopped because its terminal was closed"
-    try:
-        note(reason)
-    except OSError:
-        discard(sys.stderr)
+    note(reason)
 
 
 @contextmanager
@@ -281,7 +293,7 @@ def task(options: argparse.Namespace, name: str) -> Iterator[None]:
         # On a terminal, this replaces the name of the task.
         begin = "\r" if options.bars else ""
         with status.above():
-            sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
+            say(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
 @contextmanager

@@ -330,6 +330,52 @@ def test_interruptions_before_and_after_the_work_are_quiet(when):
     assert ("usage: riemhuman tables" in finished.stdout) == (when is _AT_THE_END)
 
 
+# Signals come just before the work, or when it is done.
+_BESIDE_THE_WORK = """
+import os, signal, sys
+from riemhuman.__main__ import main
+import riemhuman.cli
+
+run = riemhuman.cli.main
+
+def run_beside():
+    {before}
+    status = run()
+    {after}
+    return status
+
+riemhuman.cli.main = run_beside
+sys.argv[1:] = ["info", {mesh!r}]
+sys.exit(main())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
+@pytest.mark.parametrize("place", ["before", "after"])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interruptions_beside_the_work_leave_no_traceback(scans, place, number, code):
+    places = dict.fromkeys(("before", "after"), "pass")
+    places[place] = f"os.kill(os.getpid(), {int(number)})"
+    program = _BESIDE_THE_WORK.format(mesh=str(scans / "body_0.ply"), **places)
+    finished = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (finished.returncode, finished.stderr) == (code, "")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="devices of Linux")
+def test_a_full_disk_of_messages_costs_no_result(scans, tmp_path):
+    """As in ``riemhuman ... 2>log``, where nothing more can be written to the log."""
+    table = tmp_path / "D.npz"
+    with open("/dev/full", "w") as full:
+        finished = subprocess.run([*COMMAND, "matrix", scans, "-o", table], stderr=full)
+    assert finished.returncode == 0
+    assert "distances" in riemhuman.io.load_arrays(table, ["distances"])
+
+
 def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
     def fail(path):
         try:
