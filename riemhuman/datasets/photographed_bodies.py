@@ -17,7 +17,7 @@ from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import file_path, format_errors, natural_key, visible_files
 from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
-from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.surfaces.procrustes import AXES, make_upright
@@ -211,7 +211,7 @@ def _largest_part(faces: Triangles, n_vertices: int) -> Integers:
 def _find_feet(points: Array, faces: Triangles, body: Integers) -> Integers:
     """Return a vertex at the tip of each foot: extremities farthest, along edges, from others."""
     starts, ends = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    pairs = np.unique(np.sort(np.stack([starts, ends], axis=1), axis=1), axis=0)
+    pairs, _, _ = distinct_pairs(np.sort(np.stack([starts, ends], axis=1), axis=1))
     lengths = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     graph = sparse.coo_array((lengths, tuple(pairs.T)), (len(points),) * 2).tocsr()
     nearest = dijkstra(graph, directed=False, indices=body[0])

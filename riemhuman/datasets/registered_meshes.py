@@ -415,7 +415,7 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
 
 
 def in_one_format(files: Iterable[Path]) -> list[Path]:
-    """Return the visible meshes, each in the first format of `MESH_ENDINGS`, in natural order."""
+    """Return the meshes among files, each in the first of `MESH_ENDINGS`, in natural order."""
     meshes = [file for file in files if file.suffix.lower() in MESH_ENDINGS]
     # The best format comes last and replaces the others.
     meshes.sort(key=lambda file: MESH_ENDINGS.index(file.suffix.lower()), reverse=True)
