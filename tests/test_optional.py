@@ -40,7 +40,7 @@ def test_what_is_missing_says_how_to_install_it():
 def test_files_are_written_whatever_backend_is_asked_for(backend, tmp_path):
     environment = {**os.environ, "MPLBACKEND": backend}
     command = [sys.executable, "-c", SCRIPT, str(tmp_path)]
-    subprocess.run(command, env=environment, check=True, timeout=120)
+    subprocess.run(command, env=environment, check=True, timeout=600)
     assert imread(tmp_path / "figure.png").std() > 0
     assert (tmp_path / "figure.pdf").read_bytes().startswith(b"%PDF")
     ElementTree.fromstring((tmp_path / "figure.svg").read_text(encoding="utf-8"))

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-import time
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -105,10 +104,7 @@ def test_search_works_from_a_file(site, browser):
     )
     browser.open(site / "query.html", 1200, 900)
     found = "return document.querySelectorAll('#search-results li a').length"
-    until = time.monotonic() + 30
-    while browser.run(found) <= 10 and time.monotonic() < until:  # they come one by one
-        time.sleep(0.1)
-    assert browser.run(found) > 10
+    browser.wait_for(f"{found} > 10")  # they come one by one
 
 
 def test_names_beside_a_page_are_not_cut_off(site, browser):

@@ -49,7 +49,7 @@ def compute(package, **environment):
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == EXPECTED
@@ -101,7 +101,7 @@ def test_what_is_kept_follows_the_files_of_inlined_functions(tmp_path):
             capture_output=True,
             text=True,
             check=True,
-            timeout=120,
+            timeout=600,
         )
         return done.stdout.split()
 

@@ -99,7 +99,7 @@ def test_a_forked_process_has_threads_of_its_own():
 
     child = multiprocessing.get_context("fork").Process(target=work)
     child.start()
-    child.join(timeout=60)
+    child.join(timeout=300)
     finished = child.exitcode == 0
     child.kill()
     assert finished
@@ -113,7 +113,7 @@ def test_a_process_forked_while_another_thread_limits_the_libraries(two_blas_thr
     with threads._lock:
         child = os.fork()
         if child == 0:
-            threading.Timer(30, os._exit, [1]).start()
+            threading.Timer(300, os._exit, [1]).start()
             with threads.single_threaded_libraries():
                 inside = set(blas_threads())
             os._exit(0 if (inside, blas_threads()) == ({1}, two_blas_threads) else 2)

@@ -85,7 +85,7 @@ def picture_of(browser, page, window, script=""):
     browser.wait_for("return document.querySelector('.viewer').dataset.ready")
     if script:
         browser.run(script)
-    browser.wait_for("return document.querySelector('.viewer').dataset.fine === 'true'")
+    browser.wait_for_picture()
     data = browser.devtools("Page.captureScreenshot")["data"]
     whole = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
     return whole.resize((whole.width // SHRUNK, whole.height // SHRUNK), Image.Resampling.BOX)

@@ -57,10 +57,8 @@ def photographed(browser, folder, scene, more="", *, dark=False):
     browser.run(BARE, SIDE)
     browser.wait_for(f"return document.querySelector('.stage').clientWidth === {SIDE}")
     browser.run(f"const {{ viewer }} = document.querySelector('.viewer'); {script} {more}")
-    browser.wait_for(
-        f"return document.querySelector('canvas').width === {2 * SIDE}"
-        " && document.querySelector('.viewer').dataset.fine === 'true'"
-    )
+    browser.wait_for_picture()
+    assert browser.run("return document.querySelector('canvas').width") == 2 * SIDE
     shot = browser.devtools(
         "Page.captureScreenshot",
         format="png",

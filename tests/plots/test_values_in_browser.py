@@ -41,7 +41,7 @@ def numbers(browser, name="aria-valuenow"):
 
 
 def shot(browser):
-    browser.wait_for("return document.querySelector('.viewer').dataset.fine === 'true'")
+    browser.wait_for_picture()
     data = base64.b64decode(browser.devtools("Page.captureScreenshot", format="png")["data"])
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 

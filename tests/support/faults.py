@@ -24,6 +24,7 @@ from riemhuman.io import save_mesh
 from riemhuman.io.job_folder import JobFolder
 
 _CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate")
+_PATIENCE = 120.0  # seconds; whatever takes longer will not come
 _FOR_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
@@ -100,12 +101,11 @@ def small_disk(folder, n_bytes):
 class Faults:
     """What befalls a process.
 
-    Before the change of a file with the number `fatal_change`, it gets the signal `ending`; before
-    each change it pauses, seconds; and it cannot write a file of more than `largest_file` bytes.
+    Before the change of a file with the number `fatal_change`, it gets the signal `ending`, and it
+    cannot write a file of more than `largest_file` bytes.
     """
 
     fatal_change: int | None = None
-    pause: float = 0.0
     ending: signal.Signals = signal.SIGKILL
     largest_file: int | None = None
 
@@ -113,9 +113,9 @@ class Faults:
 class Changes:
     """Counts changes of files below a folder; before one of them, a signal ends the process."""
 
-    def __init__(self, folder, faults):
+    def __init__(self, folder, faults, step):
         self.count = 0
-        self._folder, self._faults = str(folder), faults
+        self._folder, self._faults, self._step = str(folder), faults, step
 
     def __call__(self, event, arguments):
         if event == "open":
@@ -134,10 +134,30 @@ class Changes:
         self.count += 1
         if self.count == self._faults.fatal_change:
             os.kill(os.getpid(), self._faults.ending)
-        time.sleep(self._faults.pause)
+        self._step.wait(self.count)
 
 
-def child(operation, inputs, outputs, faults, said, pipe):
+class Lockstep:
+    """Processes that change files in step: none makes a change that others will only come to."""
+
+    def __init__(self, counts, number):
+        self._counts, self._number = counts, number
+
+    def wait(self, count):
+        """Wait until every process has come to its change of this number, or has ended."""
+        self._counts[self._number] = max(count, self._counts[self._number])
+        give_up = time.monotonic() + _PATIENCE
+        while min(self._counts) < count:
+            if time.monotonic() > give_up:
+                raise TimeoutError("another process makes no changes and does not end")
+            time.sleep(0.001)
+
+    def end(self):
+        """Let the others go on without this process."""
+        self._counts[self._number] = 2**31 - 1
+
+
+def child(operation, inputs, outputs, faults, step, said, pipe):
     """Run an operation with its faults, and end the process with its code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
@@ -145,11 +165,14 @@ def child(operation, inputs, outputs, faults, said, pipe):
         # Beyond the limit, writing fails as on a full disk, and would end the process by a signal.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (faults.largest_file,) * 2)
-    changes = Changes(outputs, faults)
+    changes = Changes(outputs, faults, step)
     sys.addaudithook(changes)
     write = JobFolder.write
     JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
-    code = OPERATIONS[operation](inputs, outputs)
+    try:
+        code = OPERATIONS[operation](inputs, outputs)
+    finally:
+        step.end()
     pipe.send(changes.count)
     sys.exit(code)
 
@@ -176,25 +199,25 @@ class Processes:
         n_processes,
         inputs=None,
         kill_at=None,
-        pause=0,
         kill_after=None,
         largest_file=None,
     ):
         """Run an operation in some processes at once, and return how they ended.
 
-        `kill_at` is the change of a file before which a process dies, and `pause` the seconds
-        before each change. After `kill_after` seconds, processes are killed wherever they are, and
+        They make their changes of files in step. `kill_at` is the change of a file before which a
+        process dies. After `kill_after` seconds, processes are killed wherever they are, and
         none can write a file of more than `largest_file` bytes. The answers are the exit code or
         minus the signal, what was written to standard error, and the number of changes.
         """
         outputs.mkdir(parents=True, exist_ok=True)
-        started = []
+        started, counts = [], self._context.Array("i", n_processes, lock=False)
+        faults = Faults(kill_at, largest_file=largest_file)
         for number in range(n_processes):
             said = self._folder / f"said_{number}"
             said.write_text("")
             ours, theirs = self._context.Pipe(duplex=False)
-            faults = Faults(kill_at, pause, largest_file=largest_file)
-            task = operation, inputs or self.inputs, outputs, faults, said, theirs
+            step = Lockstep(counts, number)
+            task = operation, inputs or self.inputs, outputs, faults, step, said, theirs
             process = self._context.Process(target=child, args=task)
             process.start()
             theirs.close()
@@ -220,7 +243,8 @@ class Processes:
         said.write_text("")
         ours, theirs = self._context.Pipe(duplex=False)
         faults = Faults(stop_at, ending=signal.SIGSTOP)
-        task = operation, self.inputs, outputs, faults, said, theirs
+        step = Lockstep(self._context.Array("i", 1, lock=False), 0)
+        task = operation, self.inputs, outputs, faults, step, said, theirs
         first = self._context.Process(target=child, args=task)
         first.start()
         theirs.close()

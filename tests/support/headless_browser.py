@@ -20,7 +20,10 @@ _ARGUMENTS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-watchdog",  # on a busy machine, drawing may take longer than it allows
+    "--disable-smooth-scrolling",  # a turn of the wheel has its whole effect at once
 )
+_PATIENCE = 120.0  # seconds; whatever takes longer will not come
 _BINARIES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -43,6 +46,7 @@ def opened_browser() -> Iterator[Browser]:
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     chrome = webdriver.Chrome(options, webdriver.ChromeService(driver))
+    chrome.set_script_timeout(_PATIENCE)
     try:
         yield Browser(chrome)
     finally:
@@ -78,12 +82,22 @@ class Browser:
         """Return the first element that a CSS selector names."""
         return self.driver.find_element("css selector", selector)
 
-    def wait_for(self, script: str, seconds: float = 30.0) -> Any:
+    def wait_for(self, script: str, seconds: float = _PATIENCE) -> Any:
         """Run a script until it returns something true."""
         from selenium.webdriver.support.wait import WebDriverWait
 
         waiting = WebDriverWait(self.driver, seconds, poll_frequency=0.02)
         return waiting.until(lambda _: self.run(script), f"waited in vain for: {script}")
+
+    def wait_for_picture(self) -> None:
+        """Wait until the first viewer has drawn all that was asked of it, outlines smooth.
+
+        What the window asks for, such as another size or theme, comes with one of its frames.
+        """
+        self.wait_for(
+            "return new Promise((tell) => requestAnimationFrame(() => requestAnimationFrame("
+            "() => tell(document.querySelector('.viewer').dataset.fine === 'true'))))"
+        )
 
     def actions(self) -> Any:
         """Return a chain of actions of the mouse and the keyboard, without pauses."""
@@ -120,10 +134,28 @@ class Browser:
         builder.perform()
         builder.clear_actions()
 
-    def touch(self, kind: str, *fingers: tuple[float, float]) -> None:
-        """Put fingers on the screen, move them, or lift them: touchStart, touchMove, touchEnd."""
+    def double_click(self, element: Any, right: int, below: int) -> None:
+        """Click twice at a place, from the middle of an element, however long the events take."""
+        script = (
+            "const box = arguments[0].getBoundingClientRect();"
+            "return [box.x + box.width / 2, box.y + box.height / 2];"
+        )
+        x, y = self.run(script, element)
+        place = {"x": x + right, "y": y + below}
+        for number in (1, 2):
+            for kind in ("mousePressed", "mouseReleased"):
+                self.devtools(
+                    "Input.dispatchMouseEvent", type=kind, button="left", clickCount=number, **place
+                )
+
+    def touch(self, kind: str, *fingers: tuple[float, float], at: float | None = None) -> None:
+        """Put fingers on the screen, move them, or lift them: touchStart, touchMove, touchEnd.
+
+        `at` is the time of the event in seconds since 1970, if it is not to be the present one.
+        """
         points = [{"x": x, "y": y, "id": index} for index, (x, y) in enumerate(fingers)]
-        self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        moment = {} if at is None else {"timestamp": at}
+        self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points, **moment)
 
     def console(self) -> list[str]:
         """Return the messages of the console since the last call."""

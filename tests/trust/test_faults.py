@@ -117,7 +117,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, st
 
 @each_operation
 def test_two_at_once(server, undisturbed, operation, tmp_path):
-    answers = server.race(operation, tmp_path, 2, pause=0.02)
+    answers = server.race(operation, tmp_path, 2)
     winner, loser = sorted(answers)
     assert winner[0] == 0, answers
     if operation == "resumable_matrix":
@@ -201,7 +201,7 @@ def test_small_disks(server, undisturbed, operation, tmp_path):
 
 
 # Operations take less than a second; what takes longer waits for something that does not come.
-_HANGS = 60
+_HANGS = 300
 
 
 @pytest.mark.slow
