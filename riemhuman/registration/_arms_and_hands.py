@@ -1,8 +1,7 @@
 """Other forearms and hands for a dense fit; those nearest to the scan are kept.
 
 In goes a `DenseFit`; out comes an `ArmsFit`: the pose with the nearest arms and hands, and the
-others that were tried, by which the last stage tells whether the nearest are sure. The fits of
-single limbs that other stages need are here too.
+others that were tried, by which the last stage tells whether the nearest are sure.
 """
 
 from __future__ import annotations
@@ -13,26 +12,18 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
+from riemhuman.registration._limb_distances import are_less, points_on
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
 from riemhuman.registration._soft_assignment import find_likelihoods
-from riemhuman.registration.settings import ArmSettings
-from riemhuman.surfaces.nearest_points import nearest_points
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-# Points of a scan that are farther from all vertices belong to no part, metres: a point near the
-# surface (5 cm) has a vertex within this, even of a coarse mesh with edges of 15 cm.
-_FARTHEST_VERTEX = 0.1
-# Inverse variance of parameters that are held while a limb is fitted.
-_FIXED = 1e15
 
 
 @dataclass(frozen=True)
@@ -230,7 +221,8 @@ def _fit_hand(
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
-    fitted = fit_joints(task, arm.joints[1:], arm.samples, prior, start)
+    task, scales = replace(task, prior=prior), task.body.settings.dense.scales
+    fitted = fit_joints(task, arm.joints[1:], arm.samples, scales, start)
     return _hand_as_it_is(prior, fitted, arm, points)
 
 
@@ -238,37 +230,6 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
     surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.hand_metres)
     return HandFit(pose, prior, surface, distances)
-
-
-def points_on(points: np.ndarray, surface: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Return the points of a scan that lie near some vertices of a surface."""
-    # V where no vertex is near.
-    nearest = cKDTree(surface).query(points, distance_upper_bound=_FARTHEST_VERTEX)[1]
-    near: np.ndarray = points[np.isin(nearest, vertices)]
-    return near
-
-
-def fit_joints(
-    task: DenseTask,
-    joints: np.ndarray,
-    samples: ModelSamples,
-    prior: Prior,
-    start: Pose,
-    scales: tuple[float, ...] | None = None,
-) -> Pose:
-    """Fit some joints and the hands to the scan by points on them; hold everything else."""
-    model = task.body.model
-    moving = np.isin(np.arange(model.n_joints), joints)
-    of_hands = np.arange(len(start.betas)) >= model.n_betas
-    of_limb = Prior(
-        np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
-        np.where(moving, prior.precisions, _FIXED),
-        np.where(of_hands, prior.betas, start.betas),
-        np.where(of_hands, prior.betas_precisions, _FIXED),
-    )
-    samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
-    scales = task.body.settings.dense.scales if scales is None else scales
-    return fit_closest(samples, start, of_limb, task.scan, scales)
 
 
 def fit_starts(
@@ -279,39 +240,9 @@ def fit_starts(
     scales: tuple[float, ...],
 ) -> list[Pose]:
     """Return the fits of some joints from several starts."""
-    return _mapped(partial(_fit_from, task, joints, samples, scales), starts)
-
-
-def _fit_from(
-    task: DenseTask,
-    joints: np.ndarray,
-    samples: ModelSamples,
-    scales: tuple[float, ...],
-    start: Pose,
-) -> Pose:
-    return fit_joints(task, joints, samples, task.prior, start, scales)
+    return _mapped(partial(fit_joints, task, joints, samples, scales), starts)
 
 
 def _mapped(fit: Callable[[Item], Result], starts: list[Item]) -> list[Result]:
     """Return the results of a fit from several starts, some of them at once."""
     return list(mapped(fit, starts, N_THREADS))
-
-
-def faces_among(faces: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Return the triangles of some vertices, in ascending order, numbered among these."""
-    inside = np.isin(faces, vertices).all(axis=1)
-    return np.searchsorted(vertices, faces[inside])
-
-
-def limited_distances(
-    points: np.ndarray, surface: np.ndarray, faces: np.ndarray, farthest: float
-) -> np.ndarray:
-    """Return the distances of points from a surface, metres, with an upper limit."""
-    return np.minimum(nearest_points(points, surface, faces)[1], farthest)
-
-
-def are_less(some: np.ndarray, others: np.ndarray, settings: ArmSettings) -> bool:
-    """Return whether distances of the same points are smaller by more than chance."""
-    gains = others - some
-    chance = settings.n_errors * np.sqrt(np.mean(gains**2) / len(gains))
-    return bool(gains.mean() > max(settings.least_gain * others.mean(), chance))

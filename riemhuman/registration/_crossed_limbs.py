@@ -14,15 +14,14 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.registration._arm_positions import move_end
-from riemhuman.registration._arms_and_hands import (
+from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
+from riemhuman.registration._limb_distances import (
     are_less,
     faces_among,
-    fit_joints,
     limited_distances,
     points_on,
 )
-from riemhuman.registration._body_parts import BodyParts
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest
 from riemhuman.registration._posed_body import Pose, Prior
 from riemhuman.registration._registration_model import RegistrationModel
 
@@ -42,9 +41,9 @@ class Crossing:
     vertices: np.ndarray  # (n,) their numbers, ascending
     points: np.ndarray  # (m, 3) of the scan, on them
 
-    def gap(self, task: DenseTask, pose: Pose, other: Pose) -> float:
+    def gap(self, task: DenseTask, pose: Pose, rival: Pose) -> float:
         """Return the mean distance between the limbs in two poses, metres."""
-        first, second = (task.body.surface(compared)[self.vertices] for compared in (pose, other))
+        first, second = (task.body.surface(compared)[self.vertices] for compared in (pose, rival))
         return float(np.linalg.norm(first - second, axis=1).mean())
 
     def distances(self, task: DenseTask, pose: Pose) -> np.ndarray:
@@ -67,9 +66,9 @@ def _are_near(body: RegistrationModel, pose: Pose, joint: str) -> bool:
     settings, surface = body.settings.rivals, body.surface(pose)
     lower = _lower_limbs(body.parts, joint)
     return any(
-        np.mean(cKDTree(surface[other]).query(surface[limb])[0] < settings.crossing_metres)
+        np.mean(cKDTree(surface[opposite]).query(surface[limb])[0] < settings.crossing_metres)
         > settings.crossing_share
-        for limb, other in permutations(lower, 2)
+        for limb, opposite in permutations(lower, 2)
     )
 
 
@@ -97,7 +96,11 @@ def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose,
     starts = [(pose._replace(local=mirrored[0]), task.prior._replace(local=mirrored[1]))]
     if len(pairs) == len(_LIMBS[joint]):
         starts.append((_swap_ends(task.samples.skeleton, pose, joint, np.array(pairs)), task.prior))
-    return [(fit_joints(task, moving, samples, prior, start), prior) for start, prior in starts]
+    scales = task.body.settings.dense.scales
+    return [
+        (fit_joints(replace(task, prior=prior), moving, samples, scales, start), prior)
+        for start, prior in starts
+    ]
 
 
 def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:

@@ -1,7 +1,7 @@
 """The dense fit of a body's parameters to all points of a scan, from its likeliest start.
 
 In go a prepared scan and the best `Candidate` of the search; out comes a `DenseFit`, whose `task`
-holds what later stages share.
+holds what later stages share. They fit single limbs by `fit_joints`, which holds everything else.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._soft_assignment import anneal_finely
 from riemhuman.registration._starts import Candidate
 from riemhuman.surfaces.nearest_points import nearest_points
+
+# Inverse variance of parameters that are held while a limb is fitted.
+_FIXED = 1e15
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,27 @@ def fit_closest(
             settings.longest_rotation,
         )
     return pose
+
+
+def fit_joints(
+    task: DenseTask,
+    joints: np.ndarray,
+    samples: ModelSamples,
+    scales: tuple[float, ...],
+    start: Pose,
+) -> Pose:
+    """Fit some joints and the hands to the scan by points on them; hold everything else."""
+    model, prior = task.body.model, task.prior
+    moving = np.isin(np.arange(model.n_joints), joints)
+    of_hands = np.arange(len(start.betas)) >= model.n_betas
+    of_limb = Prior(
+        np.where(moving[:, np.newaxis, np.newaxis], prior.local, start.local),
+        np.where(moving, prior.precisions, _FIXED),
+        np.where(of_hands, prior.betas, start.betas),
+        np.where(of_hands, prior.betas_precisions, _FIXED),
+    )
+    samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
+    return fit_closest(samples, start, of_limb, task.scan, scales)
 
 
 def is_clearly_refused(body: RegistrationModel, pose: Pose, points: np.ndarray) -> bool:

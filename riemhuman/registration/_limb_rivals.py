@@ -25,17 +25,15 @@ from riemhuman.registration._arms_and_hands import (
     BodyFit,
     HandFit,
     elastic_arms,
-    faces_among,
     fit_starts,
-    limited_distances,
     other_arms_again,
-    points_on,
 )
 from riemhuman.registration._crossed_limbs import (
     crossing_joints,
     exchanged_limbs,
     find_crossing,
 )
+from riemhuman.registration._limb_distances import faces_among, limited_distances, points_on
 from riemhuman.registration._messages import LANDMARKS_DECIDE, OPEN_HANDS, part_in_words
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 from riemhuman.registration.settings import RivalSettings
@@ -149,8 +147,8 @@ def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     if len(hands) < 2 or not all(map(len, hands)):
         return []
     shares = [
-        np.mean(cKDTree(points[other]).query(points[hand])[0] < settings.touching_metres)
-        for hand, other in (hands, hands[::-1])
+        np.mean(cKDTree(points[opposite]).query(points[hand])[0] < settings.touching_metres)
+        for hand, opposite in (hands, hands[::-1])
     ]
     if max(shares) < settings.most_touching:
         return []

@@ -121,8 +121,8 @@ def _difference_in_shape(first: np.ndarray, second: np.ndarray) -> float:
 def _third_corners(faces: np.ndarray) -> dict[_Edge, int]:
     """Return the third corner of the triangle at each directed edge."""
     beyond = {}
-    for one, two, three in faces.tolist():
-        beyond[one, two], beyond[two, three], beyond[three, one] = three, one, two
+    for first, second, third in faces.tolist():
+        beyond[first, second], beyond[second, third], beyond[third, first] = third, first, second
     return beyond
 
 

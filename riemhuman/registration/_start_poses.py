@@ -7,7 +7,6 @@ the best body are tried in other ways.
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,9 +74,19 @@ def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:
 
 
 def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
-    renamed = copy.copy(model)
-    vars(renamed)["joint_names"] = names  # models refuse to be changed
-    return renamed
+    return BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        posedirs=model.posedirs,
+        joint_names=names,
+        hand_directions=model.hand_directions,
+        hand_poses=model.hand_poses,
+        dtype=model.dtype,
+    )
 
 
 def other_arms(

@@ -56,9 +56,9 @@ class ScanCorrespondence:
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> registration = rh.registration.TemplateRegistration(bodies.template)
     >>> surfaces = [(body, bodies.template.faces) for body in bodies[:2]]
-    >>> results = [registration.solve(each, start=each[0]) for each in surfaces]
-    >>> found = rh.registration.correspondence(*results)
-    >>> bool(np.mean(found.vertices == np.arange(1202)) > 0.9)
+    >>> results = [registration.solve(surface, start=surface[0]) for surface in surfaces]
+    >>> match = rh.registration.correspondence(*results)
+    >>> bool(np.mean(match.vertices == np.arange(1202)) > 0.9)
     True
     """
 

@@ -45,9 +45,11 @@ _FIELDS = {
     "median_distance": "f",
     "matched_share": "f",
 }
-_OF_RESULT = ("points", "up", "transform", "matched", "trusted_vertices")
-_OF_FIT = ("betas", "pose", "trans", "hands")
-_ARRAYS = (*_OF_RESULT, "faces", "shown", "shown_distances", *_OF_FIT)
+_ARRAYS = (
+    *("points", "up", "transform", "matched", "trusted_vertices"),
+    *("faces", "shown", "shown_distances"),
+    *("betas", "pose", "trans", "hands"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,25 +274,26 @@ def _register_file(
         result = registration.solve(scan, start=before)
     except RiemhumanError as error:
         return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
-    return _record(file.stem, result, scan, _fit_arrays(result)), result if result.trusted else None
+    return _record(file.stem, result, scan), result if result.trusted else None
 
 
-def _fit_arrays(result: RegisteredScan) -> dict[str, np.ndarray]:
-    return {name: getattr(result.fit, name) for name in _OF_FIT}
-
-
-def _record(
-    name: str, result: RegisteredScan, scan: Scan, fit: dict[str, np.ndarray]
-) -> ScanRecord:
+def _record(name: str, result: RegisteredScan, scan: Scan) -> ScanRecord:
     """Return the record of a result, with some points of its scan."""
     seen = np.flatnonzero(~result.background)
     shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
-    arrays = {field: getattr(result, field) for field in _OF_RESULT} | fit
-    arrays |= {
+    arrays = {
+        "points": result.points,
+        "up": result.up,
+        "transform": result.transform,
+        "matched": result.matched,
+        "trusted_vertices": result.trusted_vertices,
         "faces": result.faces,
         "shown": scan.points[shown].astype(np.float32),
         "shown_distances": result.distances[shown].astype(np.float32),
     }
+    fit = result.fit
+    if fit is not None:
+        arrays |= {"betas": fit.betas, "pose": fit.pose, "trans": fit.trans, "hands": fit.hands}
     return ScanRecord(
         name=name,
         trusted=result.trusted,
@@ -364,12 +367,17 @@ def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | N
         points = apply_transform(motion, record.arrays["points"])
         save_mesh(body, points, record.arrays["faces"], record.arrays["trusted_vertices"])
         digest = hashlib.sha256(read_bytes(body)).hexdigest()
-    fields = {name: np.array(getattr(record, name)) for name in _FIELDS}
-    save_arrays(
-        folder / RECORDS / f"{record.name}.npz",
-        {"key": np.array(key), "digest": np.array(digest), **fields, **record.arrays},
-        compressed=True,
-    )
+    fields = {
+        "key": np.array(key),
+        "digest": np.array(digest),
+        "trusted": np.array(record.trusted),
+        "message": np.array(record.message),
+        "likelihood": np.array(record.likelihood),
+        "median_distance": np.array(record.median_distance),
+        "matched_share": np.array(record.matched_share),
+    }
+    file = folder / RECORDS / f"{record.name}.npz"
+    save_arrays(file, {**fields, **record.arrays}, compressed=True)
 
 
 def _read(file: Path) -> ScanRecord:
@@ -382,6 +390,12 @@ def _read(file: Path) -> ScanRecord:
             real_array(fields.get(name, np.empty((0, 3))), name, ("n", 3), batched=False)
         except RiemhumanError as error:
             raise FileFormatError(f"{file}: {error}") from error
-    arrays = {name: fields[name] for name in _ARRAYS if name in fields}
-    values = {name: fields[name].item() for name in _FIELDS}
-    return ScanRecord(name=file.stem, arrays=arrays, **values)
+    return ScanRecord(
+        name=file.stem,
+        trusted=bool(fields["trusted"]),
+        message=str(fields["message"]),
+        likelihood=float(fields["likelihood"]),
+        median_distance=float(fields["median_distance"]),
+        matched_share=float(fields["matched_share"]),
+        arrays={name: fields[name] for name in _ARRAYS if name in fields},
+    )

@@ -136,23 +136,27 @@ def _measured(
     for number, (subject, faces) in enumerate(zip(subjects, labelled.faces, strict=True)):
         n_vertices = len(subject.points)
         if n_vertices not in measurements_by_size:
-            own = _measurements_of_file(measurements, subject, faces)
-            measurements_by_size[n_vertices] = own
+            measurements_of_size = _measurements_of_file(measurements, subject, faces)
+            measurements_by_size[n_vertices] = measurements_of_size
         surface = measurements_by_size[n_vertices].definitions.surface
         surface.check_faces(faces, subject.file)
         check_body_sizes(subject.points, surface, subject.file)
         numbers_by_size.setdefault(n_vertices, []).append(number)
     values: dict[int, SheetValues] = {}
     for n_vertices, numbers in numbers_by_size.items():
-        own = measurements_by_size[n_vertices]
-        average = average_for(own)
+        measurements_of_size = measurements_by_size[n_vertices]
+        average = average_for(measurements_of_size)
         for part, words in _parts(numbers):
             with progress(f"Measurements of {words}"):
-                values_of_part = values_of(own, [subjects[k] for k in part], average)
+                values_of_part = values_of(
+                    measurements_of_size, [subjects[k] for k in part], average
+                )
             values |= dict(zip(part, values_of_part, strict=True))
     for number, subject in enumerate(subjects):
-        own = measurements_by_size[len(subject.points)]
-        values[number] = _since_earlier(labelled, number, values[number], own, progress)
+        measurements_of_size = measurements_by_size[len(subject.points)]
+        values[number] = _since_earlier(
+            labelled, number, values[number], measurements_of_size, progress
+        )
     ordered = [values[number] for number in range(len(subjects))]
     return _Sheets(labelled, ordered, measurements_by_size, units)
 

@@ -113,7 +113,7 @@ def _pairs_of_branches(parents: Integers, reaches: Array) -> list[tuple[int, int
 
     # A pair of hands within a pair of arms is part of the arms.
     outermost = [
-        pair for pair in long if not any(other != pair and is_inside(pair, other) for other in long)
+        pair for pair in long if not any(outer != pair and is_inside(pair, outer) for outer in long)
     ]
     # Skirts and wings are shorter than limbs.
     limbs = sorted(outermost, key=lambda pair: -size[pair])[:2]

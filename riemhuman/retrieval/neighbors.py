@@ -123,7 +123,7 @@ class NearestNeighbors(Estimator):
             n_compared = []
             for number in np.linspace(0, len(X) - 1, _TRIALS).astype(int):
                 trial = slice(number, number + 1)
-                n_compared += [found.n_compared for found in self._search(trial, None, 2, None)]
+                n_compared += [nearest.n_compared for nearest in self._search(trial, None, 2, None)]
             if np.mean(n_compared) > (1.0 - _LEAST_EXCLUDED) * len(X):
                 self._projection = None
         return self
@@ -180,9 +180,9 @@ class NearestNeighbors(Estimator):
         n_exact = 0
         size = max(1, min(_BLOCK, _BOUNDS // n_points))
         for part in slices(n_queries, size):
-            for row, found in enumerate(self._search(part, X, k, candidates), part.start):
-                distances[row], indices[row] = found.distances, found.numbers
-                n_exact += found.n_compared
+            for row, nearest in enumerate(self._search(part, X, k, candidates), part.start):
+                distances[row], indices[row] = nearest.distances, nearest.numbers
+                n_exact += nearest.n_compared
         self.exact_share_ = n_exact / max(1, n_queries * n_points)
         return (distances, indices) if return_distance else indices
 

@@ -89,7 +89,7 @@ def test_an_arm_that_fits_worse_alone_stays_as_it_is(fitter, monkeypatch):
     task, pose = dense.task, dense.pose
     offsets = iter(np.tile([0.03, 0.02, 0.02, 0.02, 0.02], 2))
 
-    def astray(task, joints, samples, prior, start):
+    def astray(task, joints, samples, scales, start):
         return start._replace(trans=start.trans + [next(offsets), 0.0, 0.0])
 
     monkeypatch.setattr(_arms_and_hands, "fit_joints", astray)

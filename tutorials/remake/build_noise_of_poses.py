@@ -81,34 +81,34 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():
         raise FileError(f"{options.folder} is not a folder; it must exist to receive the noise")
-    own = Measurements(load_open_model(options.resolution))
+    measurements = Measurements(load_open_model(options.resolution))
     spreads, values = {}, {}
     natural = load_open_bodies(options.resolution, "natural", _HELD_OUT)
     variants = {"plain": load_open_bodies(options.resolution), "natural": natural}
     if options.people:
         variants["registered"] = _registered(natural, options.people)
     for variant, bodies in variants.items():
-        straight = in_standard_pose(own.definitions, bodies.points)
-        standard = own.measure(straight, axes="space", missing="nan")
-        as_is = own.measure(bodies.points, missing="nan")
+        straight = in_standard_pose(measurements.definitions, bodies.points)
+        standard = measurements.measure(straight, axes="space", missing="nan")
+        as_is = measurements.measure(bodies.points, missing="nan")
         spreads[variant] = _spread(standard.values, bodies), _spread(as_is.values, bodies)
         values[variant] = standard.values
-    _print(own, spreads)
-    _print_girths(own, natural, values["natural"])
+    _print(measurements, spreads)
+    _print_girths(measurements, natural, values["natural"])
     if not options.people:
         return
     noise = _noise(_differences(values["registered"], bodies)).round(_DIGITS)
     record = {
-        "measurements": dict(zip(own.names, noise.tolist(), strict=True)),
-        "log_areas": _noise_of_areas(own.definitions, straight, bodies),
+        "measurements": dict(zip(measurements.names, noise.tolist(), strict=True)),
+        "log_areas": _noise_of_areas(measurements.definitions, straight, bodies),
     }
     others = ~np.isin(natural.subject, bodies.subject)
-    for name, each, group in (
+    for name, values_of_group, group in (
         ("plain", values["plain"], variants["plain"]),
         ("other natural", values["natural"][others], natural[others]),
     ):
-        if len(each):
-            marked = (_differences(each, group) > _LIMIT * noise).sum(axis=1)
+        if len(values_of_group):
+            marked = (_differences(values_of_group, group) > _LIMIT * noise).sum(axis=1)
             sys.stdout.write(f"{name} people, marked of {len(noise)}: {marked.mean():.1f} (mean)\n")
     path = options.folder / "noise_of_poses.json"
     path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
@@ -139,7 +139,9 @@ def _spread(values: ndarray, bodies: Bodies) -> ndarray:
 def _differences(values: ndarray, bodies: Bodies) -> ndarray:
     """Return absolute differences of all pairs of poses of each person, shape (n_pairs, M)."""
     poses = [values[bodies.subject == k] for k in np.unique(bodies.subject)]
-    return np.array([np.abs(a - b) for each in poses for a, b in combinations(each, 2)])
+    return np.array(
+        [np.abs(a - b) for values_of_person in poses for a, b in combinations(values_of_person, 2)]
+    )
 
 
 def _noise(differences: ndarray) -> ndarray:
@@ -158,10 +160,10 @@ def _noise_of_areas(
     }
 
 
-def _print(own: Measurements, spreads: dict[str, tuple[ndarray, ndarray]]) -> None:
+def _print(measurements: Measurements, spreads: dict[str, tuple[ndarray, ndarray]]) -> None:
     head = "".join(f"{variant + ': median':>18}{'worst':>7}{'as is':>8}" for variant in spreads)
     sys.stdout.write(f"{'':32}{head}{'permitted':>12}\n")
-    for k, measurement in enumerate(own.definitions.measurements):
+    for k, measurement in enumerate(measurements.definitions.measurements):
         unit = 1000.0 if measurement.units == "m" else 1.0
         row = "".join(
             f"{unit * np.median(standard[:, k]):18.4g}{unit * standard[:, k].max():7.3g}"
@@ -172,13 +174,15 @@ def _print(own: Measurements, spreads: dict[str, tuple[ndarray, ndarray]]) -> No
         sys.stdout.write(f"{name:32}{row}{_permitted(measurement):>12}\n")
 
 
-def _print_girths(own: Measurements, bodies: Bodies, found: ndarray) -> None:
-    made = own.measure(_in_standard_pose_as_made(own, bodies), axes="space", missing="nan").values
+def _print_girths(measurements: Measurements, bodies: Bodies, registered: ndarray) -> None:
+    made = measurements.measure(
+        _in_standard_pose_as_made(measurements, bodies), axes="space", missing="nan"
+    ).values
     means = np.abs(_means(made, bodies))
-    columns = [_spread(values, bodies) / means for values in (made, found, found - made)]
+    columns = [_spread(values, bodies) / means for values in (made, registered, registered - made)]
     head = f"{'flesh':>8}{'found':>8}{'difference':>12}"
     sys.stdout.write(f"\n{'per cent, natural people':32}{head}\n")
-    for k, measurement in enumerate(own.definitions.measurements):
+    for k, measurement in enumerate(measurements.definitions.measurements):
         if isinstance(measurement, Girth):
             flesh, all_in_all, rest = (100.0 * np.median(column[:, k]) for column in columns)
             sys.stdout.write(f"{measurement.name:32}{flesh:8.2f}{all_in_all:8.2f}{rest:12.2f}\n")
@@ -189,9 +193,9 @@ def _means(values: ndarray, bodies: Bodies) -> ndarray:
     return np.array([np.nanmean(values[bodies.subject == k], axis=0) for k in people])
 
 
-def _in_standard_pose_as_made(own: Measurements, bodies: Bodies) -> ndarray:
+def _in_standard_pose_as_made(measurements: Measurements, bodies: Bodies) -> ndarray:
     """Return bodies in the standard pose, by the rotations that they were made with."""
-    model, pose = bodies.model, own.definitions.standard_pose_vector
+    model, pose = bodies.model, measurements.definitions.standard_pose_vector
     straight = np.empty_like(bodies.points)
     for number, point in enumerate(bodies.points - bodies.translations[:, np.newaxis]):
         joints = model.joints(bodies.betas[number])

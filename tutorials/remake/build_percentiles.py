@@ -72,8 +72,8 @@ def drawn_betas(
     """Return shape coefficients of people of one sex with the public's body mass index."""
     entry = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[sex]
     betas = rng.multivariate_normal(entry["mean"], entry["covariance"], n_people)
-    own = _measured(betas, resolution, _MASS)
-    index, stature = _log_index(own), np.log(own[:, 0])
+    measured = _measured(betas, resolution, _MASS)
+    index, stature = _log_index(measured), np.log(measured[:, 0])
     normal = norm.ppf((rankdata(index, method="ordinal") - 0.5) / n_people)
     wanted = public_body_mass_index(normal, sex)
     predictors = np.stack([np.ones(n_people), stature, index], axis=1)
@@ -133,13 +133,13 @@ def _check(n_people: int) -> None:
     for sex in _SEXES:
         _, names, values = _drawn(sex, n_people, _SEED + 1)
         people = [dict(zip(names, row, strict=True)) for row in values]
-        found = np.array([[*percentiles(person, sex).values()] for person in people])
+        levels = np.array([[*percentiles(person, sex).values()] for person in people])
         index = values[:, names.index("body mass")] / values[:, names.index("stature")] ** 2
         shown = ", ".join(f"{x:.1f}" for x in np.percentile(index, [5, 25, 50, 75, 95]))
         sys.stdout.write(f"\n{len(values)} simulated people, {sex}; body mass index {shown}\n")
         sys.stdout.write(f"{'':36}{'below 5':>9}{'below 50':>9}{'below 95':>9}\n")
         for k, name in enumerate(names):
-            shares = [100 * np.mean(found[:, k] < level) for level in (5, 50, 95)]
+            shares = [100 * np.mean(levels[:, k] < level) for level in (5, 50, 95)]
             sys.stdout.write(f"{name:36}" + "".join(f"{share:9.1f}" for share in shares) + "\n")
 
 

@@ -110,13 +110,13 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
     """Return the record of the file."""
     standing = open_measurements("full")
     seated = open_measurements("full", pose="seated")
-    own, sitting = Measurements(standing), Measurements(seated)
-    lacking = [name for name in own.names if name not in names]
+    measurements, sitting = Measurements(standing), Measurements(seated)
+    lacking = [name for name in measurements.names if name not in names]
     model = standing.model
     record = {"source": _SOURCE, "names": [*names, *lacking]}
-    shared = [name for name in names if name in own.names]
-    of_shared = [own.names.index(name) for name in shared]
-    of_lacking = [own.names.index(name) for name in lacking]
+    shared = [name for name in names if name in measurements.names]
+    of_shared = [measurements.names.index(name) for name in shared]
+    of_lacking = [measurements.names.index(name) for name in lacking]
     in_names = [names.index(name) for name in shared]
     bodies_of = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))
     for sex, values in people.items():
@@ -126,7 +126,7 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
         rng = np.random.default_rng(_SEED)
         betas = rng.multivariate_normal(entry["mean"], entry["covariance"], _N_BODIES)
         points = model(betas, standing.standard_pose_vector)
-        measured = own.measure(points, axes="space", missing="nan").values
+        measured = measurements.measure(points, axes="space", missing="nan").values
         measured = measured[np.isfinite(measured).all(axis=1)]
         # Regression with errors in the variables, a twentieth of the spread among adults.
         x = (measured[:, of_shared] - measured[:, of_shared].mean(axis=0)) / std[in_names]
@@ -134,7 +134,9 @@ def build(names: list[str], people: dict[str, ndarray]) -> dict[str, object]:
         ridge = 0.05 * len(x) * np.eye(len(shared))
         slopes = np.linalg.solve(x.T @ x + ridge, x.T @ y) / std[in_names, np.newaxis]
         typical = np.array(entry["mean"])
-        of_mean = own.measure(model(typical, standing.standard_pose_vector), axes="space").values
+        of_mean = measurements.measure(
+            model(typical, standing.standard_pose_vector), axes="space"
+        ).values
         on_chair = sitting.measure(model(typical, seated.standard_pose_vector), axes="space")
         rest = np.cov((y - x @ (slopes * std[in_names, np.newaxis])).T)
         rest += np.diag((_LEAST_SPREAD * of_mean[of_lacking]) ** 2)
@@ -206,11 +208,11 @@ def _predicted(
     rest = [name for name in names if name not in given]
     for row in values:
         person = dict(zip(names, row, strict=True))
-        found = statistics.predict({name: person[name] for name in given}, sex)
-        error = np.array([found.mean[name] - person[name] for name in rest])
+        prediction = statistics.predict({name: person[name] for name in given}, sex)
+        error = np.array([prediction.mean[name] - person[name] for name in rest])
         errors.append(error)
-        within.append(np.abs(error) < _WITHIN * np.array([found.std[name] for name in rest]))
-        flagged.append(bool(found.contradictory))
+        within.append(np.abs(error) < _WITHIN * np.array([prediction.std[name] for name in rest]))
+        flagged.append(bool(prediction.contradictory))
     return np.array(errors), np.array(within), np.array(flagged)
 
 
@@ -230,15 +232,15 @@ def _ratio_without_sex(
 
 def _of_bodies(names: list[str], values: ndarray, given: list[str], sex: str) -> ndarray:
     """Return errors of what the bodies measure; NaN for seated measurements."""
-    own = Measurements(open_measurements("coarse"))
+    measurements = Measurements(open_measurements("coarse"))
     rest = [name for name in names if name not in given]
     errors = np.full((len(values), len(rest)), np.nan)
     for number, row in enumerate(values):
         person = dict(zip(names, row, strict=True))
-        found = model_from_measurements(
+        model_fit = model_from_measurements(
             {name: person[name] for name in given}, sex, resolution="coarse"
         )
-        measured = own.measure(found.points, axes="space", missing="nan").to_dict()
+        measured = measurements.measure(model_fit.points, axes="space", missing="nan").to_dict()
         for k, name in enumerate(rest):
             errors[number, k] = measured.get(name, np.nan) - person[name]
     return errors

@@ -110,8 +110,8 @@ def train(
                 bar.set_postfix(loss=f"{losses[max(0, step - 50) : step + 1].mean():.4g}")
             if file is not None and (step + 1) % STEPS_BETWEEN == 0:
                 _keep(file, origin, tensors, adam, losses, step + 1)
-    found = {name: tensor.detach().numpy() for name, tensor in tensors.items()}
-    return {name: array.astype(np.float16) for name, array in found.items()}, losses
+    trained = {name: tensor.detach().numpy() for name, tensor in tensors.items()}
+    return {name: array.astype(np.float16) for name, array in trained.items()}, losses
 
 
 def initial_networks(
@@ -170,12 +170,12 @@ def _pace(step: int, n_steps: int) -> float:
 
 def _origin(parameters: Any, data: Any, *settings: Any) -> str:
     """Return a digest of the initial parameters, the data and the settings of a training."""
-    found = hashlib.sha256(repr(settings).encode())
+    digest = hashlib.sha256(repr(settings).encode())
     for arrays in (parameters, data):
         for name in sorted(arrays):
-            found.update(name.encode())
-            found.update(np.ascontiguousarray(arrays[name], dtype=np.float32).tobytes())
-    return found.hexdigest()
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(arrays[name], dtype=np.float32).tobytes())
+    return digest.hexdigest()
 
 
 def _keep(file: Path, origin: str, tensors: Any, adam: Any, losses: ndarray, step: int) -> None:
