@@ -361,7 +361,9 @@ class RiemannianMetric(MetricTensor):
         # autograd's `broadcast_to` adds no axes.
         arrays = tuple(array + np.zeros(shape) for array in arrays)
         leading = shape[: len(shape) - self.space.point_ndim]
-        results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
+        results = []
+        for index in np.ndindex(leading):
+            results.append(solve(*(array[index] for array in arrays)))
         return np.reshape(np.array(results), shape)
 
     def _times(self, t: ArrayLike) -> Array:

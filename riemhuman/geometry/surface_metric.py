@@ -227,15 +227,14 @@ class SurfaceMetric(MetricOfTerms):
         return first
 
     def _squared_segments(self, path: Points) -> Array:
-        first, times = self._derivatives(path), (slice(None),) * (path.ndim - 3)
+        first, batches = self._derivatives(path), (slice(None),) * (path.ndim - 3)
+        before, after = (*batches, slice(None, -1)), (*batches, slice(1, None))
         total = np.zeros(())
         for term in self.terms:
             fields = term.fields(first)
-            before, after = (
-                tuple(field[(*times, part)] for field in fields)
-                for part in (slice(None, -1), slice(1, None))
-            )
-            total = total + self._integral(term, before, after)
+            starts = tuple(field[before] for field in fields)
+            ends = tuple(field[after] for field in fields)
+            total = total + self._integral(term, starts, ends)
         return total
 
     def _integral(self, term: Term, fields_a: Fields, fields_b: Fields) -> Array:

@@ -219,10 +219,10 @@ def _digest_of_file(file: str) -> bytes:
 def _bind() -> None:
     """Bind names to compiled functions in all modules that define some."""
     with _lock:
-        modules = {
-            id(names): names
-            for names in (placeholder.py_func.__globals__ for placeholder in _waiting)
-        }
+        modules = {}
+        for placeholder in _waiting:
+            names = placeholder.py_func.__globals__
+            modules[id(names)] = names
         # Numba looks names up when it compiles, so all of them are bound before the first call.
         for names in modules.values():
             for name, value in list(names.items()):

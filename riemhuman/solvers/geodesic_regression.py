@@ -263,11 +263,11 @@ def _inverse_matrix(
     if not isinstance(metric, ProductMetric):
         return metric_factor(metric, point[None], scale).inverse
     parts = metric.space.project_from_product(point)
-    inverses = [
-        # Entries without weight do not matter; 1 keeps their factor finite.
-        _inverse_matrix(factor.metric, part, scale / (weight or 1.0))
-        for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True)
-    ]
+    inverses = []
+    for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True):
+        # Entries without weight do not matter; 1 keeps their matrix finite.
+        scale_of_factor = scale / weight if weight > 0 else scale
+        inverses.append(_inverse_matrix(factor.metric, part, scale_of_factor))
     ends = np.cumsum([part.size for part in parts])[:-1]
 
     def inverse_matrix(columns: Array) -> Array:

@@ -217,8 +217,12 @@ def find_inward_triangles(points: Array, faces: Triangles) -> Booleans:
 def oriented_alike(faces: Triangles) -> tuple[Integers, Booleans]:
     """Return pairs of triangles that share an edge, (P, 2), and which pass it in opposite ways."""
     pairs, edges = adjacent_triangles(faces)
-    first, second = (
-        (faces[triangles] == edges[:, :1]) & (np.roll(faces[triangles], -1, axis=1) == edges[:, 1:])
-        for triangles in pairs.T
-    )
-    return pairs, first.any(axis=1) != second.any(axis=1)
+    first, second = _pass_ahead(faces[pairs[:, 0]], edges), _pass_ahead(faces[pairs[:, 1]], edges)
+    return pairs, first != second
+
+
+def _pass_ahead(corners: Triangles, edges: Integers) -> Booleans:
+    """Return which triangles pass one of their edges each from its first to its second vertex."""
+    is_start, is_end = corners == edges[:, :1], np.roll(corners, -1, axis=1) == edges[:, 1:]
+    ahead: Booleans = np.any(is_start & is_end, axis=1)
+    return ahead

@@ -314,9 +314,9 @@ def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeT
     half = traceless_exp(shear, 0.5 * factor)
     whole = strain + 2.0 * new_radial[..., None, None] * np.eye(2)
     carried = unwhiten(ratio[..., None, None] * symmetric_part(half @ whole @ half), g)
-    turned = [
-        sphere.parallel_transport(u + gain[..., None] * turn, n, factor[..., None] * delta_n)
-        / ratio[..., None]
-        for u, turn, n, delta_n in zip(vector[1:], turning, point[1:], velocity[1:], strict=True)
-    ]
+    turned = []
+    for u, turn, n, delta_n in zip(vector[1:], turning, point[1:], velocity[1:], strict=True):
+        arc = factor[..., None] * delta_n
+        end = sphere.parallel_transport(u + gain[..., None] * turn, n, arc)
+        turned.append(end / ratio[..., None])
     return carried, *turned

@@ -242,12 +242,11 @@ class Term(ABC):
         e2 = (first.f_v - q * e1) / r
         axes = (e1, e2, first.area_vectors / first.areas[..., None])
         fields = self.fields(first)
-        # Along e_j ⊗ dx_d: h_u = p ∂₁h, h_v = q ∂₁h + r ∂₂h.
-        changes = [
-            self.changes(first, (p if d == 0 else 0.0) * axis, (q if d == 0 else r) * axis)
-            for axis in axes
-            for d in range(2)
-        ]
+        # Along e_j ⊗ dx₁ and e_j ⊗ dx₂: h_u = p ∂₁h, h_v = q ∂₁h + r ∂₂h.
+        changes = []
+        for axis in axes:
+            changes.append(self.changes(first, p * axis, q * axis))
+            changes.append(self.changes(first, 0.0 * axis, r * axis))
         rows = [
             np.stack([self.inner_product(row, column, fields) for column in changes], axis=-1)
             for row in changes
@@ -313,9 +312,8 @@ class Term(ABC):
 
         def energy(f_uv: Array) -> Array:
             fields = self.fields(follow_up(f_uv[..., :3], f_uv[..., 3:]))
-            before, after = (
-                tuple(field[part] for field in fields) for part in (slice(-1), slice(1, None))
-            )
+            before = tuple(field[:-1] for field in fields)
+            after = tuple(field[1:] for field in fields)
             return self.weight * np.sum(areas * self.squared_dist(before, after))
 
         value, gradient = value_and_grad(energy)(np.swapaxes(records[:, :6], 1, 2))
