@@ -74,7 +74,12 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     if options.picture is not None:
         with rh.plots.figure_style():
             figure = rh.plots.plot_measurements(
-                measurements, points[0], pose="as is", axes=axes, system=options.units
+                measurements,
+                points[0],
+                pose="as is",
+                axes=axes,
+                system=options.units,
+                trusted_vertices=trusted[0],
             )
             rh.plots.figures.save_figure(figure, options.picture)
     names, units = measured.names, dict(zip(measured.names, measured.units, strict=True))

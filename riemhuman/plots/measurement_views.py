@@ -213,9 +213,7 @@ def view_measurements(
     """
     surface = _posed(measurements, points, pose)
     body_name = text(name, "name")
-    trusted = None
-    if trusted_vertices is not None:
-        trusted = mask(trusted_vertices, "trusted_vertices", [(len(surface),)])[np.newaxis]
+    trusted = _trusted(trusted_vertices, len(surface))
     measured = measurements.measure(
         surface[np.newaxis], axes="space", missing="nan", trusted_vertices=trusted
     )
@@ -225,6 +223,16 @@ def view_measurements(
         title=title,
         panel=measurement_panel(measurements, [surface], measured, system=system),
     )
+
+
+def _trusted(trusted_vertices: object, n_vertices: int) -> ndarray | None:
+    """Return which vertices of one body to trust, checked, shape (1, V); None if nothing is known.
+
+    None means all of them.
+    """
+    if trusted_vertices is None:
+        return None
+    return mask(trusted_vertices, "trusted_vertices", [(n_vertices,)])[np.newaxis]
 
 
 def _posed(measurements: Measurements, points: object, pose: str) -> ndarray:
@@ -245,6 +253,7 @@ def plot_measurements(
     system: str = "cm",
     height: int = 640,
     names: Mapping[str, str] | None = None,
+    trusted_vertices: object = None,
 ) -> Figure:
     """Draw the lines of measurements in small pictures, with a table of their values.
 
@@ -267,6 +276,8 @@ def plot_measurements(
     names : mapping of str to str, optional
         Names to write instead of those of the measurements, such as "Kneecap height" for "knee
         height (midpatella)".
+    trusted_vertices : array_like of bool, shape (V,), optional
+        As for `Measurements.measure`; measurements that depend on others are left out.
 
     Examples
     --------
@@ -278,8 +289,13 @@ def plot_measurements(
     one_of(system, "system", tuple(READABLE_UNITS))
     pixels = pixel_height(height)
     written_names = _written_names(names)
+    trusted = _trusted(trusted_vertices, len(surface))
     lines = measurements.lines(surface, axes=axes)
-    measured = measurements.measure(surface[np.newaxis], axes=axes, missing="nan")
+    measured = measurements.measure(
+        surface[np.newaxis], axes=axes, missing="nan", trusted_vertices=trusted
+    )
+    for _, name in measured.why_missing:
+        lines[name] = []
     every = measurements.definitions.measurements
     groups = pictured(every, lines)
     columns = min(_COLUMNS, max(len(groups), 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -371,21 +371,23 @@ def _uncertainty(value: float, unit: ReadableUnit) -> str:
 def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
     """Return angles with their side or direction."""
 
+    def of(title: str, angles: Sequence[float], what: str) -> PostureText:
+        is_seen = any(map(np.isfinite, angles))
+        return PostureText(title, " / ".join(map(_angle, angles)), what if is_seen else "not seen")
+
     def directed(name: str, title: str, positive: str, negative: str) -> PostureText:
         angle = posture[name]
         towards = positive if angle > 0.0 else negative
-        return PostureText(title, _angle(abs(angle)), towards if abs(angle) >= 0.5 else "level")
+        return of(title, [abs(angle)], towards if abs(angle) >= 0.5 else "level")
 
     def paired(name: str, title: str, what: str) -> PostureText:
-        left = posture[name.format("left")]
-        right = posture[name.format("right")]
-        return PostureText(title, f"{_angle(left)} / {_angle(right)}", what)
+        return of(title, [posture[name.format("left")], posture[name.format("right")]], what)
 
     if not posture:
         return []
     both = "left / right"
     return [
-        PostureText("Neck base to ear", _angle(posture["head over neck"]), "above horizontal"),
+        of("Neck base to ear", [posture["head over neck"]], "above horizontal"),
         directed("head tilt", "Head tilt", "left ear higher", "right ear higher"),
         directed("shoulder tilt", "Shoulder tilt", "left higher", "right higher"),
         directed("pelvis tilt", "Pelvis tilt", "left higher", "right higher"),

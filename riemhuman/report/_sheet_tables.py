@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,7 +14,7 @@ from riemhuman.io.files import atomic_file
 from riemhuman.io.text_tables import csv_cell, csv_text
 from riemhuman.optional import import_optional
 from riemhuman.report._sheet_content import badge
-from riemhuman.report.sheet_values import SheetSubject, SheetValues
+from riemhuman.report.sheet_values import SheetRow, SheetSubject, SheetValues
 
 Cell = str | float | None
 Rows = list[list[Cell]]
@@ -27,8 +28,8 @@ _NARROWEST = 9
 def table_text(sheets: Sheets) -> str:
     """Return a row per body as comma-separated text: SI units, which the header names."""
     rows = _people(sheets)
-    for what in ("value", "percentile", "uncertainty"):
-        rows = _beside(rows, _values(sheets, what))
+    for numbers in (_VALUES, _PERCENTILES, _UNCERTAINTIES):
+        rows = _beside(rows, _rows_of(sheets, numbers))
     return csv_text(_beside(rows, _posture(sheets)))
 
 
@@ -39,9 +40,9 @@ def save_workbook(sheets: Sheets, file: Path) -> None:
     book.remove(book.active)
     people = _people(sheets)
     pages = {
-        "Measurements": _values(sheets, "value"),
-        "Percentiles": _values(sheets, "percentile"),
-        "Uncertainty": _values(sheets, "uncertainty"),
+        "Measurements": _rows_of(sheets, _VALUES),
+        "Percentiles": _rows_of(sheets, _PERCENTILES),
+        "Uncertainty": _rows_of(sheets, _UNCERTAINTIES),
         "Posture": _posture(sheets),
     }
     for title, rows in pages.items():
@@ -89,23 +90,31 @@ def _people(sheets: Sheets) -> Rows:
     return rows
 
 
-def _values(sheets: Sheets, what: str) -> Rows:
+@dataclass(frozen=True)
+class _Numbers:
+    """One number of each measurement, and the title of its column."""
+
+    title: str
+    of: Callable[[SheetRow], float]
+
+
+_VALUES = _Numbers("{name} ({unit})", lambda row: row.value)
+_PERCENTILES = _Numbers("{name}, percentile", lambda row: row.percentile)
+_UNCERTAINTIES = _Numbers("{name}, ± ({unit})", lambda row: row.uncertainty)
+
+
+def _rows_of(sheets: Sheets, numbers: _Numbers) -> Rows:
     names: dict[str, str] = {}
     for _, values in sheets:
         names |= {row.name: row.unit for row in values.rows}
-    titles = {
-        "value": "{name} ({unit})",
-        "percentile": "{name}, percentile",
-        "uncertainty": "{name}, ± ({unit})",
-    }
-    header: list[Cell] = [titles[what].format(name=name, unit=unit) for name, unit in names.items()]
+    title = numbers.title
+    header: list[Cell] = [title.format(name=name, unit=unit) for name, unit in names.items()]
     rows = [header]
     for _, values in sheets:
         cells: list[Cell] = []
         for name in names:
             row = values.by_name.get(name)
-            # Tables are named after the fields of a row.
-            cells.append(None if row is None else _number(getattr(row, what)))
+            cells.append(None if row is None else _number(numbers.of(row)))
         rows.append(cells)
     return rows
 

@@ -71,7 +71,10 @@ def test_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
     point, faces = bodies.points[0], bodies.template.faces
     save_mesh(tmp_path / "anna.ply", point, faces, point[:, 1] > 0.9)
     only = ("--only", "stature", "--only", "head girth", "--as-is", "--json")
-    record = json.loads(run("measure", tmp_path / "anna.ply", *only).out)
+    picture = tmp_path / "lines.svg"
+    record = json.loads(run("measure", tmp_path / "anna.ply", *only, "--picture", picture).out)
+    drawn = picture.read_text(encoding="utf-8")
+    assert ("<!-- Girths -->" in drawn, "<!-- Heights -->" in drawn) == (True, False)
     assert [missing["measurement"] for missing in record["missing"]] == ["stature"]
     assert "does not trust" in record["missing"][0]["why"]
     assert next(iter(record["bodies"].values()))["head girth"] > 0.5

@@ -51,6 +51,13 @@ def test_numbers_of_a_picture_are_those_of_its_table():
     )
     names = [text.get_text() for text in renamed.axes[2].texts if text.get_ha() == "left"]
     assert names == ["Natural waist", "hip girth"]
+    heights = BODIES[20][:, 1]
+    above = heights > heights.mean() - 0.3  # without the feet, there is no stature
+    trusted = rh.plots.plot_measurements(
+        few, BODIES[20], pose="as is", height=80, trusted_vertices=above
+    )
+    assert [ax.get_title() for ax in trusted.axes[:1]] == ["Girths"]
+    assert len(trusted.axes) == 2
     inches = rh.plots.plot_measurements(few, BODIES[20], pose="as is", system="in", height=80)
     assert inches.axes[2].texts[2].get_text().endswith(" in")
 

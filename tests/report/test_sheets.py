@@ -130,9 +130,13 @@ def test_angles_and_percentiles_in_words():
         rh.datasets.load_open_model("coarse").template.vertices,
     )
     angles = dict.fromkeys(names, 0.0) | {"shoulder tilt": -4.0, "head tilt": np.nan}
+    angles |= dict.fromkeys(("left knee bent", "left elbow bent", "right elbow bent"), np.nan)
     texts = {text.title: text for text in posture_texts(angles)}
     assert (texts["Shoulder tilt"].value, texts["Shoulder tilt"].what) == ("4°", "right higher")
-    assert texts["Head tilt"].value == "–"
+    assert (texts["Head tilt"].value, texts["Head tilt"].what) == ("–", "not seen")
+    assert (texts["Pelvis tilt"].value, texts["Pelvis tilt"].what) == ("0°", "level")
+    assert (texts["Knees bent"].value, texts["Knees bent"].what) == ("– / 0°", "left / right")
+    assert (texts["Elbows bent"].value, texts["Elbows bent"].what) == ("– / –", "not seen")
 
 
 # Folders.
