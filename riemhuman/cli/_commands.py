@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias, TypedDict, Unpack
+from typing import TYPE_CHECKING, NoReturn, TypeAlias, TypedDict, Unpack
 
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
@@ -296,7 +296,9 @@ _DEFAULTS = dict.fromkeys(("any_scale", "align", "force", "has_figure"), False)
 class Parser(argparse.ArgumentParser):
     """A parser whose errors suggest the nearest name."""
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_args(  # type: ignore[override]  # its overloads are for namespaces of other types
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
         options, unknown = self.parse_known_args(args, namespace)
         if unknown:
             # The parser of the command knows its options.

@@ -13,7 +13,7 @@ from riemhuman.cli import _inputs as inputs
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from numpy import ndarray
+    from riemhuman.arrays import Points, Triangles
 
 _MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
 _WRITTEN_MESHES = (".ply", ".obj", ".off", ".glb")
@@ -139,7 +139,7 @@ def _convert(options: argparse.Namespace) -> cli.Answer:
     return cli.Answer(record, record)
 
 
-def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[ndarray, ndarray]]:
+def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[Points, Triangles]]:
     """Return the bodies in a file or a folder by name."""
     if faces is not None:
         photographed = rh.datasets.load_photographed_bodies(source, faces)
@@ -167,13 +167,13 @@ def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[ndarray, n
 def _change_of_topology(
     place: Path | None,
     up: str | None,
-) -> Callable[[ndarray, ndarray], tuple[ndarray, ndarray]]:
+) -> Callable[[Points, Triangles], tuple[Points, Triangles]]:
     """Return what a map makes of a body, in the direction that its number of vertices tells."""
     if place is None:
         return lambda points, faces: (rh.surfaces.make_upright(points, up=up), faces)
     topology = rh.registration.TopologyMap.load(place)
 
-    def change(points: ndarray, faces: ndarray) -> tuple[ndarray, ndarray]:
+    def change(points: Points, faces: Triangles) -> tuple[Points, Triangles]:
         if len(points) == topology.model.n_vertices:
             return topology.to_template((points, faces), up=up), topology.template_faces
         return topology.to_model((points, faces), up=up), topology.model.faces

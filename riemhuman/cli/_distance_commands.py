@@ -16,9 +16,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
-    from riemhuman.arrays import Array
+    from riemhuman.arrays import Array, Integers
     from riemhuman.datasets import Bodies, RegisteredMeshes
     from riemhuman.geometry import RiemannianMetric
     from riemhuman.retrieval import RetrievalScores
@@ -349,7 +347,7 @@ def _matrix_options(*, required: bool) -> cli.Argument:
     )
 
 
-def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[str, list[str]]]:
+def _read_matrix(options: argparse.Namespace) -> tuple[Array, list[str], dict[str, list[str]]]:
     """Return distances, names and labels of meshes: if a table is given, of those in it."""
     from riemhuman.io.text_tables import TABLE_ENDINGS, read_matrix
 
@@ -357,7 +355,7 @@ def _read_matrix(options: argparse.Namespace) -> tuple[ndarray, list[str], dict[
     if file.suffix.lower() in TABLE_ENDINGS:
         names, distances = read_matrix(file)
     else:
-        arrays: dict[str, ndarray] = rh.io.load_arrays(file, ["distances", "names"])
+        arrays: dict[str, Array] = rh.io.load_arrays(file, ["distances", "names"])
         distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
     if distances.shape != (len(names), len(names)):
         raise FileFormatError(
@@ -497,8 +495,8 @@ def _meshes_of(names: Sequence[str], folder: Path) -> RegisteredMeshes:
 
 def _map_page(
     options: argparse.Namespace,
-    positions: ndarray,
-    items: ndarray,
+    positions: Array,
+    items: Integers,
     class_names: Sequence[str] | None,
     names: Sequence[str],
     meshes: RegisteredMeshes | None,

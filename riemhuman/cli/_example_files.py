@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import riemhuman as rh
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.io.files import write_text
 from riemhuman.io.text_tables import csv_text
 
@@ -140,7 +141,7 @@ def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
     write_text(folder / "labels.csv", csv_text(rows))
 
 
-def _write_single_bodies(folder: Path, betas: Mapping[str, np.ndarray]) -> None:
+def _write_single_bodies(folder: Path, betas: Mapping[str, Array]) -> None:
     model = rh.datasets.load_open_model("coarse")
     for file, person, angles in (
         ("anna.ply", "anna", _STANDING),
@@ -151,7 +152,7 @@ def _write_single_bodies(folder: Path, betas: Mapping[str, np.ndarray]) -> None:
         rh.save_mesh(folder / file, _on_the_floor(model, betas[person], angles), model.faces)
 
 
-def _write_scans(folder: Path, betas: Mapping[str, np.ndarray], rng: np.random.Generator) -> None:
+def _write_scans(folder: Path, betas: Mapping[str, Array], rng: np.random.Generator) -> None:
     folder.mkdir()
     model = rh.datasets.load_open_model("full")
     for person in ("anna", "ben"):
@@ -173,7 +174,7 @@ def _write_scans(folder: Path, betas: Mapping[str, np.ndarray], rng: np.random.G
         )
 
 
-def _floor(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _floor(rng: np.random.Generator) -> tuple[Points, Triangles]:
     """Return a square of floor around the origin as a mesh."""
     steps = np.arange(-_FLOOR_METRES, _FLOOR_METRES, _FLOOR_SPACING)
     n = len(steps)
@@ -186,7 +187,7 @@ def _floor(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return points + _FLOOR_NOISE * rng.standard_normal(points.shape), triangles
 
 
-def _write_other_mesh(file: Path, betas: np.ndarray, rng: np.random.Generator) -> None:
+def _write_other_mesh(file: Path, betas: Array, rng: np.random.Generator) -> None:
     model = rh.datasets.load_open_model("full")
     body = _on_the_floor(model, betas, _STANDING)
     remeshed = rh.registration.simulated_scan(
@@ -196,7 +197,7 @@ def _write_other_mesh(file: Path, betas: np.ndarray, rng: np.random.Generator) -
     rh.save_mesh(file, remeshed.points, remeshed.faces)
 
 
-def _write_visits(folder: Path, betas: np.ndarray, rng: np.random.Generator) -> None:
+def _write_visits(folder: Path, betas: Array, rng: np.random.Generator) -> None:
     model = rh.datasets.load_open_model("coarse")
     later = betas.copy()
     for number, change in _CHANGE_OF_SHAPE.items():
@@ -211,13 +212,14 @@ def _write_visits(folder: Path, betas: np.ndarray, rng: np.random.Generator) -> 
         rh.save_mesh(folder / file, points + noise, model.faces)
 
 
-def _on_the_floor(model: rh.BodyModel, betas: np.ndarray, angles: Angles) -> np.ndarray:
+def _on_the_floor(model: rh.BodyModel, betas: Array, angles: Angles) -> Points:
     rotations = rh.datasets.joint_rotations(angles, model)
     points = model(betas, rh.datasets.pose_vectors(rotations, model))
-    return points - [0.0, points[:, 1].min(), 0.0]
+    standing: Points = points - [0.0, points[:, 1].min(), 0.0]
+    return standing
 
 
-def _walk(betas: np.ndarray) -> rh.datasets.ArrayMotion:
+def _walk(betas: Array) -> rh.datasets.ArrayMotion:
     """Return a walk in which the foot that carries the body does not slide."""
     model = rh.datasets.load_open_model("coarse")
     n_frames = int(_STRIDE_SECONDS * _STRIDES * _FRAMES_PER_SECOND)
@@ -256,7 +258,7 @@ def _stride(phase: float) -> Angles:
     return angles
 
 
-def _angles_at(phase: float) -> np.ndarray:
+def _angles_at(phase: float) -> Array:
     """Return the angles of hip, knee, ankle and arm at a phase of their side."""
     angles = np.array([_HIP, _KNEE, _ANKLE, _ARM], dtype=np.float64).T
     closed = np.concatenate([angles, angles[:1]])

@@ -14,9 +14,7 @@ from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
-    from riemhuman.arrays import JSONRecord
+    from riemhuman.arrays import Integers, JSONRecord, Points, Triangles
     from riemhuman.datasets import Motion, SkeletonMotion
     from riemhuman.plots import Viewer
 
@@ -153,7 +151,7 @@ def _is_not_scan(file: Path) -> bool:
     return file.is_dir() or file.suffix.lower() not in rh.io.meshes.POINT_SUFFIXES
 
 
-def _is_open_body(points: ndarray, faces: ndarray) -> bool:
+def _is_open_body(points: Points, faces: Triangles) -> bool:
     return rh.measurements.open_measurements(rh.Template(points, faces)) is not None
 
 
@@ -271,7 +269,7 @@ def _scan_facts(file: Path) -> JSONRecord:
     }
 
 
-def mesh_facts(vertices: ndarray, faces: ndarray) -> JSONRecord:
+def mesh_facts(vertices: Points, faces: Triangles) -> JSONRecord:
     """Return counts, sizes (in the unit of the file) and defects of a mesh by name."""
     import numpy as np
 
@@ -321,7 +319,7 @@ def _likely_unit(extent: float) -> str:
     return " or ".join(likely_units(extent)) or "none: no human body has this size"
 
 
-def _edge_uses(faces: ndarray) -> tuple[ndarray, bool]:
+def _edge_uses(faces: Triangles) -> tuple[Integers, bool]:
     """Return how many triangles share each edge, and whether they are oriented consistently."""
     import numpy as np
 
@@ -334,7 +332,7 @@ def _edge_uses(faces: ndarray) -> tuple[ndarray, bool]:
     return np.diff(first, append=len(keys)), is_passed_once
 
 
-def _use_as_template(vertices: ndarray, faces: ndarray, seams: rh.io.Seams) -> str:
+def _use_as_template(vertices: Points, faces: Triangles, seams: rh.io.Seams) -> str:
     try:
         rh.Template(vertices, faces)
     except ArgumentError as error:

@@ -15,9 +15,7 @@ from riemhuman.cli._terminal import as_json, note
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
-    from riemhuman.arrays import Array, JSONRecord
+    from riemhuman.arrays import Array, JSONRecord, Points, Triangles
     from riemhuman.datasets import Motion, RegisteredMeshes
     from riemhuman.geometry import RiemannianMetric
     from riemhuman.measurements import Measurements
@@ -45,7 +43,7 @@ def is_recording(file: Path) -> bool:
 
 def read_motion(
     file: Path, *, is_mean: bool = False, is_shown: bool = False
-) -> tuple[Motion | Array, ndarray, JSONRecord]:
+) -> tuple[Motion | Points, Triangles, JSONRecord]:
     """Return the frames in a file, their triangles, and what a page says of a recording's time.
 
     To be shown, recordings are performed by the full model, at the rate of a screen.
@@ -80,8 +78,8 @@ class Surfaces:
     def __len__(self) -> int:
         return len(self.files)
 
-    def __getitem__(self, part: int | slice) -> ndarray:
-        points: ndarray = self._meshes[part]
+    def __getitem__(self, part: int | slice[int | None, int | None, int | None]) -> Points:
+        points: Points = self._meshes[part]
         if self._align:
             points = rh.procrustes(points, to=self.template.vertices, scale=None)
         return points
@@ -199,7 +197,8 @@ def chosen_metric(
     if preset and flags:
         raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
     if options.extension:
-        return rh.extensions.extension("metrics", options.extension)(space)
+        added: RiemannianMetric = rh.extensions.extension("metrics", options.extension)(space)
+        return added
     if options.metric == "srnf":
         return rh.SRNFMetric(space)
     if options.metric == "area" or (are_scans and not (options.metric or flags)):
@@ -282,13 +281,13 @@ MOTION_OUTPUT = path_output("frame", "motion.html")
 
 def write_path(
     options: argparse.Namespace,
-    path: ndarray,
-    faces: ndarray,
+    path: Points,
+    faces: Triangles,
     title: str,
     description: str = "",
     *,
     summary: cli.Record | None = None,
-    **arrays: ndarray,
+    **arrays: Array,
 ) -> None:
     """Write an animation, a film strip, a page or arrays, or a folder of meshes with such files."""
 
@@ -319,8 +318,8 @@ def write_path(
 @contextmanager
 def mesh_folder(
     options: argparse.Namespace,
-    meshes: Mapping[str, ndarray],
-    faces: ndarray,
+    meshes: Mapping[str, Points],
+    faces: Triangles,
     summary: cli.Record | None = None,
 ) -> Iterator[Path]:
     """Write meshes by the names of their files, and a record, into a folder that takes more."""
@@ -365,7 +364,7 @@ def read_motions(
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
     units = {"unit": options.unit, "up": options.up}
-    loaded_motions: list[tuple[str, Motion | Array, ndarray]] = []
+    loaded_motions: list[tuple[str, Motion | Points, Triangles]] = []
     for place in places:
         recording_endings = rh.datasets.recordings.RECORDING_ENDINGS
         files = [place]

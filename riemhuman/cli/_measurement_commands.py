@@ -15,9 +15,7 @@ from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from numpy import ndarray
-
-    from riemhuman.arrays import JSONRecord
+    from riemhuman.arrays import Array, JSONRecord
     from riemhuman.measurements import BodySizes, Measurements, VisitComparison
 
 _MOST_COLUMNS = 5
@@ -312,7 +310,7 @@ def _sheet(options: argparse.Namespace) -> cli.Answer:
 
 def _read(
     files: Sequence[Path], options: argparse.Namespace, pose: str = "standing"
-) -> tuple[Measurements, ndarray, ndarray]:
+) -> tuple[Measurements, Array, Array]:
     """Return the measurements, meshes, and which vertices their files say to trust, or all."""
     import numpy as np
 

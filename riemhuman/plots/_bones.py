@@ -6,9 +6,9 @@ The page poses the surface by linear blend skinning, as `riemhuman.bodies.skin_s
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Integers, Points
 from riemhuman.bodies import BodyModel, joint_motions, skin_surface
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.kernels.rotations import with_continuous_signs
@@ -53,13 +53,13 @@ def bone_record(motion: ModelMotion) -> dict[str, object]:
     return record
 
 
-def _packed_signed(values: ndarray, signed: str, unsigned: str) -> str:
+def _packed_signed(values: Array, signed: str, unsigned: str) -> str:
     """Return signed whole numbers with a row for each frame."""
     integers = np.ascontiguousarray(values.reshape(len(values), -1)).astype(signed)
     return packed(integers.view(unsigned))
 
 
-def _influences(weights: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+def _influences(weights: Array) -> tuple[Integers, Integers, Array]:
     """Return where the joints of each vertex start, shape (V + 1,), the joints, and the weights."""
     vertices, joints = np.nonzero(weights)
     starts = np.searchsorted(vertices, np.arange(len(weights) + 1))
@@ -67,7 +67,7 @@ def _influences(weights: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def _extent(
-    surface: ndarray, motion: ModelMotion, poses: ndarray, translations: ndarray
+    surface: Points, motion: ModelMotion, poses: Array, translations: Array
 ) -> dict[str, object]:
     """Return the box around all frames, and the radius of the upright cylinder around them.
 
@@ -96,7 +96,7 @@ def _extent(
     return {"low": low.tolist(), "high": high.tolist(), "radius": radius}
 
 
-def _correctives(model: BodyModel, poses: ndarray) -> dict[str, object]:
+def _correctives(model: BodyModel, poses: Array) -> dict[str, object]:
     """Return the directions of pose correctives that this motion needs, and their weights.
 
     The displacements of all frames are a product of rank 9 (J - 1); few of its singular values

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.compilation import compiled
 
 
 @compiled
-def draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray) -> None:
+def draw_triangles(corners: Array, nearest: Array, owner: Integers) -> None:
     """Write the nearest triangle at the middle of each sample."""
     # Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
     height, width = owner.shape
@@ -31,7 +31,7 @@ def draw_triangles(corners: ndarray, nearest: ndarray, owner: ndarray) -> None:
 
 
 @compiled
-def shares_at(corners: ndarray, y: float, x: float) -> tuple[float, float, float]:
+def shares_at(corners: Array, y: float, x: float) -> tuple[float, float, float]:
     """Return barycentric coordinates."""
     (ax, ay, _), (bx, by, _), (cx, cy, _) = corners
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)

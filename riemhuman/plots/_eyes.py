@@ -12,8 +12,8 @@ from functools import cache
 from importlib.resources import as_file, files
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.io.arrays import load_arrays
 from riemhuman.plots._occlusion import topology_name
 from riemhuman.plots._packing import deflated
@@ -39,25 +39,25 @@ class Eyes:
         The centre and three half axes of each eye, as combinations of those vertices.
     """
 
-    sockets: ndarray
-    weights: ndarray
+    sockets: Array
+    weights: Array
 
-    def points(self, vertices: ndarray) -> ndarray:
+    def points(self, vertices: Points) -> Array:
         """Return the vertices of both eyes of a body, shape (n_points, 3)."""
         ball, _, _ = eyeball()
         frames = self.weights @ vertices[self.sockets]
         return np.concatenate([centre + ball @ axes for centre, *axes in frames])
 
-    def faces(self, n_vertices: int) -> ndarray:
+    def faces(self, n_vertices: int) -> Triangles:
         """Return the triangles of both eyes, whose vertices follow those of the body."""
         ball, triangles, _ = eyeball()
         return np.concatenate([triangles, triangles + len(ball)]) + n_vertices
 
-    def shares(self) -> ndarray:
+    def shares(self) -> Array:
         """Return the share of light that each vertex reflects, shape (n_points,)."""
         return np.tile(eyeball()[2], 2)
 
-    def socket_colors(self, corners: ndarray, faces: ndarray) -> ndarray:
+    def socket_colors(self, corners: Array, faces: Triangles) -> Array:
         """Return the mean colours of the sockets for the triangles of both eyes, (F, 3, 3).
 
         Parameters
@@ -82,13 +82,13 @@ class Eyes:
         }
 
 
-def eyes_of(faces: ndarray) -> Eyes | None:
+def eyes_of(faces: Triangles) -> Eyes | None:
     """Return the eyes of bodies with these triangles; None unless they are the open model's."""
     return _stored().get(topology_name(faces))
 
 
 @cache
-def eyeball() -> tuple[ndarray, ndarray, ndarray]:
+def eyeball() -> tuple[Array, Array, Array]:
     """Return the front of an eyeball looking along z: vertices, triangles, shares of light."""
     angles, shares = np.array(_RINGS).T
     angles = np.radians(angles)[:, np.newaxis]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
@@ -42,7 +42,7 @@ class Film:
     """
 
     bodies: Sequence[ViewedBody]
-    faces: ndarray
+    faces: Triangles
     seconds: float
     frames_per_second: float | None
 
@@ -51,7 +51,7 @@ class Film:
         """Frames that the longest body shows."""
         return max(body.n_times for body in self.bodies)
 
-    def surface(self, body: ViewedBody, share: float) -> ndarray:
+    def surface(self, body: ViewedBody, share: float) -> Points:
         """Return the surface at a share of the duration."""
         if body.times is not None:
             place = float(
@@ -64,7 +64,8 @@ class Film:
         number = int(np.floor(place))
         before = np.asarray(body.frames[number])
         after = np.asarray(body.frames[int(np.ceil(place))])
-        return before + (place - number) * (after - before)
+        surface: Points = before + (place - number) * (after - before)
+        return surface
 
 
 def save_film(file: Path, film: Film, *, progress: bool) -> None:
@@ -119,7 +120,7 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
         yield _on_paper(parts, [body.label for body in film.bodies], time)
 
 
-def _some_frames(body: ViewedBody, turns: bool) -> list[ndarray]:
+def _some_frames(body: ViewedBody, turns: bool) -> list[Array]:
     """Return the frames used to frame the picture; a turning body is on its axis."""
     places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
     numbers = np.unique(places.round().astype(int))
@@ -127,10 +128,10 @@ def _some_frames(body: ViewedBody, turns: bool) -> list[ndarray]:
     return [frame - _middle(body) for frame in frames] if turns else frames
 
 
-def _middle(body: ViewedBody) -> ndarray:
+def _middle(body: ViewedBody) -> Array:
     """Return the axis that a body turns about, at the height of the ground."""
     surface = np.asarray(body.frames[0])
-    middle: ndarray = (surface.min(axis=0) + surface.max(axis=0)) / 2
+    middle: Points = (surface.min(axis=0) + surface.max(axis=0)) / 2
     middle[1] = 0.0
     return middle
 
@@ -157,7 +158,7 @@ def _windows(film: Film, grounds: Sequence[Ground], turns: bool) -> list[Window]
     return windows
 
 
-def _on_paper(parts: Sequence[ndarray], labels: Sequence[str], time: str) -> Image.Image:
+def _on_paper(parts: Sequence[Array], labels: Sequence[str], time: str) -> Image.Image:
     """Return pictures side by side on white, each with its label below, and the time."""
     row = np.concatenate(parts, axis=1)
     row = row[:, : 2 * (row.shape[1] // 2)]  # an even number of pixels, for H.264

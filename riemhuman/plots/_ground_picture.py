@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-from numpy import ndarray
 from scipy.ndimage import uniform_filter
 
+from riemhuman.arrays import Array, Image, Points
 from riemhuman.plots.windows import View, Window, window_around
 
 _CELLS = 96  # of the shadow, in each direction
@@ -20,19 +21,22 @@ _SPACING = 0.25  # metres between lines; every fourth is stronger
 SHOWN = 0.85  # least share of the radius in pictures
 _INK = np.array([59.0, 70.0, 82.0])
 
+# Rows and columns of a picture.
+Part: TypeAlias = "tuple[slice[int, int, None], slice[int, int, None]]"
+
 
 @dataclass(frozen=True)
 class Ground:
     """A disc below a body: its middle on the ground, the radius, and the height of the body."""
 
-    middle: ndarray
+    middle: Points
     radius: float
     height: float
 
     @classmethod
     def below(
         cls,
-        frames: Sequence[ndarray],
+        frames: Sequence[Points],
         lowest: float | None = None,
         widest: float = float("inf"),
     ) -> Ground:
@@ -49,7 +53,7 @@ class Ground:
         height = float(high[1] - low[1])
         return cls(middle, min(1.15 * max(around, 0.3 * height), widest), height)
 
-    def window(self, frames: Sequence[ndarray], view: View) -> Window:
+    def window(self, frames: Sequence[Points], view: View) -> Window:
         """Return the window that shows a body in some frames, and most of the ground."""
         boxes = [window_around(frame, view) for frame in frames]
         centres = np.array([box.centre for box in boxes])
@@ -63,7 +67,7 @@ class Ground:
         centre, size = (low + high) / 2, high - low
         return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
 
-    def under(self, picture: ndarray, surface: ndarray, view: View, window: Window) -> ndarray:
+    def under(self, picture: Image, surface: Points, view: View, window: Window) -> Array:
         """Return a picture of a body with the ground under it.
 
         Pictures have shape (rows, columns, 4), colours and opacity up to 255.
@@ -88,12 +92,12 @@ class Ground:
 
     def _picture(
         self,
-        surface: ndarray,
+        surface: Points,
         view: View,
         window: Window,
         shape: tuple[int, int],
-        part: tuple[slice, slice],
-    ) -> ndarray:
+        part: Part,
+    ) -> Array:
         """Return the ground in a part of a picture of some shape."""
         place, wide = self._seen(view, window, shape, part)
         from_middle = np.linalg.norm(place - self.middle[::2], axis=-1) / self.radius
@@ -111,8 +115,12 @@ class Ground:
         return np.concatenate([color, 255 * opacity[..., None]], axis=-1)
 
     def _seen(
-        self, view: View, window: Window, shape: tuple[int, int], part: tuple[slice, slice]
-    ) -> tuple[ndarray, ndarray]:
+        self,
+        view: View,
+        window: Window,
+        shape: tuple[int, int],
+        part: Part,
+    ) -> tuple[Array, Array]:
         """Return the positions x, z on the ground that pixels show, and their change per pixel."""
         rows, columns = shape
         pixel = window.height / rows
@@ -125,7 +133,7 @@ class Ground:
         per_row = pixel * np.abs(up - up[1] / towards[1] * towards)
         return points[..., ::2], (pixel * np.abs(right) + per_row)[::2]
 
-    def _shadow(self, surface: ndarray) -> ndarray:
+    def _shadow(self, surface: Points) -> Array:
         """Return how dark each cell below a surface is, from 0 to 1."""
         cells = ((surface - self.middle)[:, ::2] / self.radius + 1) * _CELLS / 2
         above = np.maximum(surface[:, 1] - self.middle[1], 0) / self.height
@@ -146,14 +154,14 @@ class Ground:
         return np.asarray(1 - light)
 
 
-def window_of(surface: ndarray, view: View, *, ground: bool) -> Window:
+def window_of(surface: Points, view: View, *, ground: bool) -> Window:
     """Return the window that shows a surface, and the ground below it."""
     if ground:
         return Ground.below([surface]).window([surface], view)
     return window_around(surface, view)
 
 
-def _lines(place: ndarray, wide: ndarray, spacing: float) -> ndarray:
+def _lines(place: Array, wide: Array, spacing: float) -> Array:
     """Return how much of each pixel a grid line covers; close lines become grey."""
     change = wide / spacing
     near = np.abs((place / spacing - 0.5) % 1 - 0.5) / change
@@ -161,12 +169,12 @@ def _lines(place: ndarray, wide: ndarray, spacing: float) -> ndarray:
     return np.asarray(drawn.max(axis=-1))
 
 
-def _smooth_step(low: float, high: float, values: ndarray) -> ndarray:
+def _smooth_step(low: float, high: float, values: Array) -> Array:
     share = np.clip((values - low) / (high - low), 0, 1)
     return np.asarray(share**2 * (3 - 2 * share))
 
 
-def over(front: ndarray, back: ndarray) -> ndarray:
+def over(front: Array, back: Array) -> Array:
     """Lay a picture over another, shape (rows, columns, 4), colours and opacity up to 255."""
     # Shares of the colour that come from the front and from the back.
     front_share = front[..., 3:] / 255

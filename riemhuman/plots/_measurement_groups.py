@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.measurements import Measurement
 
 MOST_IN_GROUP = 15
@@ -19,7 +19,7 @@ _WORDS = {"girth": 0, "breadth": 2, "depth": 2}
 _CLASSES = {"Girth": 0, "Height": 1, "Breadth": 2, "Depth": 2, "Length": 3}
 _CLASSES |= {"Volume": 4, "Area": 4, "Mass": 4}
 
-Lines = Mapping[str, Sequence[ndarray]]
+Lines = Mapping[str, Sequence[Array]]
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,6 @@ def pictured(measurements: Sequence[Measurement], lines: Lines) -> list[Measurem
     return groups
 
 
-def _height(parts: Sequence[ndarray]) -> float:
+def _height(parts: Sequence[Array]) -> float:
     """Return the height of the highest point of lines."""
     return float(np.concatenate([np.asarray(part) for part in parts])[:, 1].max())

@@ -11,8 +11,8 @@ from importlib.resources import as_file, files
 from zlib import crc32
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.io.arrays import load_arrays
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots._depth import draw_triangles
@@ -23,7 +23,7 @@ _DARKEST = 0.2  # share of the light in the deepest folds
 _NEAR = 3e-3  # metres by which a surface must be nearer to the eye to hide a vertex
 
 
-def shade_of(faces: ndarray) -> ndarray | None:
+def shade_of(faces: Triangles) -> Array | None:
     """Return the share of light that reaches vertices of the open body model, shape (V,).
 
     None for other triangles, whose rest pose is not known.
@@ -31,21 +31,21 @@ def shade_of(faces: ndarray) -> ndarray | None:
     return _stored().get(topology_name(faces))
 
 
-def topology_name(faces: ndarray) -> str:
+def topology_name(faces: Triangles) -> str:
     """Return a short name for triangles, computed from their indices."""
     return f"shares_{crc32(np.ascontiguousarray(faces, dtype='<i4').tobytes()):08x}"
 
 
 @cache
-def _stored() -> dict[str, ndarray]:
+def _stored() -> dict[str, Array]:
     with as_file(files("riemhuman.plots") / "web" / "occlusion.npz") as file:
         stored = load_arrays(file, ())
     return {name: _DARKEST + (1 - _DARKEST) * shares / 255 for name, shares in stored.items()}
 
 
 def open_shares(
-    vertices: ndarray, faces: ndarray, n_directions: int = _N_DIRECTIONS, pixels: int = _PIXELS
-) -> ndarray:
+    vertices: Points, faces: Triangles, n_directions: int = _N_DIRECTIONS, pixels: int = _PIXELS
+) -> Array:
     """Return the share of the half-space above each vertex from which it is seen, shape (V,).
 
     Directions count by their cosine with the normal, as light from all sides does.
@@ -71,7 +71,7 @@ def open_shares(
     return np.asarray(reached / np.maximum(possible, 1e-9))
 
 
-def _depths(rotated: ndarray, faces: ndarray, radius: float, pixels: int) -> ndarray:
+def _depths(rotated: Array, faces: Triangles, radius: float, pixels: int) -> Array:
     """Return how near to the eye a surface is in each pixel, metres; the eye looks along -z."""
     scale = pixels / (2 * radius)
     columns = pixels / 2 + rotated[:, 0] * scale
@@ -83,7 +83,7 @@ def _depths(rotated: ndarray, faces: ndarray, radius: float, pixels: int) -> nda
     return nearest
 
 
-def _sphere_points(n: int) -> ndarray:
+def _sphere_points(n: int) -> Array:
     """Return evenly spread unit vectors: a spiral by the golden angle."""
     heights = 1 - (2 * np.arange(n) + 1) / n
     angles = np.pi * (3 - np.sqrt(5)) * np.arange(n)
@@ -91,7 +91,7 @@ def _sphere_points(n: int) -> ndarray:
     return np.stack([flat * np.cos(angles), heights, flat * np.sin(angles)], axis=1)
 
 
-def _frame(towards: ndarray) -> ndarray:
+def _frame(towards: Array) -> Array:
     """Return right, up and towards the eye as columns."""
     beside = np.array([1.0, 0.0, 0.0]) if abs(towards[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     right = np.cross(beside, towards)

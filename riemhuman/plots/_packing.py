@@ -6,12 +6,13 @@ import base64
 import zlib
 
 import numpy as np
-from numpy import ndarray
+
+from riemhuman.arrays import Points, Values
 
 LEVELS = 2**16 - 1  # of coordinates
 
 
-def packed(rows: ndarray) -> str:
+def packed(rows: Values) -> str:
     """Return differences of successive rows, bytes of one significance together, compressed."""
     differences = rows.copy()
     differences[1:] -= rows[:-1]  # unsigned integers wrap around
@@ -19,12 +20,12 @@ def packed(rows: ndarray) -> str:
     return deflated(planes)
 
 
-def deflated(array: ndarray) -> str:
+def deflated(array: Values) -> str:
     """Return the bytes of an array, compressed, as text."""
     return base64.b64encode(zlib.compress(np.ascontiguousarray(array).tobytes(), 9)).decode("ascii")
 
 
-def packed_points(points: ndarray) -> dict[str, object]:
+def packed_points(points: Points) -> dict[str, object]:
     """Return points, shape (n, 3), as whole numbers of 16 bits between their lowest and highest."""
     low = points.min(axis=0)
     step = np.maximum(points.max(axis=0) - low, 1e-9) / LEVELS

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from markupsafe import Markup
-from numpy import ndarray
+
+from riemhuman.arrays import Image
 
 
 class Panel(Protocol):
@@ -21,7 +22,7 @@ class Panel(Protocol):
     def html(self, identifier: str) -> Markup:
         """Return the controls, whose identifiers begin with that of the viewer."""
 
-    def picture(self, height: int) -> ndarray | None:
+    def picture(self, height: int) -> Image | None:
         """Return the picture shown without WebGL, shape (height, width, 4).
 
         None if it is that of the bodies themselves.

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.checks import (
     check_instance,
     flag,
@@ -241,12 +241,12 @@ def plot_path(
 
 
 def _tints(
-    surfaces: ndarray,
-    triangles: ndarray,
+    surfaces: Points,
+    triangles: Triangles,
     values: ArrayLike | None,
     largest: float | None,
     colors: ArrayLike | None,
-) -> tuple[ndarray, float, float]:
+) -> tuple[Array, float, float]:
     """Return the colours of surfaces, and the ends of the scale of their values."""
     n_surfaces, n_vertices = surfaces.shape[:2]
     if values is None:
@@ -267,7 +267,7 @@ def _tints(
 
 
 def _floors_and_windows(
-    surfaces: ndarray, view: View, spacing: float | None, *, ground: bool
+    surfaces: Points, view: View, spacing: float | None, *, ground: bool
 ) -> tuple[list[Ground | None], list[Window]]:
     """Return the ground below each surface of a strip, and its window.
 
@@ -311,16 +311,22 @@ class Contributions(Record):
     1.5
     """
 
-    metric: ndarray
-    normal: ndarray
+    metric: Array
+    normal: Array
+
+    def __post_init__(self) -> None:
+        metric = real_array(self.metric, "metric")
+        normal = real_array(self.normal, "normal", metric.shape, batched=False)
+        object.__setattr__(self, "metric", metric)
+        object.__setattr__(self, "normal", normal)
 
     @property
-    def total(self) -> ndarray:
+    def total(self) -> Array:
         """Their sum m_t + n_t, shape (..., F); the sum over triangles is the squared distance."""
         return np.add(self.metric, self.normal)
 
 
-def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> Contributions:
+def contributions(metric: ElasticMetric, point_a: Points, point_b: Points) -> Contributions:
     """Return the contribution of every triangle to the squared distance between two surfaces.
 
     Parameters
@@ -342,7 +348,7 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
         for f in (point_a, point_b)
     )
     zeros = np.zeros(np.broadcast_shapes(first_a.areas.shape, first_b.areas.shape))
-    parts: dict[type, ndarray] = {EbinTerm: zeros, NormalTerm: zeros}
+    parts: dict[type, Array] = {EbinTerm: zeros, NormalTerm: zeros}
     for term in metric.terms:
         if term.needs_area:
             surface.refuse_degenerate(first_a.degenerate | first_b.degenerate)
@@ -351,7 +357,7 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
     return Contributions(parts[EbinTerm], parts[NormalTerm])
 
 
-def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
+def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> Array:
     """Divide values of triangles by their areas.
 
     Parameters

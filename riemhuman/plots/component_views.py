@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Points, Triangles
 from riemhuman.checks import check_instance
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces
@@ -74,7 +74,7 @@ def view_components(
     return Viewer(triangles, {"Components": [body]}, title=title, description=description)
 
 
-def _triangles(pca: TangentPCA, middle: ndarray, faces: ArrayLike | None) -> ndarray:
+def _triangles(pca: TangentPCA, middle: Points, faces: ArrayLike | None) -> Triangles:
     if faces is not None:
         return check_mesh(middle, faces)[1]
     if not isinstance(pca.space, AlignedSurfaces):

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.checks import check_instance, names_of, real_array, text
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -48,13 +48,13 @@ _LENGTHS = {"cm": "Millimetres", "in": "Inches"}  # the name of the other choice
 class _Difference:
     """Two bodies in one pose and place, and where the second differs from the first."""
 
-    surfaces: tuple[ndarray, ndarray]
-    faces: ndarray
-    displacements: ndarray  # (V,) along the normals of the first, metres; NaN where not seen
+    surfaces: tuple[Points, Points]
+    faces: Triangles
+    displacements: Array  # (V,) along the normals of the first, metres; NaN where not seen
     is_standard: bool  # whether they are in the standard pose
     panel: Panel | None = None
 
-    def outside(self, scale: float) -> tuple[ndarray, ndarray]:
+    def outside(self, scale: float) -> tuple[Array, Array]:
         """Return how far each body is outside of the other, along its normals, in a unit.
 
         The second is outside along the normals of the first, as `VisitComparison` has it.
@@ -222,7 +222,7 @@ def _description(difference: _Difference, names: tuple[str, str], gap: ReadableU
     return description
 
 
-def _density(difference: _Difference, metric: ElasticMetric | None) -> ndarray:
+def _density(difference: _Difference, metric: ElasticMetric | None) -> Array:
     """Return each triangle's share of the squared distance, per area of the template."""
     if metric is None:
         space = AlignedSurfaces(

@@ -11,8 +11,8 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import check_instance
 from riemhuman.io.files import atomic_file, file_path
 from riemhuman.optional import import_matplotlib
@@ -138,7 +138,7 @@ def rgb(hexadecimal: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
-def class_colors(n_classes: int) -> ndarray:
+def class_colors(n_classes: int) -> Array:
     """Return distinct colours for classes, shape (n_classes, 3)."""
     if n_classes <= len(_CLASSES):
         return np.array([rgb(color) for color in _CLASSES[:n_classes]])
@@ -146,13 +146,13 @@ def class_colors(n_classes: int) -> ndarray:
     return np.array([hls_to_rgb(h, 0.42 + 0.16 * (i % 2), 0.5) for i, h in enumerate(hues)])
 
 
-def has_sign(values: ndarray) -> bool:
+def has_sign(values: Array) -> bool:
     """Return whether some values are negative by more than rounding."""
     known = values[np.isfinite(values)]
     return bool(known.min(initial=0.0) < -1e-12 * np.abs(known).max(initial=0.0))
 
 
-def colour_limit(values: ndarray) -> float:
+def colour_limit(values: Array) -> float:
     """Return the end of the colour scale, which the sizes of 1 % of the values exceed."""
     # A single extreme triangle must not set the scale.
     sizes = np.abs(values[np.isfinite(values)])
@@ -161,15 +161,15 @@ def colour_limit(values: ndarray) -> float:
     return float(np.quantile(sizes, 1.0 - _OUTLIERS)) or float(sizes.max(initial=0.0))
 
 
-def scale_ends(values: ndarray, limit: float | None = None) -> tuple[float, float]:
+def scale_ends(values: Array, limit: float | None = None) -> tuple[float, float]:
     """Return both ends of the colour scale: from 0, or if values are negative, about 0."""
     top = colour_limit(values) if limit is None else limit
     return (-top if has_sign(values) else 0.0), top
 
 
 def value_colors(
-    values: ndarray, largest: float | None = None, *, signed: bool | None = None
-) -> ndarray:
+    values: Array, largest: float | None = None, *, signed: bool | None = None
+) -> Array:
     """Return colours of values, from 0 or, if some are negative, about 0; the scale has an end.
 
     Unknown values, which are NaN, are grey.

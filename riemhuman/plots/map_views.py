@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Image, Integers
 from riemhuman.checks import names_of, real_array, text, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.plots._web_files import fill
@@ -42,8 +42,8 @@ class MapPanel:
         What distances on the map mean.
     """
 
-    positions: ndarray
-    labels: ndarray
+    positions: Array
+    labels: Integers
     names: Sequence[str]
     item_names: Sequence[str]
     note: str = ""
@@ -71,7 +71,7 @@ class MapPanel:
             note=self.note,
         )
 
-    def picture(self, height: int) -> ndarray | None:
+    def picture(self, height: int) -> Image | None:
         """Return nothing: a picture of some bodies stands in."""
         return None
 
@@ -83,7 +83,7 @@ class MapPanel:
             for item, group in zip(self.item_names, classes, strict=True)
         ]
 
-    def _named(self, places: ndarray, colors: list[str]) -> list[tuple[float, float, str, str]]:
+    def _named(self, places: Array, colors: list[str]) -> list[tuple[float, float, str, str]]:
         """Return the place, name and colour of classes, beside the points of each."""
         classes = np.unique(self.labels)
         if not 1 < len(classes) <= _MOST_NAMED:
@@ -101,7 +101,7 @@ class MapPanel:
         ]
 
 
-def _hexadecimal(labels: ndarray) -> list[str]:
+def _hexadecimal(labels: Integers) -> list[str]:
     """Return the colours of classes as in style sheets."""
     colors = np.round(255 * class_colors(int(labels.max()) + 1)[labels]).astype(int)
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors]

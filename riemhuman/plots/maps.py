@@ -8,11 +8,10 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from riemhuman.arrays import Array, Integers, Labels, PointsLike
+from riemhuman.arrays import Array, Integers, Labels, Points, PointsLike
 from riemhuman.checks import (
     Rng,
     class_indices,
@@ -96,7 +95,7 @@ def embed(
     *,
     method: str = "t-sne",
     rng: Rng = 0,
-) -> ndarray:
+) -> Array:
     """Embed items in the plane by their distances, shape (n, 2).
 
     Parameters
@@ -155,7 +154,7 @@ def embed(
         return np.asarray(estimator.fit_transform(matrix), dtype=np.float64)
 
 
-def _classical_scaling(distances: ndarray) -> ndarray:
+def _classical_scaling(distances: Array) -> Array:
     # Two leading eigenvectors of −½ J D² J, with the centring matrix J, by roots of eigenvalues.
     squared = distances**2
     means = squared.mean(axis=0)
@@ -230,7 +229,7 @@ def _nearest_first(distances: Array) -> Integers:
     return np.argsort(others, axis=1, kind="stable")
 
 
-def stress(distances: ndarray, positions: ndarray) -> float:
+def stress(distances: Array, positions: Array) -> float:
     r"""Return Kruskal's stress √(Σ (d_ij − δ_ij)² / Σ d_ij²) of an embedding, over all pairs.
 
     If all distances are zero, it is zero where all items coincide in the embedding, else infinite.
@@ -377,7 +376,7 @@ def named_classes(
     return items, named
 
 
-def _add_item_names(ax: Axes, positions: ndarray, names: Sequence[str]) -> None:
+def _add_item_names(ax: Axes, positions: Array, names: Sequence[str]) -> None:
     """Write a name beside each point, off other points, names and the scale bar if possible."""
     low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
     size = 72 * _inches(ax)
@@ -436,11 +435,11 @@ def _add_length_bar(ax: Axes, unit: str) -> None:
 
 def _add_bodies(
     ax: Axes,
-    positions: ndarray,
-    labels: ndarray,
-    colors: ndarray,
+    positions: Array,
+    labels: Integers,
+    colors: Array,
     names: Sequence[str],
-    points: ndarray,
+    points: Points,
     faces: ArrayLike,
 ) -> None:
     """Draw the middle body of the largest classes, with its name, beside the points of each."""
@@ -481,7 +480,7 @@ def _size_with_name(title: str) -> tuple[float, float]:
     return width, _BODY_HEIGHT + _NAME_GAP + _LINE_HEIGHT * len(lines)
 
 
-def free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray) -> ndarray:
+def free_places(centres: Array, sizes: Array, points: Points, size: Array) -> Array:
     """Return the middles of boxes near to centres that cover no point and no other box, inches.
 
     Each box in turn takes the nearest free place of a grid, in the order of several tried in which
@@ -508,8 +507,8 @@ def free_places(centres: ndarray, sizes: ndarray, points: ndarray, size: ndarray
 
 
 def _places_in_order(
-    order: ndarray, centres: ndarray, halves: ndarray, free: list[ndarray]
-) -> ndarray | None:
+    order: Integers, centres: Array, halves: Array, free: list[Array]
+) -> Array | None:
     """Return the nearest free places, taken in an order, or None if one finds none."""
     places = np.zeros_like(centres)
     for number, k in enumerate(order):
@@ -524,7 +523,7 @@ def _places_in_order(
     return places
 
 
-def _columns(centres: ndarray, size: ndarray) -> ndarray:
+def _columns(centres: Array, size: Array) -> Array:
     """Return places in two columns, each in the order of heights."""
     places = np.zeros_like(centres)
     by_x = np.argsort(centres[:, 0], kind="stable")
@@ -538,7 +537,7 @@ def _columns(centres: ndarray, size: ndarray) -> ndarray:
     return places
 
 
-def _inches(ax: Axes) -> ndarray:
+def _inches(ax: Axes) -> Array:
     """Return the width and height of the axes."""
     engine = ax.figure.get_layout_engine()
     if engine is not None:

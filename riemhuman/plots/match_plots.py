@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Image, Points
 from riemhuman.checks import check_instance, names_of, real_array
 from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import points_picture, render
@@ -30,7 +30,7 @@ _VIEWS = (("front", View(0.0, 4.0)), ("back", View(180.0, 4.0)))
 _HEIGHT = 640  # pixels
 
 
-def position_colors(points: ndarray) -> ndarray:
+def position_colors(points: Points) -> Array:
     """Return colours of points by how far left and how high they are, shape (N, 3).
 
     Parameters
@@ -44,7 +44,9 @@ def position_colors(points: ndarray) -> ndarray:
     >>> rh.plots.position_colors(bodies[0]).shape
     (1202, 3)
     """
-    points = real_array(points, "points", ("n_points", 3), batched=False, finite=False)
+    points = real_array(
+        points, "points", ("n_points", 3), batched=False, finite=False, lengths=True
+    )
     is_seen = np.isfinite(points).all(axis=1)
     colors = np.tile(_UNSEEN, (len(points), 1))
     if not is_seen.any():
@@ -112,8 +114,8 @@ def plot_match(
 
 
 def _picture(
-    result: RegisteredScan, points: ndarray, colors: ndarray, window: Window, view: View
-) -> ndarray:
+    result: RegisteredScan, points: Points, colors: Array, window: Window, view: View
+) -> Image:
     """Return a picture of one scan, cut to its body."""
     faces = result.scan.faces
     if faces is None:

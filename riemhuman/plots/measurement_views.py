@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Image, Integers, Points, Triangles
 from riemhuman.checks import check_instance, mask, one_of, real_array, text
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements import (
@@ -84,8 +84,8 @@ class MeasurementPanel:
 
     groups: dict[str, list[_Row]]
     lines: Sequence[Lines]
-    surfaces: Sequence[ndarray]
-    faces: ndarray
+    surfaces: Sequence[Points]
+    faces: Triangles
     visits: tuple[str, ...] = ()
     name: str = "measurements"
 
@@ -97,7 +97,7 @@ class MeasurementPanel:
         """Return the list."""
         return fill("measurement_list.html", groups=self.groups, visits=self.visits)
 
-    def picture(self, height: int) -> ndarray | None:
+    def picture(self, height: int) -> Image | None:
         """Return nothing: a picture of the bodies themselves stands in."""
         return None
 
@@ -111,7 +111,7 @@ def _packed_lines(lines: Lines) -> dict[str, object]:
 
 def measurement_panel(
     measurements: Measurements,
-    surfaces: Sequence[ndarray],
+    surfaces: Sequence[Points],
     measured: BodySizes | VisitComparison,
     names: tuple[str, ...] = (),
     system: str = "cm",
@@ -225,7 +225,7 @@ def view_measurements(
     )
 
 
-def _trusted(trusted_vertices: object, n_vertices: int) -> ndarray | None:
+def _trusted(trusted_vertices: object, n_vertices: int) -> Booleans | None:
     """Return which vertices of one body to trust, checked, shape (1, V); None if nothing is known.
 
     None means all of them.
@@ -235,7 +235,7 @@ def _trusted(trusted_vertices: object, n_vertices: int) -> ndarray | None:
     return mask(trusted_vertices, "trusted_vertices", [(n_vertices,)])[np.newaxis]
 
 
-def _posed(measurements: Measurements, points: object, pose: str) -> ndarray:
+def _posed(measurements: Measurements, points: object, pose: str) -> Array:
     """Return a checked body, in the standard pose or as it stands."""
     check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
     one_of(pose, "pose", _POSES)
@@ -328,7 +328,7 @@ def _written_names(names: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _draw_group(
-    ax: Axes, surface: ndarray, faces: ndarray, lines: Sequence[Sequence[ndarray]], height: int
+    ax: Axes, surface: Points, faces: Triangles, lines: Sequence[Sequence[Array]], height: int
 ) -> None:
     """Draw numbered lines on a body, from the side on which most of them are visible."""
     collections = import_matplotlib("collections")
@@ -359,16 +359,17 @@ def _draw_group(
     _write_numbers(ax, places, x, half_width)
 
 
-def _nearest_vertices(part: ndarray, surface: ndarray) -> ndarray:
+def _nearest_vertices(part: Array, surface: Points) -> Integers:
     gaps = np.linalg.norm(np.asarray(part)[:, np.newaxis] - surface, axis=2)
-    return gaps.argmin(axis=1)
+    nearest: Integers = gaps.argmin(axis=1)
+    return nearest
 
 
 def _length_seen(
     view: View,
-    lines: Sequence[Sequence[ndarray]],
-    nearest: Sequence[Sequence[ndarray]],
-    normals: ndarray,
+    lines: Sequence[Sequence[Array]],
+    nearest: Sequence[Sequence[Integers]],
+    normals: Array,
 ) -> float:
     """Return the length of lines in the picture that is on the near side of the body."""
     total = 0.0
@@ -381,9 +382,9 @@ def _length_seen(
     return total
 
 
-def _write_numbers(ax: Axes, places: Sequence[ndarray], middle: float, width: float) -> None:
+def _write_numbers(ax: Axes, places: Sequence[Array], middle: float, width: float) -> None:
     """Write numbers in columns beside the body, with leader lines to their lines."""
-    sides: dict[int, list[tuple[float, int, ndarray]]] = {-1: [], 1: []}
+    sides: dict[int, list[tuple[float, int, Array]]] = {-1: [], 1: []}
     for number, points in enumerate(places):
         side = 1 if points[:, 0].mean() >= middle else -1
         end = points[(side * points[:, 0]).argmax()]
@@ -406,7 +407,7 @@ def _write_numbers(ax: Axes, places: Sequence[ndarray], middle: float, width: fl
     ax.set_xlim(middle - width - 0.16, middle + width + 0.16)
 
 
-def _apart(heights: ndarray) -> ndarray:
+def _apart(heights: Array) -> Array:
     """Return descending heights moved as little as needed to be a gap apart."""
     if not len(heights):
         return heights
@@ -420,7 +421,8 @@ def _apart(heights: ndarray) -> ndarray:
             mean = (mean * count + next_mean * next_count) / (count + next_count)
             count += next_count
         blocks.append((mean, count))
-    return np.concatenate([np.full(count, mean) for mean, count in blocks]) - steps
+    moved: Array = np.concatenate([np.full(count, mean) for mean, count in blocks]) - steps
+    return moved
 
 
 def _write_table(

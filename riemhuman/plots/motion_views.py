@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from markupsafe import Markup
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Array, Image
 from riemhuman.checks import check_instance, names_of, real_array, values_of
 from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
@@ -35,8 +35,8 @@ class WarpPanel:
     frames_per_second : float, optional
     """
 
-    first: ndarray
-    second: ndarray
+    first: Array
+    second: Array
     lasts: tuple[int, int]
     names: tuple[str, str]
     frames_per_second: float | None
@@ -58,7 +58,7 @@ class WarpPanel:
         """Return an empty diagram, which the script fills."""
         return fill("warp.html", names=self.names)
 
-    def picture(self, height: int) -> ndarray | None:
+    def picture(self, height: int) -> Image | None:
         """Return nothing: a picture of the bodies themselves stands in."""
         return None
 
@@ -125,7 +125,7 @@ def view_motions(
     )
 
 
-def _frames(motion: Motion | ArrayLike, name: str) -> ndarray | ModelMotion:
+def _frames(motion: Motion | ArrayLike, name: str) -> Array | ModelMotion:
     if isinstance(motion, ModelMotion):
         return motion
     frames = motion[:] if isinstance(motion, Motion) else motion

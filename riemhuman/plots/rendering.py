@@ -14,10 +14,10 @@ from html import escape
 from importlib.resources import files
 
 import numpy as np
-from numpy import ndarray
+import PIL.Image
 from numpy.typing import ArrayLike
-from PIL import Image
 
+from riemhuman.arrays import Array, Image, Integers, Points, Triangles
 from riemhuman.checks import check_instance, flag, length_of, real_array, text, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io import as_arrays
@@ -69,7 +69,7 @@ def render(
     window: Window | None = None,
     color: ArrayLike = SKIN,
     ground: bool = False,
-) -> ndarray:
+) -> Image:
     """Draw a surface.
 
     Parameters
@@ -114,14 +114,14 @@ def render(
 
 
 def drawn(
-    vertices: ndarray,
-    faces: ndarray,
+    vertices: Points,
+    faces: Triangles,
     height: int,
     view: View,
     window: Window,
-    color: ndarray,
+    color: Array,
     floor: Ground | None = None,
-) -> ndarray:
+) -> Image:
     """Draw a checked surface, over a ground if there is one; see `render`."""
     corner_colors = _linear(_corner_colors(color, len(vertices), faces))
     shade = shade_of(faces) if np.ndim(color) == 1 else None
@@ -147,8 +147,8 @@ def drawn(
 
 
 def _with_eyes(
-    vertices: ndarray, faces: ndarray, color: ndarray, corner_colors: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
+    vertices: Points, faces: Triangles, color: Array, corner_colors: Array
+) -> tuple[Points, Triangles, Array]:
     """Add the eyes of open bodies: vertices, triangles and colours of the corners of triangles."""
     eyes = eyes_of(faces)
     if eyes is None:
@@ -164,7 +164,7 @@ def _with_eyes(
     )
 
 
-def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
+def _corner_colors(colors: Array, n_vertices: int, faces: Triangles) -> Array:
     """Return the colours of the corners of triangles, shape (F, 3, 3)."""
     shapes = ((3,), (len(faces), 3), (n_vertices, 3))
     if colors.shape not in shapes:
@@ -181,7 +181,7 @@ def _corner_colors(colors: ndarray, n_vertices: int, faces: ndarray) -> ndarray:
     return np.array(np.broadcast_to(colors.reshape(-1, 1, 3), (len(faces), 3, 3)))
 
 
-def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
+def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> Array:
     """Return real values of triangles, or of vertices, checked; their number tells which.
 
     NaN stands for values that are not known.
@@ -203,7 +203,7 @@ def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> ndarray:
     return np.where(is_known, checked, np.nan)
 
 
-def vertex_values(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
+def vertex_values(values: Array, faces: Triangles, n_vertices: int) -> Array:
     """Return values of vertices: their own, or the means of those known of their triangles."""
     if len(values) != len(faces):
         return values
@@ -215,7 +215,7 @@ def vertex_values(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
 
 
 @cache
-def _light() -> tuple[ndarray, ndarray, float]:
+def _light() -> tuple[Array, Array, float]:
     """Return the light of the viewer's page, in the viewer's frame: right, up, towards the eye.
 
     Lights, shape (n, 6), are unit vectors towards them, and their red, green and blue; the
@@ -233,21 +233,21 @@ def _light() -> tuple[ndarray, ndarray, float]:
     return np.array(rows), halves, float(light["roughness"])
 
 
-def _linear(colors: ndarray) -> ndarray:
+def _linear(colors: Array) -> Array:
     """Return shares of light from values of sRGB."""
     return np.where(colors > 0.04045, ((colors + 0.055) / 1.055) ** 2.4, colors / 12.92)
 
 
 @compiled
 def _paint(
-    corners: ndarray,
-    normals: ndarray,
-    colors: ndarray,
-    lights: ndarray,
-    hemisphere: ndarray,
+    corners: Array,
+    normals: Array,
+    colors: Array,
+    lights: Array,
+    hemisphere: Array,
     roughness: float,
-    owner: ndarray,
-    picture: ndarray,
+    owner: Integers,
+    picture: Image,
 ) -> None:
     """Give each pixel the mean colour of its covered samples, more opaque where there are more."""
     sums = np.empty(4)
@@ -285,7 +285,7 @@ def _encoded(light: float) -> float:
 
 
 @compiled
-def _normal(normals: ndarray, shares: tuple[float, float, float]) -> tuple[float, float, float]:
+def _normal(normals: Array, shares: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return the unit normal where the corners of a triangle have these shares."""
     a, b, c = shares
     x = a * normals[0, 0] + b * normals[1, 0] + c * normals[2, 0]
@@ -298,11 +298,11 @@ def _normal(normals: ndarray, shares: tuple[float, float, float]) -> tuple[float
 @compiled
 def _shade(
     normal: tuple[float, float, float],
-    lights: ndarray,
-    hemisphere: ndarray,
+    lights: Array,
+    hemisphere: Array,
     roughness: float,
-    diffuse: ndarray,
-    mirrored: ndarray,
+    diffuse: Array,
+    mirrored: Array,
 ) -> None:
     """Write the light that a white surface scatters towards the eye, and what any colour mirrors.
 
@@ -337,12 +337,12 @@ def _shade(
 
 
 def points_picture(
-    points: ndarray,
+    points: Points,
     window: Window,
     height: int,
-    colors: ndarray | None = None,
+    colors: Array | None = None,
     view: View | None = None,
-) -> ndarray:
+) -> Image:
     """Draw points as small squares, shape (height, width, 4); far points are darker."""
     view = View() if view is None else view
     right, up, towards = view.rotate(np.eye(3)).T
@@ -361,13 +361,13 @@ def points_picture(
 
 
 def strip_picture(
-    surfaces: Sequence[ndarray] | ndarray,
-    faces: ndarray | None,
+    surfaces: Sequence[Points] | Points,
+    faces: Triangles | None,
     colors: Sequence[ArrayLike] | None = None,
     height: int = _STRIP_HEIGHT,
     *,
     one_floor: bool = False,
-) -> ndarray:
+) -> Image:
     """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
 
     Each stands on its own ground, or all of a path on the ground below the lowest.
@@ -401,7 +401,7 @@ def strip_picture(
 
 
 def surfaces_html(
-    surfaces: Sequence[ndarray] | ndarray, faces: ndarray | None, caption: str
+    surfaces: Sequence[Points] | Points, faces: Triangles | None, caption: str
 ) -> str:
     """Return HTML with a picture of at most eight surfaces side by side, and a caption.
 
@@ -429,13 +429,13 @@ def surfaces_html(
     return f'<figure style="margin:0">{image}<figcaption>{words}</figcaption></figure>'
 
 
-def image_source(picture: ndarray) -> str:
+def image_source(picture: Image) -> str:
     """Return a picture as the address of an HTML image."""
     return f"data:image/png;base64,{base64.b64encode(png_bytes(picture)).decode('ascii')}"
 
 
-def png_bytes(picture: ndarray) -> bytes:
+def png_bytes(picture: Image) -> bytes:
     """Return a picture, shape (height, width, 4), as a PNG file."""
     file = io.BytesIO()
-    Image.fromarray(picture).save(file, format="PNG")
+    PIL.Image.fromarray(picture).save(file, format="PNG")
     return file.getvalue()

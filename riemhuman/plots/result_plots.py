@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import Labels
+from riemhuman.arrays import Integers, Labels
 from riemhuman.checks import (
     check_instance,
     class_numbers,
@@ -164,14 +163,14 @@ def plot_confusion(
     counts = confusion(distances, items)
     titles = [plain(named[label]) for label in np.unique(items)]
     ax = new_axes(ax, 4.2, 4.0)
-    without_zeros = np.ma.masked_equal(counts, 0)
+    without_zeros = np.ma.masked_equal(counts.astype(np.float64), 0.0)
     _heat_map(ax, without_zeros, counts.sum(axis=1).max(), titles, titles, digits=1)
     ax.tick_params(axis="x", labelrotation=90)
     ax.set(xlabel="nearest neighbour", ylabel="body")
     return ax
 
 
-def _check_classes(items: ndarray) -> None:
+def _check_classes(items: Integers) -> None:
     count = len(np.unique(items))
     if count < FEWEST_CLASSES:
         raise ArgumentError(
@@ -213,7 +212,7 @@ def plot_sweep(
 
 def _heat_map(
     ax: Axes,
-    values: np.ma.MaskedArray,
+    values: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.float64]],
     largest: float,
     rows: Sequence[str],
     columns: Sequence[str],

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
-from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Image, Points, Values
 from riemhuman.checks import check_instance, real_number, text
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
@@ -106,18 +106,18 @@ class ScanPanel:
             has_background=bool(self.over.background.any()),
         )
 
-    def picture(self, height: int) -> ndarray:
+    def picture(self, height: int) -> Image:
         """Return the scan, the body and the distances side by side."""
         pictures, _ = _pictures(self.over, self.limit, self.unit, height)
         return np.concatenate(list(pictures.values()), axis=1)
 
 
-def _tenths(distances: ndarray) -> ndarray:
+def _tenths(distances: Array) -> Values:
     largest = 2**15 - 1
     return np.clip(np.round(_STEPS_PER_METRE * distances), -largest, largest).astype("<i2")
 
 
-def _disc_radius(points: ndarray) -> float:
+def _disc_radius(points: Points) -> float:
     """Return the radius of discs at points that leave few gaps between them."""
     if len(points) < 2:
         return _LARGEST_DISC
@@ -178,9 +178,10 @@ def view_scan(
     )
 
 
-def _gaps(over: ScanOverBody) -> ndarray:
+def _gaps(over: ScanOverBody) -> Array:
     """Return how far points of the scan are from the body, in metres, without the background."""
-    return np.abs(over.distances[~over.background])
+    gaps: Array = np.abs(over.distances[~over.background])
+    return gaps
 
 
 def _sentence(over: ScanOverBody, gap: ReadableUnit) -> str:
@@ -212,7 +213,7 @@ def _colour_end(over: ScanOverBody, gap: ReadableUnit) -> float:
 
 def _pictures(
     over: ScanOverBody, limit: float, gap: ReadableUnit, height: int, view: View | None = None
-) -> tuple[Mapping[str, ndarray], Window]:
+) -> tuple[Mapping[str, Image], Window]:
     """Return pictures of the scan, the body and the distances, of one window and one light."""
     view = View() if view is None else view
     foreground = over.chosen(~over.background)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Array, JSONRecord, Points, Triangles
 from riemhuman.checks import check_instance, real_array, real_number, text
 from riemhuman.datasets.motions import ModelMotion
 from riemhuman.errors import ArgumentError
@@ -39,11 +38,11 @@ class ComponentChanges:
         Share of the variance of each component.
     """
 
-    linear: ndarray
-    quadratic: ndarray
-    shares: ndarray
+    linear: Array
+    quadratic: Array
+    shares: Array
 
-    def mixed(self, surface: ndarray, scores: ndarray) -> ndarray:
+    def mixed(self, surface: Points, scores: Array) -> Array:
         """Return the surface, shape (V, 3), changed by scores in standard deviations, (K,)."""
         changed = np.tensordot(scores, self.linear, 1) + np.tensordot(scores**2, self.quadratic, 1)
         return np.asarray(surface + changed)
@@ -83,14 +82,14 @@ class ViewedBody:
     """
 
     label: str
-    frames: ndarray | ModelMotion
+    frames: Points | ModelMotion
     color: tuple[float, float, float] = SKIN
-    values: ndarray | None = None
+    values: Array | None = None
     value_label: str = ""
     value_caption: str = ""
     value_limit: float | None = None
     components: ComponentChanges | None = None
-    times: ndarray | None = None
+    times: Array | None = None
 
     def __post_init__(self) -> None:
         text(self.label, "label")
@@ -108,7 +107,8 @@ class ViewedBody:
             values = real_array(self.values, "values", ("n",), batched=False, finite=False)
             object.__setattr__(self, "values", values)
         if self.value_limit is not None:
-            real_number(self.value_limit, "value_limit", minimum=0.0)
+            limit = real_number(self.value_limit, "value_limit", minimum=0.0)
+            object.__setattr__(self, "value_limit", limit)
         if self.components is not None:
             check_instance(self.components, "components", ComponentChanges)
         if self.times is not None:
@@ -122,7 +122,7 @@ class ViewedBody:
             return self.value_limit
         return 0.0 if self.values is None else colour_limit(self.values)
 
-    def colors(self, faces: ndarray) -> ndarray:
+    def colors(self, faces: Triangles) -> Array:
         """Return the colour of the body, shape (3,), or those of its vertices by their values.
 
         Parameters
@@ -146,7 +146,7 @@ class ViewedBody:
         return self.values is not None and has_sign(self.values)
 
 
-def body_record(body: ViewedBody, faces: ndarray) -> JSONRecord:
+def body_record(body: ViewedBody, faces: Triangles) -> JSONRecord:
     """Return the data of a body in types that JSON can hold."""
     red, green, blue = (round(255 * channel) for channel in body.color)
     record: JSONRecord = {
@@ -178,7 +178,7 @@ def body_record(body: ViewedBody, faces: ndarray) -> JSONRecord:
     return record
 
 
-def _coordinates(frames: ndarray) -> JSONRecord:
+def _coordinates(frames: Points) -> JSONRecord:
     """Return the coordinates of all frames as whole numbers of 16 bits."""
     low = frames.min(axis=(0, 1))
     size = frames.max(axis=(0, 1)) - low
@@ -191,7 +191,7 @@ def _coordinates(frames: ndarray) -> JSONRecord:
     return {"frames": packed(rows), "low": low.tolist(), "step": step.tolist()}
 
 
-def _packed_changes(changes: ndarray) -> JSONRecord:
+def _packed_changes(changes: Array) -> JSONRecord:
     """Return displacements, shape (V, 3), as signed whole numbers of 16 bits, and their step."""
     step = max(float(np.abs(changes).max()), 1e-9) / (LEVELS // 2)
     integers = np.round(changes / step).astype("<i2")

@@ -13,10 +13,9 @@ from html import escape
 
 import numpy as np
 from markupsafe import Markup
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import JSONRecord
+from riemhuman.arrays import Image, Integers, JSONRecord, Points, Triangles
 from riemhuman.checks import (
     check_instance,
     check_methods,
@@ -137,14 +136,14 @@ class Viewer:
     See `view_bodies`.
     """
 
-    faces: ndarray
+    faces: Triangles
     choices: Mapping[str, Sequence[ViewedBody]]
     legend: str = "Show"
     title: str = "Bodies"
     description: str = ""
     seconds: float = _SECONDS
     frames_per_second: float | None = None
-    parts: Mapping[str, ndarray] | None = None
+    parts: Mapping[str, Integers] | None = None
     panel: Panel | None = None
 
     def __post_init__(self) -> None:
@@ -162,9 +161,13 @@ class Viewer:
         text(self.legend, "legend")
         text(self.title, "title")
         text(self.description, "description")
-        real_number(self.seconds, "seconds", minimum=0.0, strict=True)
+        seconds = real_number(self.seconds, "seconds", minimum=0.0, strict=True)
+        object.__setattr__(self, "seconds", seconds)
         if self.frames_per_second is not None:
-            real_number(self.frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+            rate = real_number(
+                self.frames_per_second, "frames_per_second", minimum=0.0, strict=True
+            )
+            object.__setattr__(self, "frames_per_second", rate)
         surfaces = [body.frames[0] for bodies in self.choices.values() for body in bodies]
         sizes = {len(surface) for surface in surfaces}
         if len(sizes) > 1:
@@ -295,7 +298,7 @@ class Viewer:
             f'srcdoc="{escape(self.page(), quote=True)}"></iframe>'
         )
 
-    def _picture(self, bodies: Sequence[ViewedBody], height: int) -> ndarray:
+    def _picture(self, bodies: Sequence[ViewedBody], height: int) -> Image:
         """Return a picture of a choice: bodies half way, or times of the path of a single body."""
         of_panel = None if self.panel is None else self.panel.picture(height)
         if of_panel is not None:
@@ -311,7 +314,7 @@ class Viewer:
         return strip_picture(surfaces, self.faces, colors, height, one_floor=is_path)
 
 
-def _parts_of(faces: ndarray) -> Mapping[str, ndarray]:
+def _parts_of(faces: Triangles) -> Mapping[str, Integers]:
     """Return the triangles of the parts of the open body model, if these are its triangles."""
     for resolution in ("coarse", "full"):
         model = load_open_model(resolution)
@@ -321,7 +324,7 @@ def _parts_of(faces: ndarray) -> Mapping[str, ndarray]:
     return {}
 
 
-def _numbered_parts(parts: Mapping[str, ndarray], n_faces: int) -> JSONRecord:
+def _numbered_parts(parts: Mapping[str, Integers], n_faces: int) -> JSONRecord:
     """Return the names of parts, and for each triangle the number of its part, or 255."""
     if len(parts) > _NO_PART:
         raise ArgumentError(f"at most {_NO_PART} parts can be named; found {len(parts)}")
@@ -382,7 +385,7 @@ def view_path(
     >>> viewer = rh.plots.view_path(motion, frames_per_second=rate)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
-    frames: dict[str, ndarray | ModelMotion] = {}
+    frames: dict[str, Points | ModelMotion] = {}
     triangles = faces
     for name, one_path in paths.items():
         if isinstance(one_path, Motion):
@@ -445,7 +448,7 @@ def view_bodies(
 
 
 def _labelled(
-    given_names: Sequence[str], surfaces: ndarray, colors: Sequence[tuple[float, float, float]]
+    given_names: Sequence[str], surfaces: Points, colors: Sequence[tuple[float, float, float]]
 ) -> list[ViewedBody]:
     names = names_of(given_names, "names", len(surfaces), "bodies")
     return [

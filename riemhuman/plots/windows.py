@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
+from riemhuman.arrays import Points
 from riemhuman.checks import check_instance, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 
@@ -42,7 +42,7 @@ class View:
         real_number(self.azimuth, "azimuth")
         real_number(self.elevation, "elevation")
 
-    def rotate(self, points: ndarray) -> ndarray:
+    def rotate(self, points: Points) -> Points:
         """Return points or vectors in the viewer's frame: right, up, towards the eye.
 
         Parameters
@@ -54,7 +54,8 @@ class View:
             [np.sin(about) * np.cos(above), np.sin(above), np.cos(about) * np.cos(above)]
         )
         right = np.array([np.cos(about), 0.0, -np.sin(about)])
-        return points @ np.stack([right, np.cross(towards, right), towards], axis=1)
+        rotated: Points = points @ np.stack([right, np.cross(towards, right), towards], axis=1)
+        return rotated
 
 
 def view_of(view: View | None) -> View:

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial.distance import cdist
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import Array, Integers, JSONRecord, JSONValue, Points, Triangles
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements import (
     Measurements,
@@ -104,7 +103,7 @@ def _retrieval(report: Report, task: Task) -> JSONRecord:
     }
 
 
-def _retrieval_figures(report: Report, task: Task, distances: Mapping[str, ndarray]) -> JSONRecord:
+def _retrieval_figures(report: Report, task: Task, distances: Mapping[str, Array]) -> JSONRecord:
     names = [readable(name) for name in task.names]
     return {
         "curves": report.output.figure(
@@ -139,7 +138,7 @@ def map_section(report: Report) -> Section | None:
     return Section("maps", "Maps of people and of poses", "Maps", html)
 
 
-def _map(report: Report, task: Task, method: str, positions: ndarray) -> JSONRecord:
+def _map(report: Report, task: Task, method: str, positions: Array) -> JSONRecord:
     shares_class = (
         scores(cdist(positions, positions), task.labels).nn if task.is_retrieval else None
     )
@@ -175,8 +174,8 @@ def _map(report: Report, task: Task, method: str, positions: ndarray) -> JSONRec
 
 def _map_page(
     bodies: Bodies,
-    positions: ndarray,
-    labels: ndarray,
+    positions: Array,
+    labels: Integers,
     names: Sequence[str] | None,
     items: Sequence[str],
     note: str,
@@ -237,7 +236,7 @@ def _sweep(report: Report, tasks: Sequence[Task]) -> Step:
     # Squared distances are sums, so both parts are computed once and then weighted.
     plan, points = report.plan, report.bodies.points
 
-    def row(squared: ndarray, **weights: float | None) -> JSONRecord:
+    def row(squared: Array, **weights: float | None) -> JSONRecord:
         weight_scores: JSONRecord = dict(weights)
         for task in tasks:
             task_scores = scores(np.sqrt(squared), task.labels)
@@ -386,7 +385,7 @@ def _measure(report: Report, definitions: MeasurementSet) -> Step:
     return report.store.step("measurements", compute, "Measurements", poses=most_poses, seed=seed)
 
 
-def _spreads(measurements: Measurements, values: Sequence[ndarray]) -> list[JSONRecord]:
+def _spreads(measurements: Measurements, values: Sequence[Array]) -> list[JSONRecord]:
     """Return how much lengths of one person vary with the pose, over people with several."""
     several = [of_person for of_person in values if len(of_person) > 1]
     rows: list[JSONRecord] = []
@@ -401,7 +400,7 @@ def _spreads(measurements: Measurements, values: Sequence[ndarray]) -> list[JSON
     return rows
 
 
-def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:
+def _draw_sweep(panels: Mapping[str, Array], lams: Sequence[float], weights: list[str]) -> Figure:
     figure = new_figure(8.6, 2.9)
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
     for (title, values), ax in zip(panels.items(), axes, strict=True):
@@ -410,7 +409,7 @@ def _draw_sweep(panels: Mapping[str, ndarray], lams: Sequence[float], weights: l
     return figure
 
 
-def draw_measurement_lines(surface: ndarray, faces: ndarray, *, system: str) -> Figure:
+def draw_measurement_lines(surface: Points, faces: Triangles, *, system: str) -> Figure:
     measurements = Measurements(Template(surface, faces))
     names = {name: everyday_name(name) for name in measurements.names}
     return plot_measurements(measurements, surface, pose="as is", system=system, names=names)

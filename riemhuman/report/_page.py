@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 from urllib.parse import quote
 
 import jinja2
@@ -44,6 +44,11 @@ def template(name: str) -> jinja2.Template:
 def fill(macro: str, **values: object) -> str:
     """Return HTML from a macro of ``sections.html``."""
     return str(getattr(template("sections.html").module, macro)(**values))
+
+
+# Functions that draw into axes, or return a figure, and that make a page, from any arguments.
+Drawing: TypeAlias = Callable[..., object]  # type: ignore[explicit-any]
+ViewMaker: TypeAlias = Callable[..., Viewer]  # type: ignore[explicit-any]
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ class Table:
         rows = ([written(row[key]) for key in keys] for row in self.rows)
         return csv_text([[self.heading(key) for key in keys], *rows])
 
-    def values(self, key: str) -> list[Any]:
+    def values(self, key: str) -> list[JSONValue]:
         """Return the values of a column that are not missing."""
         return [row[key] for row in self.rows if not is_missing(row.get(key))]
 
@@ -125,7 +130,7 @@ class Table:
         return len(values) > 1 and bool(self.rows[row][key] == limit)
 
 
-def _shown(value: Any, form: str, scale: float = 1.0) -> str:
+def _shown(value: JSONValue, form: str, scale: float = 1.0) -> str:
     if is_missing(value):
         return "–"
     if scale != 1.0:
@@ -185,7 +190,7 @@ class Output:
     def figure(
         self,
         name: str,
-        draw: Callable[..., object],
+        draw: Drawing,
         *arguments: object,
         size: tuple[float, float] | None = None,
         **settings: object,
@@ -226,7 +231,7 @@ class Output:
         height = round(float(size_of_svg["height"]))
         return Image(source, width, height, name)
 
-    def view(self, name: str, make: Callable[..., Viewer], *arguments: object) -> str:
+    def view(self, name: str, make: ViewMaker, *arguments: object) -> str:
         """Return the address of a page of bodies, written unless the store has one."""
 
         def compute() -> Computed:

@@ -9,9 +9,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import Array, JSONRecord
+from riemhuman.arrays import Array, Integers, JSONRecord, Points, Triangles, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SRNFMetric
@@ -112,7 +111,7 @@ def _differences(report: Report) -> Step:
     """Compute where pairs of bodies differ: "NAME metric" and "NAME normal", shape (F,)."""
 
     def compute() -> Computed:
-        arrays: dict[str, ndarray] = {}
+        arrays: dict[str, Values] = {}
         rows = []
         for name, pair in report.pairs.items():
             parts = contributions(report.metric((1.0, 1.0, 1.0)), *report.bodies.points[list(pair)])
@@ -370,7 +369,7 @@ def mean_section(report: Report) -> Section | None:
     return Section("mean", "The mean of several people", "Mean", html)
 
 
-def _mean(report: Report, group: ndarray) -> Step:
+def _mean(report: Report, group: Integers) -> Step:
     """Find the Karcher mean of bodies by the normal part alone (figure 6 of the paper)."""
     points = report.bodies.points[group]
 
@@ -435,7 +434,7 @@ def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
     return figure
 
 
-def _draw_mean(surfaces: ndarray, faces: ndarray) -> Figure:
+def _draw_mean(surfaces: Points, faces: Triangles) -> Figure:
     """Draw people and, last, their mean, in a figure as high as they are."""
     figure = new_figure(_MEAN_WIDTH, _MEAN_WIDTH)
     ax = figure.subplots()

@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import JSONValue
+from riemhuman.arrays import Array, Booleans, Integers, JSONValue
 from riemhuman.datasets import load_open_model, load_open_motions
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -88,7 +87,7 @@ def name_of(bodies: Bodies, index: int) -> str:
     return f"{subject}, {pose}" if pose else subject
 
 
-def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None:
+def choose_pair(distances: Array, suits: Booleans, share: float) -> Pair | None:
     """Return the suitable pair at a share of the order by distance; 1 is the farthest."""
     first, second = np.nonzero(np.triu(suits, 1))
     if not len(first):
@@ -98,7 +97,7 @@ def choose_pair(distances: ndarray, suits: ndarray, share: float) -> Pair | None
     return int(first[number]), int(second[number])
 
 
-def group_within(same: ndarray, labels: ndarray, size: int) -> ndarray:
+def group_within(same: Integers, labels: Integers, size: int) -> Integers:
     """Return at most `size` items of the class with the most other classes, one of each."""
     groups = []
     for label in dict.fromkeys(same.tolist()):
@@ -118,7 +117,7 @@ class Task:
     kind: str
     question: str
     metric: str
-    labels: ndarray
+    labels: Integers
     names: tuple[str, ...]
 
     @property
@@ -229,7 +228,7 @@ class Report:
             name: step for name, step in self.all_distances.items() if "problem" not in step.record
         }
 
-    def matrix(self, name: str) -> ndarray:
+    def matrix(self, name: str) -> Array:
         return self.distances[name].arrays["distances"]
 
     def pair(self, metric: str, share: float, *, person: bool, pose: bool) -> Pair | None:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from riemhuman.arrays import Array, Triangles
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
 from riemhuman.report._sheet_pictures import (
@@ -101,11 +102,11 @@ class Drawing:
 
     @property
     def width(self) -> int:
-        return self.ruler + self.picture.pixels.shape[1]
+        return self.ruler + int(self.picture.pixels.shape[1])
 
     @property
     def picture_height(self) -> int:
-        return self.picture.pixels.shape[0]
+        return len(self.picture.pixels)
 
     @property
     def height(self) -> int:
@@ -151,7 +152,7 @@ class Content:
 
 
 def content_of(
-    subject: SheetSubject, values: SheetValues, faces: np.ndarray, across: np.ndarray, units: str
+    subject: SheetSubject, values: SheetValues, faces: Triangles, across: Array, units: str
 ) -> Content:
     """Return the words and drawings of a sheet.
 
@@ -407,7 +408,7 @@ def _angle(degrees: float) -> str:
     return f"{degrees:.0f}°".replace("-0°", "0°").replace("-", _MINUS)
 
 
-def _changes(values: SheetValues, faces: np.ndarray, units: str) -> ChangesText | None:
+def _changes(values: SheetValues, faces: Triangles, units: str) -> ChangesText | None:
     result = values.changes
     picture = change_picture(values, faces)
     if result is None or picture is None:

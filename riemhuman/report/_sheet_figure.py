@@ -7,7 +7,6 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from riemhuman.io.files import atomic_file
 from riemhuman.optional import import_matplotlib
@@ -63,7 +62,7 @@ class _Side:
     """A page with items placed in millimetres from its upper left corner."""
 
     def __init__(self) -> None:
-        module: Any = import_matplotlib("figure")
+        module = import_matplotlib("figure")
         self.figure = module.Figure(figsize=(_WIDTH / 25.4, _HEIGHT / 25.4))
         self.axes = self.figure.add_axes((0, 0, 1, 1))
         self.axes.set(xlim=(0, _WIDTH), ylim=(_HEIGHT, 0))

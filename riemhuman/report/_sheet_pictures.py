@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Image, Points, Triangles
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.plots.figures import SKIN, value_colors
 from riemhuman.plots.rendering import render
@@ -34,7 +34,7 @@ LARGEST_CHANGE = 0.02  # metres outward of the last colour
 class Picture:
     """A row of views at one scale: its pixels, and the heights at its lower and upper edge."""
 
-    pixels: ndarray  # (height, width, 4)
+    pixels: Image  # (height, width, 4)
     low: float
     high: float
     middles: tuple[float, ...]  # of the views, as shares of the width
@@ -42,14 +42,14 @@ class Picture:
 
     @property
     def metres_per_pixel(self) -> float:
-        return (self.high - self.low) / self.pixels.shape[0]
+        return (self.high - self.low) / len(self.pixels)
 
     @property
-    def first_view(self) -> ndarray:
+    def first_view(self) -> Image:
         return self.pixels[:, : round(2.0 * self.middles[0] * self.pixels.shape[1])]
 
 
-def front_facing(to_the_left: ndarray) -> ndarray:
+def front_facing(to_the_left: Array) -> Array:
     """Return the rotation, shape (3, 3), that makes a body face +z, about the vertical."""
     across = np.array([to_the_left[0], 0.0, to_the_left[2]])
     length = float(np.linalg.norm(across))
@@ -61,7 +61,7 @@ def front_facing(to_the_left: ndarray) -> ndarray:
 
 
 def body_pictures(
-    subject: SheetSubject, faces: ndarray, rotation: ndarray
+    subject: SheetSubject, faces: Triangles, rotation: Array
 ) -> tuple[Picture | None, Picture]:
     """Return the scan, if there is one, and the body, from the same sides at the same scale."""
     middle = (subject.points.min(axis=0) + subject.points.max(axis=0)) / 2
@@ -82,7 +82,7 @@ def body_pictures(
     return _views(splats, triangles, windows, np.array(_SCAN), titles), drawn
 
 
-def silhouette_picture(values: SheetValues, faces: ndarray) -> Picture | None:
+def silhouette_picture(values: SheetValues, faces: Triangles) -> Picture | None:
     """Return the body in the standard pose over the average of its sex and stature."""
     if values.standing is None or values.average is None or values.average_faces is None:
         return None
@@ -112,7 +112,7 @@ def silhouette_picture(values: SheetValues, faces: ndarray) -> Picture | None:
     )
 
 
-def change_picture(values: SheetValues, faces: ndarray) -> Picture | None:
+def change_picture(values: SheetValues, faces: Triangles) -> Picture | None:
     """Return the body at the later visit, coloured by how far it moved outward."""
     if values.changes is None:
         return None
@@ -124,7 +124,7 @@ def change_picture(values: SheetValues, faces: ndarray) -> Picture | None:
     return _views(body, faces, _windows(body, sides), colors, ("front", "back"))
 
 
-def _centred(points: ndarray, faces: ndarray) -> ndarray:
+def _centred(points: Points, faces: Triangles) -> Array:
     """Return a body on the ground whose surface has its centre over the origin."""
     corners = points[faces]
     areas = np.linalg.norm(
@@ -134,7 +134,7 @@ def _centred(points: ndarray, faces: ndarray) -> ndarray:
     return np.asarray(points - [centre[0], points[:, 1].min(), centre[2]])
 
 
-def _windows(points: ndarray, azimuths: tuple[float, ...]) -> list[tuple[View, Window]]:
+def _windows(points: Points, azimuths: tuple[float, ...]) -> list[tuple[View, Window]]:
     """Return views and windows of one height, each as wide as the points."""
     low = points[:, 1].min() - _MARGIN
     high = points[:, 1].max() + _MARGIN
@@ -150,10 +150,10 @@ def _windows(points: ndarray, azimuths: tuple[float, ...]) -> list[tuple[View, W
 
 
 def _views(
-    points: ndarray,
-    faces: ndarray,
+    points: Points,
+    faces: Triangles,
     windows: list[tuple[View, Window]],
-    colors: ndarray,
+    colors: Array,
     titles: tuple[str, ...],
 ) -> Picture:
     pictures = [
@@ -170,7 +170,7 @@ def _views(
     return Picture(pixels, low, low + window.height, tuple(map(float, middles)), titles)
 
 
-def _splats(scan: ndarray, body: ndarray, faces: ndarray) -> tuple[ndarray, ndarray]:
+def _splats(scan: Points, body: Points, faces: Triangles) -> tuple[Points, Triangles]:
     """Return a small square in the surface at each point of a scan, as a mesh."""
     gaps, neighbours = cKDTree(scan).query(scan, k=min(_NEIGHBOURS, len(scan)))
     offsets = scan[neighbours] - scan[neighbours].mean(axis=1, keepdims=True)
@@ -189,4 +189,5 @@ def _splats(scan: ndarray, body: ndarray, faces: ndarray) -> tuple[ndarray, ndar
     corners = scan[:, np.newaxis] + size[:, np.newaxis, np.newaxis] * square
     first_corners = 4 * np.arange(len(scan))
     triangles = np.array([[0, 1, 2], [0, 2, 3]]) + first_corners[:, np.newaxis, np.newaxis]
-    return corners.reshape(-1, 3), triangles.reshape(-1, 3)
+    points: Points = corners.reshape(-1, 3)
+    return points, triangles.reshape(-1, 3)

@@ -10,8 +10,8 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Points, Triangles
 from riemhuman.datasets import RegisteredMeshes, find_meshes
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
@@ -59,7 +59,7 @@ class _Subjects:
     """The bodies of a file or folder, their triangles, and scans that have no body."""
 
     subjects: list[SheetSubject]
-    faces: list[ndarray]
+    faces: list[Triangles]
     failures: list[tuple[str, str]]  # names of scans and the reasons
 
 
@@ -68,7 +68,7 @@ class LabelledSubjects:
     """The bodies for sheets, their triangles, labels, and scans that have no body."""
 
     subjects: list[SheetSubject]
-    faces: list[ndarray]
+    faces: list[Triangles]
     labels: list[PersonLabels]
     failures: list[tuple[str, str]]
 
@@ -105,7 +105,7 @@ def find_subjects(
 ) -> LabelledSubjects:
     """Return the bodies in mesh files and folders; registered scans with their records."""
     subjects: list[SheetSubject] = []
-    faces: list[ndarray] = []
+    faces: list[Triangles] = []
     failures: list[tuple[str, str]] = []
     for place in paths:
         is_folder = place.is_dir()
@@ -292,10 +292,10 @@ def subject_of_record(record: ScanRecord) -> SheetSubject:
 # More than eight arguments: what results of registration and records on disk share.
 def subject_of_scan(
     name: str,
-    points: ndarray,
-    transform: ndarray,
-    scan: ndarray,
-    trusted_vertices: ndarray,
+    points: Points,
+    transform: Array,
+    scan: Points,
+    trusted_vertices: Booleans,
     *,
     is_trusted: bool,
     message: str,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from riemhuman.io.text_tables import csv_cell, csv_text
 from riemhuman.optional import import_optional
 from riemhuman.report._sheet_content import badge
 from riemhuman.report.sheet_values import SheetRow, SheetSubject, SheetValues
+
+if TYPE_CHECKING:
+    from openpyxl import Workbook
 
 Cell = str | float | None
 Rows = list[list[Cell]]
@@ -158,7 +161,7 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _add_page(openpyxl: ModuleType, book: Any, title: str, rows: Rows) -> None:
+def _add_page(openpyxl: ModuleType, book: Workbook, title: str, rows: Rows) -> None:
     page = book.create_sheet(title)
     for row in rows:
         page.append([csv_cell(cell) if isinstance(cell, str) else cell for cell in row])

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import JSONRecord, JSONValue
+from riemhuman.arrays import JSONRecord, JSONValue, Values
 from riemhuman.checks import refuse_type
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -27,7 +26,7 @@ _SUBFOLDERS = ("figures", "tables", "views", "results", "results/figures")
 _LONGEST_RECORD = 2**23  # characters
 
 Progress = Callable[[str], AbstractContextManager[object]]
-Computed = tuple[Mapping[str, ndarray], Mapping[str, JSONValue]]
+Computed = tuple[Mapping[str, Values], Mapping[str, JSONValue]]
 
 
 def check_progress(progress: object) -> None:
@@ -77,7 +76,7 @@ class Step:
     """The result of a step: arrays, and a record that JSON can hold."""
 
     name: str
-    arrays: dict[str, ndarray]
+    arrays: dict[str, Values]
     record: JSONRecord
     fingerprint: str
     seconds: float  # of the computation, in this run or an earlier one
@@ -122,7 +121,7 @@ def fingerprint(value: object) -> str:
     return hashlib.sha256(json.dumps(describe(value), sort_keys=True).encode()).hexdigest()
 
 
-def _read(file: Path, key: str) -> tuple[JSONRecord, dict[str, ndarray]] | None:
+def _read(file: Path, key: str) -> tuple[JSONRecord, dict[str, Values]] | None:
     """Return the header and the arrays of a step, or None if the file holds another or none."""
     try:
         arrays = load_arrays(file, ["about"])

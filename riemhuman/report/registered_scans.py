@@ -9,8 +9,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Booleans, Points, Triangles
 from riemhuman.io.files import convert_errors, write_text
 from riemhuman.measurements import readable_gap
 from riemhuman.plots.figures import VALUE_COLORS, value_colors
@@ -131,7 +131,7 @@ def shown_share(record: ScanRecord) -> float:
     return share_of_surface(arrays["points"], arrays["faces"], arrays["matched"])
 
 
-def share_of_surface(points: ndarray, faces: ndarray, chosen: ndarray) -> float:
+def share_of_surface(points: Points, faces: Triangles, chosen: Booleans) -> float:
     """Return the share of a surface around some of its vertices, of which hands have many."""
     areas = triangle_areas(points, faces)
     return float(areas @ chosen[faces].mean(axis=1) / areas.sum())

@@ -8,8 +8,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from numpy import ndarray
-
+from riemhuman.arrays import Triangles
 from riemhuman.checks import check_instance, flag, items_of, one_of
 from riemhuman.errors import FileError, MissingDependencyError, warn
 from riemhuman.io.files import file_path, write_text
@@ -278,7 +277,7 @@ def _file_names(names: Sequence[str]) -> list[str]:
 
 
 def _measurements_of_file(
-    measurements: Measurements | None, subject: SheetSubject, faces: ndarray
+    measurements: Measurements | None, subject: SheetSubject, faces: Triangles
 ) -> Measurements:
     if measurements is not None:
         return measurements

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Booleans, Points, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import (
     Measurements,
@@ -76,15 +76,15 @@ class SheetSubject:
     """A body of which a sheet is made, and what is known about its person and its scan."""
 
     name: str
-    points: ndarray
+    points: Points
     person: str = ""
     sex: str = "adult"
     visit: str = ""  # which, or when
     file: str = ""
-    trusted_vertices: ndarray | None = None  # None if nothing is known
+    trusted_vertices: Booleans | None = None  # None if nothing is known
     is_trusted: bool = True
     message: str = ""
-    scan: ndarray | None = None  # points in the axes of the body
+    scan: Points | None = None  # points in the axes of the body
     median_distance: float = float("nan")
     matched_share: float = float("nan")  # of the surface
 
@@ -95,7 +95,7 @@ class SheetSubject:
         )
 
     @property
-    def known_vertices(self) -> ndarray:
+    def known_vertices(self) -> Booleans:
         if self.trusted_vertices is None:
             return np.ones(len(self.points), dtype=bool)
         return self.trusted_vertices
@@ -108,9 +108,9 @@ class SheetValues:
     rows: tuple[SheetRow, ...]
     ratios: Mapping[str, tuple[float, str]]
     posture: Mapping[str, float]
-    standing: ndarray | None  # the body in the standard pose
-    average: ndarray | None  # that of the sex and stature
-    average_faces: ndarray | None
+    standing: Points | None  # the body in the standard pose
+    average: Points | None  # that of the sex and stature
+    average_faces: Triangles | None
     remarks: tuple[str, ...] = ()
     changes: VisitComparison | None = None
     since: str = ""
@@ -134,7 +134,7 @@ def values_of(
 ) -> list[SheetValues]:
     """Return what is known about bodies, whose measurements are taken together."""
     measurable = [number for number, subject in enumerate(subjects) if subject.is_measurable]
-    standing: dict[int, ndarray] = {}
+    standing: dict[int, Points] = {}
     measured = None
     if measurable:
         points = np.stack([subjects[number].points for number in measurable])
@@ -166,12 +166,12 @@ def values_of(
 class Average:
     """Average adults for comparison, made once for a stature in millimetres and a sex."""
 
-    def __init__(self, resolution: str, faces: ndarray) -> None:
+    def __init__(self, resolution: str, faces: Triangles) -> None:
         self.faces = faces
         self._resolution = resolution
-        self._bodies: dict[tuple[int, str], ndarray] = {}
+        self._bodies: dict[tuple[int, str], Points] = {}
 
-    def of(self, stature: float, sex: str) -> ndarray | None:
+    def of(self, stature: float, sex: str) -> Points | None:
         """Return the average body, or None if the stature is unknown or no adult has it."""
         if not np.isfinite(stature):
             return None
@@ -188,9 +188,9 @@ class Average:
 def _values(
     measurements: Measurements,
     subject: SheetSubject,
-    values: ndarray,
+    values: Array,
     reasons: Mapping[str, str],
-    standing: ndarray | None,
+    standing: Points | None,
     average: Average,
 ) -> SheetValues:
     named = dict(zip(measurements.names, values.tolist(), strict=True))

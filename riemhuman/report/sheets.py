@@ -8,9 +8,8 @@ from functools import cached_property
 from html import escape
 
 import numpy as np
-from numpy import ndarray
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import ArrayLike, Points
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, text
 from riemhuman.datasets import load_open_model
@@ -173,7 +172,7 @@ def _sheet(
 
 def _subject(
     body: object, argument: str, name: str, sex: str, visit: str
-) -> tuple[ndarray, SheetSubject]:
+) -> tuple[Points, SheetSubject]:
     """Return a body and what is known about it, from whatever holds it."""
     if isinstance(body, RegisteredScan):
         shown = body.scan.points[~body.background]
@@ -196,7 +195,7 @@ def _subject(
     return subject.points, replace(subject, person=name, sex=sex, visit=visit, file="")
 
 
-def _measurements_of(model: BodyModel | Measurements | None, points: ndarray) -> Measurements:
+def _measurements_of(model: BodyModel | Measurements | None, points: Points) -> Measurements:
     if isinstance(model, Measurements):
         return model
     if model is not None:
