@@ -1,11 +1,13 @@
 """README.md, pages and tutorials: the Python of pages runs unedited, names and links exist."""
 
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
 
 import riemhuman
+import riemhuman as rh
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -40,6 +42,17 @@ def broken_links(page):
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", text)
     local = [link for link in links if "://" not in link]
     return [link for link in local if not (page.parent / link).is_file()]
+
+
+def test_the_worked_change_of_contributing_runs():
+    page = text_of(ROOT / ".github" / "CONTRIBUTING.md")
+    (block,) = re.findall(r"^   ```python\n(.*?)^   ```$", page, re.MULTILINE | re.DOTALL)
+    namespace = {"__name__": "log_areas"}
+    exec(compile(textwrap.dedent(block), "log_areas.py", "exec"), namespace)
+    bodies = rh.datasets.load_open_bodies("coarse")
+    metric = rh.SurfaceMetric(rh.AlignedSurfaces(bodies.template), [namespace["LogAreas"](0.7)])
+    assert metric.dist(bodies[0], bodies[1]) > 0.0
+    assert metric.is_rotation_invariant
 
 
 @pytest.mark.everyday(*(page.stem for page in PAGES if page.stem not in SLOW))
