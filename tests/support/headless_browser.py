@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sockets import folder_of_sockets
 
 _ARGUMENTS = (
     "--headless=new",
@@ -45,7 +46,8 @@ def opened_browser() -> Iterator[Browser]:
     for argument in _ARGUMENTS:
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    chrome = webdriver.Chrome(options, webdriver.ChromeService(driver))
+    environment = os.environ | {"TMPDIR": folder_of_sockets()}
+    chrome = webdriver.Chrome(options, webdriver.ChromeService(driver, env=environment))
     chrome.set_script_timeout(_PATIENCE)
     try:
         yield Browser(chrome)

@@ -9,6 +9,7 @@ import re
 import shutil
 import signal
 import sys
+import tempfile
 import time
 from contextlib import ExitStack
 from itertools import islice, product
@@ -17,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from faults import OPERATIONS, Processes, small_disk
+from sockets import folder_of_sockets
 
 SUPPORT = Path(__file__).parents[1] / "support"
 ROOT = Path(__file__).parents[2]
@@ -43,6 +45,7 @@ def server(tmp_path_factory):
         patches.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), str(ROOT)]))
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             patches.setenv(name, "1")
+        patches.setattr(tempfile, "tempdir", folder_of_sockets())
         yield Processes(tmp_path_factory.mktemp("server"))
 
 
