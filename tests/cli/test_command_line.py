@@ -71,7 +71,7 @@ def test_terminals_without_unicode():
         [*COMMAND, "dist", "--help"],
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "COLUMNS": "80"},
     )
     assert (finished.returncode, finished.stderr) == (0, "")
     assert "(a, ?, c) = (1, 0.0001, 0)" in finished.stdout
