@@ -359,6 +359,15 @@ def test_lower_bounds_without_normals_take_triangles_without_area():
         ElasticMetric(space, 0.5, 0.1, 0.1).lower_bound_coordinates(points)
 
 
+def test_random_surfaces_lie_on_all_sides_of_the_template():
+    template = sphere_template()
+    points = rh.AlignedSurfaces(template).random_point(200, bound=0.5, rng=3)
+    changes = np.linalg.pinv(template.vertices) @ points - np.eye(3)
+    np.testing.assert_allclose(template.vertices @ (np.eye(3) + changes), points, atol=1e-12)
+    np.testing.assert_allclose(changes.min(axis=0), -0.1, atol=0.01)
+    np.testing.assert_allclose(changes.max(axis=0), 0.1, atol=0.01)
+
+
 def test_triangles_have_faces_areas_and_normals():
     space = AlignedSurfaces(sphere_template())
     points = space.random_point(3, rng=1)
