@@ -234,15 +234,17 @@ def test_derivatives_by_velocities_and_start():
         assert np.sum(slopes * step) == pytest.approx(difference, rel=1e-5)
 
 
-def test_derivatives_by_every_point_of_the_path():
-    path = SOLVER.solve(METRIC, VELOCITIES[0], START).path
+@pytest.mark.parametrize("n_steps", [2, 4])
+def test_derivatives_by_every_point_of_the_path(n_steps):
+    solver = DiscreteExponential(n_steps=n_steps, tolerance=1e-12)
+    path = solver.solve(METRIC, VELOCITIES[0], START).path
     rng = np.random.default_rng(1)
     # Of differences between points, for translations are not determined.
     covectors = rng.normal(size=path.shape)
     covectors -= covectors.mean(axis=1, keepdims=True)
-    by_velocity, _ = SOLVER.derivatives(METRIC, path, VELOCITIES[0], covectors)
+    by_velocity, _ = solver.derivatives(METRIC, path, VELOCITIES[0], covectors)
     step = 1e-4 * rng.normal(size=START.shape)
-    paths = [SOLVER.solve(METRIC, VELOCITIES[0] + s * step, START).path for s in (0.5, -0.5)]
+    paths = [solver.solve(METRIC, VELOCITIES[0] + s * step, START).path for s in (0.5, -0.5)]
     assert np.sum(by_velocity * step) == pytest.approx(
         np.sum(covectors * (paths[0] - paths[1])), rel=1e-4
     )
