@@ -1,6 +1,5 @@
 """Folders of scans: what is written, what a second run leaves, and what is damaged."""
 
-import copy
 from dataclasses import replace
 
 import numpy as np
@@ -103,8 +102,18 @@ def test_a_second_run_does_what_is_missing(registered, registration, folders, so
 
 
 def test_another_model_registers_scans_again(registered, registration, folders, solved):
-    model = copy.copy(registration.model)
-    vars(model)["joint_regressor"] = np.roll(model.joint_regressor, 1, axis=1)
+    known = registration.model
+    model = rh.BodyModel(
+        known.template.vertices,
+        known.faces,
+        known.shapedirs,
+        np.roll(known.joint_regressor, 1, axis=1),
+        known.weights,
+        np.stack([known.parents, np.arange(known.n_joints)]),
+        joint_names=known.joint_names,
+        hand_directions=known.hand_directions,
+        hand_poses=known.hand_poses,
+    )
     solved.clear()
     register_folder(ScanRegistration(model, up="y"), *folders)
     assert len(solved) == 3
