@@ -118,7 +118,10 @@ class FieldMetric(RiemannianMetric):
         return np.full(leading, np.pi * np.sqrt(self._areas.min()))
 
     def curvature_form(
-        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
     ) -> Array:
         return self._form(self._curvatures, tangent_vec_a, tangent_vec_b, base_point)
 

@@ -616,7 +616,10 @@ class ScalarProductMetric(RiemannianMetric):
         return self.scale * self.underlying_metric.energy(path)
 
     def curvature_form(
-        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
     ) -> Array:
         return self.scale * self.underlying_metric.curvature_form(
             tangent_vec_a, tangent_vec_b, base_point

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from types import EllipsisType
-from typing import TypeAlias, cast
+from typing import TypeAlias
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
@@ -17,7 +17,7 @@ from scipy import sparse
 
 from riemhuman.arrays import Array, Integers, Points, PointsLike, TangentVectors
 from riemhuman.checks import check_shape, one_of, path_array, real_array
-from riemhuman.errors import NotDefinedError
+from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.pairwise import (
     MEMORY,
     PRECISIONS,
@@ -153,14 +153,20 @@ class MetricTensor(Unchanging, ABC):
             One base point, or several to average over.
         """
         vectors = self.check_points(vectors, "vectors")
-        base_points = self.space.check_point(base_point, "base_point")
-        base_points = base_points.reshape((-1, *self.space.shape))
+        base_points = self._base_points(base_point)
         covectors = np.mean(
             [[self.covector(vector, point) for vector in vectors] for point in base_points], axis=0
         )
         axes = self.space._point_axes
         gram = np.tensordot(covectors, vectors, (axes, axes))
         return 0.5 * (gram + gram.T)
+
+    def _base_points(self, base_point: Points) -> Points:
+        """Return one base point, or several to average over, in a row, shape (n, *shape)."""
+        base_points = self.space.check_point(base_point, "base_point")
+        if base_points.size == 0:
+            raise ArgumentError("base_point must hold at least one point; found none")
+        return base_points.reshape((-1, *self.space.shape))
 
     def metric_matrix(self, base_point: Points) -> sparse.csr_array:
         r"""Return the sparse matrix M of the metric: ⟨h, k⟩ = h·(M k), points flattened.
@@ -320,6 +326,8 @@ class MetricTensor(Unchanging, ABC):
         neighbors : array, shape (n, \*shape)
         """
         neighbors = self.check_points(neighbors, "neighbors")
+        if not len(neighbors):
+            raise ArgumentError("neighbors must hold at least one point; found none")
         point = self.space.check_point(point, "point")
         lead = point.shape[: point.ndim - self.space.point_ndim]
         distances = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
@@ -432,13 +440,18 @@ class MetricTensor(Unchanging, ABC):
         raise self._not_defined("injectivity_radius")
 
     def curvature_form(
-        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
     ) -> Array:
         r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor, shape (...).
 
         Parameters
         ----------
-        tangent_vec_a, tangent_vec_b, base_point : array, shape (..., \*shape)
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+        base_point : array, shape (..., \*shape), optional
+            Base point; needed unless the curvature is the same at every point.
         """
         raise self._not_defined("curvature_form")
 
@@ -457,7 +470,7 @@ class MetricTensor(Unchanging, ABC):
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
         base_point : array, shape (..., \*shape), optional
         """
-        a, b, point = tangent_vec_a, tangent_vec_b, cast(Array, base_point)
+        a, b, point = tangent_vec_a, tangent_vec_b, base_point
         form = self.curvature_form(a, b, point)
         squares = self.squared_norm(a, point) * self.squared_norm(b, point)
         area = squares - self.inner_product(a, b, point) ** 2

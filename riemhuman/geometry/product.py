@@ -91,7 +91,7 @@ class ProductManifold(Manifold):
         """
         return tuple(self.component(point, k) for k in range(len(self.factors)))
 
-    def component(self, point: Points | None, index: int) -> Array:
+    def component(self, point: Points, index: int) -> Array:
         """Return one factor of a point or tangent vector.
 
         Parameters
@@ -199,7 +199,7 @@ class ProductMetric(RiemannianMetric):
         def of_factor(k: int, metric: RiemannianMetric) -> Array:
             a = self.space.component(tangent_vec_a, k)
             b = self.space.component(tangent_vec_b, k)
-            return metric.inner_product(a, b, self.space.component(base_point, k))
+            return metric.inner_product(a, b, self._base_point(base_point, k))
 
         return self._weighted_sum(of_factor)
 
@@ -230,20 +230,22 @@ class ProductMetric(RiemannianMetric):
         return self.space.embed_to_product([metric.log(y, x) for metric, y, x in parts])
 
     def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        base_point = self.space.check_point(base_point, "base_point")
-        radii = [
-            np.sqrt(weight) * factor.metric.injectivity_radius(self.space.component(base_point, k))
-            for k, factor, weight in self._weighted_factors()
-        ]
+        radii = []
+        for k, factor, weight in self._weighted_factors():
+            radius = factor.metric.injectivity_radius(self._base_point(base_point, k))
+            radii.append(np.sqrt(weight) * radius)
         return np.min(np.stack(radii), axis=0)
 
     def curvature_form(
-        self, tangent_vec_a: TangentVectors, tangent_vec_b: TangentVectors, base_point: Points
+        self,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
     ) -> Array:
         def of_factor(k: int, metric: RiemannianMetric) -> Array:
             a = self.space.component(tangent_vec_a, k)
             b = self.space.component(tangent_vec_b, k)
-            return metric.curvature_form(a, b, self.space.component(base_point, k))
+            return metric.curvature_form(a, b, self._base_point(base_point, k))
 
         return self._weighted_sum(of_factor)
 
@@ -258,6 +260,10 @@ class ProductMetric(RiemannianMetric):
     def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
         curves = [metric.geodesic(x, end_point=y) for metric, x, y in self._parts(start, end)]
         return lambda t: self.space.embed_to_product([curve(t) for curve in curves])
+
+    def _base_point(self, base_point: Points | None, index: int) -> Array | None:
+        """Return one factor of a base point, None where no base point is given."""
+        return None if base_point is None else self.space.component(base_point, index)
 
     def _parts(self, a: Array, b: Array) -> Iterator[tuple[RiemannianMetric, Array, Array]]:
         """Yield the metric of every factor with its components of two points or vectors."""

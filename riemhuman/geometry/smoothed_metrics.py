@@ -64,7 +64,7 @@ class SmoothedMetric(PullbackMetric):
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         vectors = self.check_points(vectors, "vectors")
-        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
+        surfaces = self._base_points(base_point)
         gram = np.zeros((len(vectors), len(vectors)))
         for f in surfaces:
             # Coordinates preserve the lengths of curves, and so inner products.

@@ -216,8 +216,9 @@ class SurfaceMetric(MetricOfTerms):
         if is_flat:
             return points[0]
         # Points of products of products are joined in the same way.
-        leading = np.shape(first.areas)[:-1]
-        return np.concatenate([np.reshape(p, (*leading, -1)) for p in points], axis=-1)
+        n_leading = len(np.shape(first.areas)) - 1
+        flat = [surface.joined_axes(p, len(np.shape(p)) - n_leading) for p in points]
+        return np.concatenate(flat, axis=-1)
 
     def _derivatives(self, f: Points) -> surface.Derivatives:
         operator = self.space.template.differential_operator

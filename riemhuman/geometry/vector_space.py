@@ -21,7 +21,7 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.fields import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.surface import Derivatives
+from riemhuman.kernels.surface import Derivatives, joined_axes
 from riemhuman.terms import FlatTerm
 
 # NumPy's limit, and numbers that fill a terabyte.
@@ -122,7 +122,7 @@ class FlatMetric(FieldMetric):
         return (self._numbers(self.space.check_point(point, name))[..., None],)
 
     def _numbers(self, arrays: Array) -> Array:
-        return np.reshape(arrays, (*np.shape(arrays)[: -self.space.point_ndim], -1))
+        return joined_axes(arrays, self.space.point_ndim)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         """Return weighted coordinates, whose Euclidean distances equal those of the points."""

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from riemhuman.arrays import Array, Points
+from riemhuman.kernels.surface import joined_axes
 from riemhuman.kernels.threads import slices
 
 # Eigenvalues of a Gram matrix below this share of the largest are rounding errors.
@@ -61,7 +62,7 @@ def with_positive_peaks(rows: Array) -> Array:
 
 def field_coordinates(values: Array, areas: Array) -> Array:
     r"""Return coordinates whose distances are those of fields, :math:`L^2(T)`."""
-    return (np.sqrt(areas)[:, None] * values).reshape(*values.shape[:-2], -1)
+    return joined_axes(np.sqrt(areas)[:, None] * values, 2)
 
 
 def in_blocks(function: Callable[[Array], Array], points: Points) -> Array:

@@ -254,6 +254,13 @@ defjvp(
 )
 
 
+def joined_axes(array: Array, n_axes: int) -> Array:
+    """Return an array, or an empty stack of arrays, with the last axes joined to one."""
+    shape = np.shape(array)
+    n_leading = len(shape) - n_axes
+    return np.reshape(array, (*shape[:n_leading], math.prod(shape[n_leading:])))
+
+
 def symmetric_matrices(e: Array, m: Array, g: Array) -> Array:
     """Return the matrices [[e, m], [m, g]]."""
     return np.reshape(np.stack([e, m, m, g], axis=-1), (*np.shape(e), 2, 2))

@@ -18,6 +18,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.projections import with_positive_peaks
+from riemhuman.kernels.surface import joined_axes
 from riemhuman.memory import check_memory, enough_memory
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import harmonics
@@ -236,8 +237,7 @@ class DeformationBasis:
         deformation : array_like, shape (..., V, 3)
         """
         deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
-        rows = anp.reshape(deformation, (*deformation.shape[:-2], -1))
-        return anp.matmul(rows, self.flat.T)
+        return anp.matmul(joined_axes(deformation, 2), self.flat.T)
 
     def combine(self, coefficients: ArrayLike) -> Array:
         r"""Return the deformations :math:`\sum_k \alpha_k D_k`, shape (..., V, 3).

@@ -31,7 +31,13 @@ from riemhuman.arrays import Array, Booleans, FeatureRows, Fields, Points
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.sphere import sine_cardinal
-from riemhuman.kernels.surface import Derivatives, dot, first_fundamental_form, square_root
+from riemhuman.kernels.surface import (
+    Derivatives,
+    dot,
+    first_fundamental_form,
+    joined_axes,
+    square_root,
+)
 from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
@@ -95,8 +101,7 @@ class ConeTerm(Term):
 
     def target_point(self, first: Derivatives) -> Array:
         g, n = first_fundamental_form(first.f_u, first.f_v), self.fields(first)[-1]
-        leading = np.shape(first.areas)[:-1]
-        return np.concatenate([np.reshape(part, (*leading, -1)) for part in (g, n)], axis=-1)
+        return np.concatenate([joined_axes(g, 3), joined_axes(n, 2)], axis=-1)
 
     def fields(self, first: Derivatives) -> Fields:
         x, y, s = half_plane(first.e, first.m, first.areas, first.degenerate)

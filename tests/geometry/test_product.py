@@ -22,6 +22,7 @@ from riemhuman.geometry import (
     ProductManifold,
     ProductMetric,
     PullbackMetric,
+    VectorSpace,
 )
 
 CASE = CASES["product"]
@@ -44,6 +45,18 @@ def test_points_are_joined_and_split():
     np.testing.assert_array_equal(SPACE.component(broadcast, 1), np.stack([n[0]] * 3))
     slope = grad(lambda x: np.sum(SPACE.embed_to_product([g, x]) * np.arange(560)))(n[0])
     np.testing.assert_allclose(slope.ravel(), 3 * np.arange(320.0, 560.0))
+
+
+def test_a_product_of_flat_spaces_needs_no_base_point():
+    space = ProductManifold([VectorSpace((2,)), VectorSpace((1,))])
+    metric, a, b = ProductMetric(space, [1.0, 4.0]), np.ones(3), np.arange(3.0)
+    for product in (metric, 2.0 * metric):
+        assert product.inner_product(a, b) == product.inner_product(a, b, a)
+        assert product.norm(b) == product.norm(b, a)
+        assert product.sectional_curvature(a, b) == 0.0
+        assert product.injectivity_radius() == np.inf
+    with pytest.raises(ArgumentTypeError, match="base_point must be"):
+        METRIC.inner_product(CASE.tangent_vecs[0], CASE.tangent_vecs[0])
 
 
 def test_sums_of_the_factors():

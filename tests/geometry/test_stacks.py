@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import KINDS, name_of
 
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 
 every_case = pytest.mark.parametrize("case", KINDS, ids=name_of)
@@ -81,6 +82,25 @@ def test_stacks_are_those_of_each(case):
             np.testing.assert_allclose(
                 method(*mixed), alone, rtol=0, atol=1e-9 * scale, err_msg=name
             )
+
+
+@every_case
+def test_empty_stacks_have_empty_results(case):
+    for name, arrays in calls(case).items():
+        method = getattr(case.metric, name)
+        found = method(*(array[:0] for array in arrays))
+        assert np.shape(found) == (0, *np.shape(method(*(array[0] for array in arrays)))), name
+    none = case.points[:0]
+    assert case.metric.dist_pairwise(none).shape == (0, 0)
+    assert np.shape(case.metric.energy(np.stack([none, none], axis=1))) == (0,)
+    if case.metric.has_target_metric:
+        assert case.metric.map(none).shape == (0, *case.metric.target_metric.space.shape)
+    if case.metric.has_lower_bound_coordinates:
+        assert len(case.metric.lower_bound_coordinates(none)) == 0
+    with pytest.raises(ArgumentError, match="neighbors must hold at least one point"):
+        case.metric.closest_neighbor_index(case.points[0], none)
+    with pytest.raises(ArgumentError, match="base_point must hold at least one"):
+        case.metric.gram_matrix(case.tangent_vecs, none)
 
 
 @every_case
