@@ -17,7 +17,14 @@ import numpy as np
 from autograd.tracer import getval, isbox
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, DType, Integers, Labels, Values
-from riemhuman.errors import ArgumentError, ArgumentTypeError, PrecisionWarning, warn
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    PrecisionWarning,
+    shown,
+    warn,
+    whole_text,
+)
 from riemhuman.memory import too_little
 
 Rng = int | np.random.Generator | None
@@ -30,20 +37,35 @@ class SpaceOfPoints(Protocol):
     """What checks of points read of a `riemhuman.Manifold`."""
 
     shape: tuple[int, ...]
+    is_surface_space: bool
 
     def as_array(self, points: object, name: str) -> object: ...
 
 
-_LONGEST = 200
 # Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 # Fourth powers of lengths, and what weights make of them, stay within double precision.
 _LARGEST_WEIGHT = _LONGEST_LENGTH = 1e60
 _SHORTEST_LENGTH = 1e-60
 
+# Sums of squares of larger numbers overflow; what is larger has no meaning in any unit.
+_LARGEST_NUMBER = 1e150
 # Sums of squares of larger distances overflow; d(i, j) and d(j, i) differ by rounding, relative to
 # the largest distance.
 _LARGEST_DISTANCE, _ASYMMETRY = 1e150, 1e-6
+# Whole numbers of 64 bits, as those of arrays are.
+_LARGEST_WHOLE = 2**63 - 1
+# NumPy makes seeds of 128 bits.
+_LARGEST_SEED = 2**128 - 1
+
+MOST_REPEATS = 1_000_000
+"""The most starts, nodes, frames or samples of one call, each of which is computed."""
+
+MOST_DOUBLINGS = 20
+"""The most doublings of a number of steps, to a million times as many."""
+
+# From a frame in thirty years to one a nanosecond.
+_FRAME_RATES = 1e-9, 1e9
 
 # Units in a metre.
 UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 39.37}
@@ -129,12 +151,14 @@ def real_array(
     finite: bool = True,
     rows: bool = False,
     lengths: bool = False,
+    maximum: float = _LARGEST_NUMBER,
 ) -> Array:
     """Return `array` as a float64 array after checking its shape and finiteness.
 
     `shape` is the expected trailing shape, in which a string stands for any length; with `batched`,
-    leading axes may precede it. `rows` also accepts rows that hold a whole point each. `lengths`
-    checks that areas of these vertices, shape (..., V, 3), stay within double precision.
+    leading axes may precede it. `rows` also accepts rows that hold a whole point each. With
+    `finite`, entries are at most `maximum` in absolute value, so that sums of squares stay within
+    double precision; `lengths` checks that areas of these vertices, shape (..., V, 3), do.
     """
     values = array if type(array) is np.ndarray else values_of(array, name)
     if values.dtype.kind not in "fiub":
@@ -147,11 +171,26 @@ def real_array(
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
     try:
-        is_finite = not finite or np.isfinite(values).all()
-        checked = np.asarray(values, dtype=np.float64)
+        with np.errstate(over="ignore"):  # what double precision cannot hold is refused below
+            checked = np.asarray(values, dtype=np.float64)
     except MemoryError as error:
         raise too_little(f"{name} of shape {values.shape} in double precision", error) from error
-    if not is_finite:
+    if finite and checked.size:
+        # NaN is the largest and the smallest number, if there is one.
+        largest = max(abs(float(checked.max())), abs(float(checked.min())))
+        if not largest <= (_LONGEST_LENGTH if lengths else maximum):
+            _refuse_size(checked, name, largest, maximum, lengths)
+        # Nearly always, the first vertex of a surface tells that it is not too small.
+        if lengths and np.abs(checked[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH:
+            _check_shortest(checked, name)
+    return array if isbox(array) else checked
+
+
+def _refuse_size(
+    values: Array, name: str, largest: float, maximum: float, lengths: bool
+) -> NoReturn:
+    """Raise an ArgumentError for numbers that are not finite, or too large."""
+    if not largest < np.inf:
         bad = np.argwhere(~np.isfinite(values))
         index = tuple(int(i) for i in bad[0])
         raise ArgumentError(
@@ -159,15 +198,26 @@ def real_array(
             "every entry must be finite"
         )
     if lengths:
-        largest = np.abs(checked).max(axis=(-2, -1), initial=0.0)
-        wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
-        if wrong.any():
-            raise ArgumentError(
-                f"{name} must have coordinates between {_SHORTEST_LENGTH:g} and "
-                f"{_LONGEST_LENGTH:g} in absolute value; the largest coordinate of one item is "
-                f"{largest[wrong][0]:g}: choose another unit"
-            )
-    return array if isbox(array) else checked
+        _refuse_length(name, largest)
+    raise ArgumentError(
+        f"{name} must have entries of at most {maximum:g} in absolute value; the largest is "
+        f"{largest:g}"
+    )
+
+
+def _check_shortest(values: Array, name: str) -> None:
+    """Raise an ArgumentError if areas of a surface, shape (..., V, 3), would vanish."""
+    sizes = np.abs(values).max(axis=(-2, -1))
+    wrong = sizes[(sizes > 0) & (sizes < _SHORTEST_LENGTH)]
+    if wrong.size:
+        _refuse_length(name, wrong.flat[0])
+
+
+def _refuse_length(name: str, length: float) -> NoReturn:
+    raise ArgumentError(
+        f"{name} must have coordinates between {_SHORTEST_LENGTH:g} and {_LONGEST_LENGTH:g} in "
+        f"absolute value; the largest coordinate of one item is {length:g}: choose another unit"
+    )
 
 
 def unflatten(array: Array, shape: Sequence[int | str]) -> Array:
@@ -206,7 +256,13 @@ def path_array(path: object, space: SpaceOfPoints, *, batched: bool = True) -> A
     """Return discrete paths of a space's points, at two times at least, as a float64 array."""
     if not isinstance(path, np.ndarray):
         path = space.as_array(path, "path")
-    path = real_array(path, "path", ("n_times", *space.shape), batched=batched)
+    path = real_array(
+        path,
+        "path",
+        ("n_times", *space.shape),
+        batched=batched,
+        lengths=space.is_surface_space,
+    )
     n_times = path.shape[-len(space.shape) - 1]
     if n_times < 2:
         raise ArgumentError(f"path must have at least two times; found {n_times}")
@@ -256,7 +312,7 @@ def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
         shape = getattr(labels, "shape", None)
         raise ArgumentTypeError(
             f"{name} must be a sequence of hashable class labels; found {type(labels).__name__}"
-            + ("" if shape is None else f" of shape {tuple(shape)}")
+            + (f" of shape {tuple(shape)}" if isinstance(shape, tuple) else "")
         )
     try:
         # Elements of other packages' arrays are arrays, each of which would be its own class.
@@ -273,7 +329,7 @@ def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
     missing = [index for index, value in enumerate(values) if is_missing_label(value)]
     if missing:
         raise ArgumentError(
-            f"{name}[{missing[0]}] is missing, {_shown(values[missing[0]])}, the first of "
+            f"{name}[{missing[0]}] is missing, {shown(values[missing[0]])}, the first of "
             f"{len(missing)} missing labels; leave out the items without labels"
         )
     try:
@@ -380,9 +436,14 @@ def integer_array(array: object, name: str, shape: Sequence[int | str]) -> Integ
 
 
 def real_number(
-    value: ArrayLike, name: str, *, minimum: float = -np.inf, strict: bool = False
+    value: ArrayLike,
+    name: str,
+    *,
+    minimum: float = -np.inf,
+    strict: bool = False,
+    maximum: float = _LARGEST_NUMBER,
 ) -> float:
-    """Return `value` as a finite float that is at least (if `strict`, above) `minimum`."""
+    """Return `value` as a finite float between bounds (if `strict`, above the lower one)."""
     try:
         # Text and moments in time convert to float as well, and arrays of one number did so
         # before NumPy 2.4.
@@ -394,22 +455,45 @@ def real_number(
     except OverflowError:  # a whole number beyond the range of floats
         number = np.inf
     except (TypeError, ValueError) as error:
-        raise ArgumentTypeError(f"{name} must be a real number; found {_shown(value)}") from error
+        raise ArgumentTypeError(f"{name} must be a real number; found {shown(value)}") from error
     if not np.isfinite(number) or number < minimum or (strict and number == minimum):
         bound = "" if minimum == -np.inf else f" {'above' if strict else 'of at least'} {minimum:g}"
         raise ArgumentError(f"{name} must be a finite number{bound}; found {number!r}")
+    if abs(number) > maximum:
+        raise ArgumentError(
+            f"{name} must be at most {maximum:g} in absolute value; found {number:g}"
+        )
     return number
 
 
-def whole_number(value: SupportsIndex, name: str, *, minimum: int | None = None) -> int:
-    """Return `value` as an int that is at least `minimum`."""
+def whole_number(
+    value: SupportsIndex, name: str, *, minimum: int | None = None, maximum: int = _LARGEST_WHOLE
+) -> int:
+    """Return `value` as an int from `minimum` to `maximum`; answers, True or False, are refused."""
     try:
+        if isinstance(value, bool):
+            raise TypeError
         number = operator.index(value)
     except TypeError as error:
-        raise ArgumentTypeError(f"{name} must be a whole number; found {_shown(value)}") from error
+        raise ArgumentTypeError(f"{name} must be a whole number; found {shown(value)}") from error
     if minimum is not None and number < minimum:
-        raise ArgumentError(f"{name} must be a whole number of at least {minimum}; found {number}")
+        raise ArgumentError(
+            f"{name} must be a whole number of at least {minimum}; found {whole_text(number)}"
+        )
+    if number > maximum:
+        raise ArgumentError(
+            f"{name} must be a whole number of at most {maximum}; found {whole_text(number)}"
+        )
     return number
+
+
+def checked_rate(value: ArrayLike, name: str = "frames_per_second") -> float:
+    """Return a number of frames in a second as a float, within what clocks can measure."""
+    slowest, fastest = _FRAME_RATES
+    rate = real_number(value, name, minimum=0.0, strict=True, maximum=fastest)
+    if rate < slowest:
+        raise ArgumentError(f"{name} must be at least {slowest:g}; found {rate:g}")
+    return rate
 
 
 def one_of(value: Choice, name: str, choices: Sequence[object]) -> Choice:
@@ -420,7 +504,7 @@ def one_of(value: Choice, name: str, choices: Sequence[object]) -> Choice:
         is_known = False
     if not is_known:
         listed = ", ".join(repr(choice) for choice in choices)
-        raise ArgumentError(f"{name} must be one of {listed}; found {_shown(value)}")
+        raise ArgumentError(f"{name} must be one of {listed}; found {shown(value)}")
     return value
 
 
@@ -430,7 +514,7 @@ def generator(rng: Rng) -> np.random.Generator:
         return rng
     if rng is None:
         return np.random.default_rng()
-    return np.random.default_rng(whole_number(rng, "rng", minimum=0))
+    return np.random.default_rng(whole_number(rng, "rng", minimum=0, maximum=_LARGEST_SEED))
 
 
 def likely_units(extent: float) -> list[str]:
@@ -595,7 +679,7 @@ def texts_of(
     items = items_of(values, name, expected)
     for item in items:
         if not isinstance(item, str):
-            raise ArgumentTypeError(f"{name} must be {expected}; found {_shown(item)} among them")
+            raise ArgumentTypeError(f"{name} must be {expected}; found {shown(item)} among them")
     return tuple(map(str, items))
 
 
@@ -622,18 +706,23 @@ def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ..
 
 def _name(value: object, name: str) -> str:
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-        return str(int(value))
+        return whole_text(int(value))
     if not isinstance(value, str):
-        raise ArgumentTypeError(f"{name} must hold texts; found {_shown(value)} among them")
+        raise ArgumentTypeError(f"{name} must hold texts; found {shown(value)} among them")
     return _writable(value, name)
 
 
 def _writable(value: str, name: str) -> str:
     if _UNWRITABLE.search(value):
         raise ArgumentError(
-            f"{name} must be a text without control characters; found {_shown(value)}"
+            f"{name} must be a text without control characters; found {shown(value)}"
         )
     return str(value)
+
+
+def texts_or_numbers(values: Iterable[object], name: str) -> tuple[str, ...]:
+    """Return names, texts or whole numbers, as Python texts."""
+    return tuple(_name(item, name) for item in items_of(values, name, "a list of names"))
 
 
 def flag(value: object, name: str) -> bool:
@@ -642,7 +731,7 @@ def flag(value: object, name: str) -> bool:
         isinstance(value, (int, np.integer)) and 0 <= value <= 1
     ):
         return bool(value)
-    raise ArgumentTypeError(f"{name} must be True or False; found {_shown(value)}")
+    raise ArgumentTypeError(f"{name} must be True or False; found {shown(value)}")
 
 
 def mask(values: object, name: str, shapes: Sequence[tuple[int, ...]]) -> Booleans:
@@ -681,17 +770,11 @@ def check_basis(value: object, name: str) -> None:
     check_methods(value, name, "a DeformationBasis", "check_fits", "extend")
 
 
-def _shown(value: object) -> str:
-    """Return the text of an argument, cut short because texts in files may have any length."""
-    text = repr(value)
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
-
-
 def _describe(array: object, values: Values) -> str:
     class_name = type(array).__name__
     if values.ndim:
         return f"{class_name} of dtype {values.dtype}"
-    return f"{class_name} {_shown(array)}"
+    return f"{class_name} {shown(array)}"
 
 
 def _unit_hint(ratio: float) -> str:

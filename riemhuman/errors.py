@@ -7,6 +7,9 @@ around a wrong argument and ``except OSError`` around a missing file work.
 import sys
 import warnings
 
+# The longest text of an argument in a message.
+_LONGEST = 200
+
 
 class RiemhumanError(Exception):
     """Base class of all errors that the library raises.
@@ -141,3 +144,25 @@ def _is_between(module: str) -> bool:
     # Functions that context managers decorate are called by contextlib, cached properties by
     # functools.
     return module.startswith("riemhuman.") or module in ("contextlib", "functools")
+
+
+def shown(value: object) -> str:
+    """Return the text of an argument, cut short because texts in files may have any length."""
+    text = whole_text(value) if isinstance(value, int) else _representation(value)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def _representation(value: object) -> str:
+    """Return the `repr` of an object, or its type if that fails, as of very large numbers."""
+    try:
+        return repr(value)
+    except Exception:  # noqa: BLE001  # a class of a user's own, or integers too long to be written
+        return f"a {type(value).__name__}"
+
+
+def whole_text(number: int) -> str:
+    """Return a whole number as text; Python writes none of thousands of digits."""
+    bits = abs(number).bit_length()
+    if bits <= _LONGEST:
+        return str(number)
+    return f"-2**{bits - 1} or less" if number < 0 else f"2**{bits - 1} or more"

@@ -25,7 +25,7 @@ from importlib.metadata import entry_points
 from typing import Any, TypeAlias
 
 from riemhuman.checks import one_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, shown
 
 KINDS = {
     "metrics": "called with an `AlignedSurfaces`, returns a metric on it",
@@ -80,7 +80,7 @@ def unregister(kind: str, name: str) -> None:
     """
     one_of(kind, "kind", tuple(KINDS))
     if name not in _REGISTERED[kind]:
-        raise ArgumentError(f"name must be one that was registered; found {name!r}")
+        raise ArgumentError(f"name must be one that was registered; found {shown(name)}")
     del _REGISTERED[kind][name]
 
 

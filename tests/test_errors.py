@@ -79,9 +79,23 @@ ODD = {
     "moments": np.zeros(2, "datetime64[s]"),
     "records": np.zeros(2, [("a", "f8")]),
     "huge whole numbers": [10**400, 1],
+    "huge whole number": 10**5000,
     "unequipped space": rh.AlignedSurfaces(sphere_template(), equip=False, scale=None),
 }
 """What nobody means, for arguments of any kind."""
+
+
+def _skeleton(**changes):
+    """Return a recording of two joints."""
+    arguments = {
+        "joint_names": ("hips", "chest"),
+        "parents": [-1, 0],
+        "offsets": np.ones((2, 3)),
+        "rotations": np.tile(np.eye(3), (4, 2, 1, 1)),
+        "translations": np.ones((4, 2, 3)),
+        "frames_per_second": 30.0,
+    }
+    return rh.datasets.SkeletonMotion(**arguments | changes)
 
 
 # More than 60 lines: a line for each door.
@@ -94,6 +108,7 @@ def doors():
     bodies = rh.datasets.load_open_bodies("coarse")
     measurements = rh.measurements.Measurements(bodies.model)
     measures, solve = rh.measurements, rh.solvers.LinearPath(3)
+    person = bodies[0], bodies.template.faces
     return {
         "AreaMetric": rh.AreaMetric,
         "RotationMetric": rh.RotationMetric,
@@ -150,6 +165,64 @@ def doors():
         ),
         "readable_gap": measures.readable_gap,
         "usual_distances": measures.usual_distances,
+        "joint_motions parents": lambda odd: rh.bodies.joint_motions(
+            np.zeros((2, 3)), np.eye(3) + np.zeros((2, 3, 3)), odd, (0, 1)
+        ),
+        "joint_motions order": lambda odd: rh.bodies.joint_motions(
+            np.zeros((2, 3)), np.eye(3) + np.zeros((2, 3, 3)), [-1, 0], odd
+        ),
+        "joints_between": lambda odd: rh.bodies.joints_between(odd, 0, 1),
+        "skin_surface": lambda odd: rh.bodies.skin_surface(
+            odd, np.ones((2, 1)), np.zeros((1, 3)), np.eye(3)[None], np.zeros((1, 3))
+        ),
+        "Bodies template": lambda odd: rh.datasets.Bodies(points, [0] * 3, [0] * 3, odd),
+        "Bodies names": lambda odd: rh.datasets.Bodies(
+            points, [0] * 3, [0] * 3, template, None, odd, ("pose",)
+        ),
+        "RegisteredMeshes": rh.datasets.RegisteredMeshes,
+        "SkeletonMotion": lambda odd: _skeleton(frames_per_second=odd),
+        "SkeletonMotion rotations": lambda odd: _skeleton(rotations=odd),
+        "retarget rate": lambda odd: rh.datasets.retarget(_skeleton(), frames_per_second=odd),
+        "motion_from_arrays name": lambda odd: rh.datasets.motion_from_arrays(
+            np.zeros((2, 24, 3)), np.zeros((2, 3)), 30.0, up="y", name=odd
+        ),
+        "find_inward_triangles": lambda odd: rh.registration.find_inward_triangles(
+            odd, template.faces
+        ),
+        "register_folder": lambda odd: rh.registration.register_folder(odd, ".", "bodies"),
+        "transfer_model": lambda odd: rh.registration.transfer_model(bodies.model, odd),
+        "Scan": rh.registration.Scan,
+        "simulated_scan clothing": lambda odd: rh.registration.simulated_scan(
+            *person, 0, n_points=10, clothing=odd
+        ),
+        "simulated_scan view": lambda odd: rh.registration.simulated_scan(
+            *person, 0, n_points=10, view=odd
+        ),
+        "simulated_scan n_points": lambda odd: rh.registration.simulated_scan(
+            *person, 0, n_points=odd
+        ),
+        "nearest_body": lambda odd: measures.nearest_body(
+            odd, space.metric, bodies[0], {"stature": 1.7}
+        ),
+        "open_measurements": measures.open_measurements,
+        "ReadableUnit": lambda odd: measures.readable_unit("m").text(odd),
+        "benchmark": rh.retrieval.benchmark,
+        "format_table": lambda odd: rh.retrieval.format_table("title", odd),
+        "format_benchmark": rh.retrieval.format_benchmark,
+        "retrieval_table": lambda odd: rh.retrieval.retrieval_table(odd, [0, 0]),
+        "pairwise_job": lambda odd: rh.pairwise_job(odd, points, "job"),
+        "regress_shape": lambda odd: rh.statistics.regress_shape(odd, [0.0, 1.0, 2.0], points),
+        "LearnedMetric": lambda odd: rh.LearnedMetric(odd).fit(points, [0, 0, 1]),
+        "KMedoids": lambda odd: rh.statistics.KMedoids(1, n_init=odd).fit(np.zeros((2, 2))),
+        "from_laplacian": rh.DeformationBasis.from_laplacian,
+        "check_manifold": rh.testing.check_manifold,
+        "check_metric": lambda odd: rh.testing.check_metric(odd, points),
+        "MetricFields projection": rh.MetricFields(template).projection,
+        "NormalFields projection": rh.NormalFields(template).projection,
+        "RotationFields projection": rh.RotationFields(template).projection,
+        "Interrupted": rh.solvers.Interrupted,
+        "save_glb name": lambda odd: rh.save_glb("p.glb", points, template.faces, name=odd),
+        "load_pickled_arrays": lambda odd: rh.io.load_pickled_arrays("missing.pkl", odd),
         "load_arrays": lambda odd: rh.io.load_arrays("missing.npz", odd),
         "save_arrays": lambda odd: rh.io.save_arrays("some.npz", odd),
     }
@@ -308,6 +381,104 @@ def test_there_is_nothing_to_view_of_no_bodies(shape):
         for none in ([], ()):
             with pytest.raises(errors.ArgumentError, match="points must hold at least one mesh"):
                 door(none)
+
+
+PARENTS = {
+    "a cycle": [1, 0],
+    "its own parent": [-1, 1],
+    "a parent that is missing": [-1, 5],
+    "no root": [1, 0],
+    "no joint": [],
+    "fractions": [-1, 0.5],
+}
+
+
+@pytest.mark.parametrize("parents", PARENTS.values(), ids=PARENTS)
+def test_joints_that_are_no_tree_are_refused(parents):
+    still = np.tile(np.eye(3), (2, 1, 1))
+    for door in (
+        lambda: rh.bodies.joints_between(parents, 0, 1),
+        lambda: rh.bodies.joint_motions(np.zeros((2, 3)), still, parents, (0, 1)),
+        lambda: _skeleton(parents=parents),
+    ):
+        with pytest.raises(errors.RiemhumanError, match="parents"):
+            door()
+
+
+def test_children_come_after_their_parents_and_paths_stay_below_one_root():
+    with pytest.raises(errors.ArgumentError, match="come before their children; found 2"):
+        _skeleton(joint_names=("a", "b", "c"), parents=[-1, 2, 0])
+    with pytest.raises(errors.ArgumentError, match="below the same root; found 0, below 0"):
+        rh.bodies.joints_between([-1, -1], 0, 1)
+    joints = np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1))
+    with pytest.raises(errors.ArgumentError, match="order must hold each of the 2 joints once"):
+        rh.bodies.joint_motions(*joints, [-1, 0], (1, 0))
+
+
+@pytest.mark.parametrize("count", [10**9, 10**400, float("inf"), float("nan"), True])
+def test_absurd_counts_are_refused(count):
+    template = sphere_template()
+    points = surfaces(template, 3, rng=1, size=0.1)
+    space = rh.AlignedSurfaces(template, scale=None)
+    for door in (
+        lambda: rh.statistics.KMedoids(1, n_init=count).fit(np.zeros((2, 2))),
+        lambda: rh.statistics.KMedoids(count).fit(np.eye(3)[:, ::-1]),
+        lambda: rh.statistics.two_sample_test(np.zeros((2, 2)), [0, 1], n_permutations=count),
+        lambda: rh.solvers.LinearPath(count),
+        lambda: rh.solvers.PoleLadder(count),
+        lambda: rh.solvers.DiscreteExponential(n_doublings=count),
+        lambda: rh.motions.MotionSpace(space, n_times=count),
+        lambda: rh.DeformationBasis.from_laplacian(template, count),
+        lambda: space.random_point(count),
+        lambda: rh.VectorSpace((2,)).random_point(count),
+        lambda: rh.NearestNeighbors(space.metric, count).fit(points).kneighbors(points),
+        lambda: rh.registration.simulated_scan(points[0], template.faces, n_points=count),
+        lambda: rh.registration.SearchSettings(n_headings=count),
+    ):
+        with pytest.raises(errors.RiemhumanError, match="must be|exceeds|at most"):
+            door()
+
+
+@pytest.mark.parametrize("size", [1e40, 1e100, 1e155, 1e-155, 5e-324])
+def test_no_surface_overflows_or_vanishes_in_silence(size):
+    """Doors that take surfaces refuse a size, or give finite results, without a warning."""
+    template = sphere_template()
+    points = surfaces(template, 4, rng=1, size=0.1)
+    odd, faces = size * points, template.faces
+    space = rh.AlignedSurfaces(template, equip=False, scale=None)
+    metric, path = rh.ElasticMetric(space, 1.0, 1.0, 0.1), rh.solvers.LinearPath(3)
+    basis = rh.DeformationBasis.from_laplacian(template, 6)
+    vectors = 0.01 * points
+    for door in (
+        lambda: rh.surfaces.triangle_areas(odd, faces),
+        lambda: rh.surfaces.edge_lengths(odd, template.edges),
+        lambda: rh.surfaces.signed_volume(odd, faces),
+        lambda: rh.surfaces.nearest_points(points[0], odd[0], faces)[1],
+        lambda: rh.surfaces.nearest_points(odd[0], points[0], faces)[1],
+        lambda: rh.registration.find_inward_triangles(odd[0], faces),
+        lambda: rh.solvers.inverted_triangles(odd[0], odd, faces),
+        lambda: metric.dist(odd[0], odd[1]),
+        lambda: metric.dist_pairwise(odd),
+        lambda: metric.energy(odd),
+        lambda: metric.inner_product(odd[0], vectors[0], points[0]),
+        lambda: rh.AreaMetric(space).squared_norm(odd[0], points[0]),
+        lambda: rh.RotationMetric(space).squared_norm(odd[0], points[0]),
+        lambda: path.solve(metric, odd[0], points[1]).energy,
+        lambda: (
+            rh.solvers.DiscreteExponential(basis, 2, max_iter=2)
+            .solve(metric, odd[0], points[0])
+            .path
+        ),
+        lambda: rh.bodies.rotation_derivative(odd),
+        lambda: rh.NormalFields(template).projection(np.ones((template.n_faces, 3)) * size),
+    ):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rh.ConvergenceWarning)
+            warnings.simplefilter("error", RuntimeWarning)
+            try:
+                assert np.isfinite(door()).all()
+            except errors.RiemhumanError:
+                continue
 
 
 @pytest.mark.parametrize("size", [1e155, 1e300])

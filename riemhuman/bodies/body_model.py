@@ -16,20 +16,22 @@ from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies._blending import SkinningWeights
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
-from riemhuman.bodies.skinning import joint_motions, joint_parents, parents_first, skin_by
-from riemhuman.checks import joint_shape, one_of, real_array, values_of
-from riemhuman.errors import ArgumentError
+from riemhuman.bodies.skinning import joint_parents, motions_of_joints, parents_first, skin_by
+from riemhuman.checks import flag, joint_shape, one_of, real_array, texts_of, values_of
+from riemhuman.errors import ArgumentError, shown
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.kinds_of_files import BY_DEFINITIONS, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.memory import check_memory, enough_memory
-from riemhuman.representation import Unchanging
+from riemhuman.representation import Unchanging, join_names
 from riemhuman.surfaces.template import Template
 
 # Weights in single precision, or rounded for storage, sum to one within this tolerance.
 _SUM_TOLERANCE = 1e-3
+# Larger ones, which mean nothing, do not fit into single precision.
+_LARGEST_COEFFICIENT = 1e30
 # For bodies with more bytes than this, the memory needed is checked first.
 _MANY_BYTES = 2**26
 _FEWER = "pose fewer at a time"
@@ -111,7 +113,9 @@ class BodyModel(Unchanging):
         dtype: DTypeLike = onp.float64,
     ) -> None:
         self.dtype = _precision(dtype)
-        v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
+        v_template = real_array(
+            v_template, "v_template", ("V", 3), batched=False, maximum=_LARGEST_COEFFICIENT
+        )
         n_vertices = len(v_template)
         self.template = Template(v_template, faces)
         self.faces = self.template.faces
@@ -126,7 +130,7 @@ class BodyModel(Unchanging):
             n_entries = 9 * (n_joints - 1)
             self.posedirs = _copy(posedirs, "posedirs", (n_vertices, 3, n_entries))
         self.joint_names = _checked_names(joint_names, n_joints)
-        self.hand_poses = tuple(map(str, onp.atleast_1d(onp.array(hand_poses, dtype=str))))
+        self.hand_poses = _texts(hand_poses, "hand_poses")
         shape = (n_vertices, 3, 2 * len(self.hand_poses))
         if hand_directions is None:
             hand_directions = onp.zeros((n_vertices, 3, 0))
@@ -179,7 +183,7 @@ class BodyModel(Unchanging):
         single_precision : bool
             Whether real numbers are rounded to single precision, which halves the size.
         """
-        real = onp.float32 if single_precision else onp.float64
+        real = onp.float32 if flag(single_precision, "single_precision") else onp.float64
         kintree_table = onp.stack([self.parents, onp.arange(self.n_joints)])
         fields: dict[str, object] = {
             "v_template": self.template.vertices.astype(real),
@@ -233,7 +237,7 @@ class BodyModel(Unchanging):
             if self.posedirs is not None:
                 surface = surface + self._pose_offsets(rotations)
             joints = self._shaped_joints(betas)
-            motions = joint_motions(joints, rotations, self.parents, self.joint_order)
+            motions = motions_of_joints(joints, rotations, self.parents, self.joint_order)
             surface = skin_by(self._weights, surface, joints, *motions)
         return self._translated(surface, trans)
 
@@ -258,7 +262,7 @@ class BodyModel(Unchanging):
         joints = self._shaped_joints(betas)
         if pose is not None:
             rotations = self._rotations(pose)
-            _, joints = joint_motions(joints, rotations, self.parents, self.joint_order)
+            _, joints = motions_of_joints(joints, rotations, self.parents, self.joint_order)
         return self._translated(joints, trans)
 
     def hand_pose(self, left: str, right: str | None = None) -> Array:
@@ -290,7 +294,7 @@ class BodyModel(Unchanging):
     def _shaped(self, betas: ArrayLike | None) -> Array:
         if betas is None:
             return self._rest
-        betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
+        betas = self._rounded(_coefficients(betas, "betas", self.n_betas))
         return self._rest + self._offsets(betas, self._shape_rows)
 
     def _shaped_joints(self, betas: ArrayLike | None) -> Array:
@@ -298,13 +302,13 @@ class BodyModel(Unchanging):
         rest, shapes = self._joint_shapes
         if betas is None:
             return rest
-        betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
+        betas = self._rounded(_coefficients(betas, "betas", self.n_betas))
         offsets = np.dot(betas, shapes)
         return rest + np.reshape(offsets, (*np.shape(offsets)[:-1], self.n_joints, 3))
 
     def _hand_offsets(self, hands: ArrayLike) -> Array:
         self._check_hands()
-        hands = self._rounded(real_array(hands, "hands", (self.hand_directions.shape[-1],)))
+        hands = self._rounded(_coefficients(hands, "hands", self.hand_directions.shape[-1]))
         return self._offsets(hands, self._hand_rows)
 
     def _check_hands(self) -> None:
@@ -375,7 +379,7 @@ class BodyModel(Unchanging):
     def _translated(self, points: Array, trans: ArrayLike | None) -> Array:
         if trans is None:
             return points
-        return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
+        return points + self._rounded(_coefficients(trans, "trans", 3))[..., None, :]
 
     @cached_property
     def _joint_shapes(self) -> tuple[Array, Array]:
@@ -423,19 +427,34 @@ def convert_model(
     return model
 
 
+def _coefficients(values: ArrayLike, name: str, count: int) -> Array:
+    """Return so many coefficients, which fit into single precision, too."""
+    return real_array(values, name, (count,), maximum=_LARGEST_COEFFICIENT)
+
+
 def _checked_names(names: Sequence[str] | Array | None, n_joints: int) -> tuple[str, ...]:
     """Return names of the joints, by default their numbers."""
     if names is None:
         return tuple(f"joint_{joint}" for joint in range(n_joints))
-    # The field of a file may be a single text.
-    checked = tuple(map(str, names)) if onp.ndim(names) == 1 else ()
+    checked = _texts(names, "joint_names")
     if len(checked) != n_joints or len(set(checked)) != n_joints:
-        raise ArgumentError(f"joint_names must hold {n_joints} different names; found {names!r}")
+        raise ArgumentError(
+            f"joint_names must hold {n_joints} different names; found {join_names(checked)}"
+        )
     return checked
 
 
+def _texts(names: Sequence[str] | Array, name: str) -> tuple[str, ...]:
+    """Return names, of a list or an array; the field of a file may be a single text."""
+    array = onp.atleast_1d(values_of(names, name))
+    if array.dtype.kind in "Siu":
+        array = array.astype(str)
+    return texts_of(array.tolist(), name) if array.size else ()
+
+
 def _copy(array: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Array:
-    return read_only(onp.array(real_array(array, name, shape, batched=False)))
+    checked = real_array(array, name, shape, batched=False, maximum=_LARGEST_COEFFICIENT)
+    return read_only(onp.array(checked))
 
 
 def _check_sums(rows: Array, name: str) -> None:
@@ -453,4 +472,4 @@ def _precision(dtype: DTypeLike) -> onp.dtype[onp.float64]:
         precision: onp.dtype[onp.float64] = onp.dtype(dtype)  # type: ignore[assignment]  # or single
         if precision in (onp.float64, onp.float32):
             return precision
-    raise ArgumentError(f"dtype must be float64 or float32; found {dtype!r}")
+    raise ArgumentError(f"dtype must be float64 or float32; found {shown(dtype)}")

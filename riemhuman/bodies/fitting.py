@@ -23,15 +23,17 @@ from riemhuman.bodies.skinning import Skeleton, SkinnedModel
 from riemhuman.checks import (
     check_resolution,
     check_same_scale,
+    flag,
     integer_array,
     one_of,
     real_array,
     real_number,
     refuse_type,
+    values_of,
     weight_shares,
     whole_number,
 )
-from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.memory import enough_memory
 from riemhuman.representation import Record
@@ -160,6 +162,7 @@ def fit_model(
     >>> bool(rh.bodies.fit_model(bodies.model, bodies[0]).mean_distance < 0.01)
     True
     """
+    sequence = flag(sequence, "sequence")
     combine = correspondence_matrix(model, correspondence)
     surfaces = _surfaces_of(model, points, combine, whole=correspondence is None)
     with_hands = hands_prior is not None
@@ -265,7 +268,12 @@ def correspondence_matrix(
     if correspondence is None:
         return sparse.eye_array(n_vertices, format="csr")
     if sparse.issparse(correspondence):
-        matrix = sparse.csr_array(correspondence, dtype=np.float64)
+        matrix = sparse.csr_array(correspondence)
+        if matrix.dtype.kind not in "fiub":
+            raise ArgumentTypeError(
+                f"correspondence must be a matrix of real numbers; found {matrix.dtype}"
+            )
+        matrix = matrix.astype(np.float64)
         if matrix.shape[1] != n_vertices:
             raise ArgumentError(
                 f"correspondence must have shape (n_points, {n_vertices}); found {matrix.shape}"
@@ -289,7 +297,7 @@ def _is_pair_of_arrays(
     """Return whether a correspondence is two arrays, rather than the numbers of two vertices."""
     if not isinstance(correspondence, Sequence) or len(correspondence) != 2:
         return False
-    return np.ndim(correspondence[0]) > 0
+    return values_of(correspondence[0], "correspondence[0]").ndim > 0
 
 
 def _barycentric_matrix(

@@ -11,15 +11,20 @@ from typing import Protocol
 
 import autograd.numpy as np
 import numpy as onp
+from autograd.tracer import isbox
 from numpy.typing import DTypeLike
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies._blending import SkinningWeights, move
-from riemhuman.checks import check_shape, integer_array, real_array, values_of, whole_number
+from riemhuman.checks import integer_array, joint_shape, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.surfaces.template import Template
 
+# Larger coordinates do not fit into single precision.
+_LARGEST_COORDINATE = 1e30
+# Joints of a cycle that are named in an error.
+_MOST_SHOWN = 10
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
 
@@ -80,7 +85,10 @@ class SkinnedModel(Protocol):
 
 
 def joint_motions(
-    joints: Array, rotations: Array, parents: Sequence[int] | Integers, order: Sequence[int]
+    joints: Array,
+    rotations: Array,
+    parents: Sequence[int] | Integers,
+    order: Sequence[int] | Integers,
 ) -> tuple[Array, Array]:
     """Return the rotation in space and the position of every joint (Loper et al., equations 3, 4).
 
@@ -102,14 +110,30 @@ def joint_motions(
     >>> positions[1].tolist()
     [0.0, 1.0, 0.0]
     """
-    # Arrays keep their precision, single or double.
-    if not hasattr(joints, "dtype"):
-        joints = real_array(joints, "joints")
-    if not hasattr(rotations, "dtype"):
-        rotations = real_array(rotations, "rotations")
+    parents = check_parents(parents)
     n_joints = len(parents)
-    _check_trailing(joints, "joints", (n_joints, 3))
-    _check_trailing(rotations, "rotations", (n_joints, 3, 3))
+    joints = _in_its_precision(joints, "joints", (n_joints, 3))
+    rotations = _in_its_precision(rotations, "rotations", (n_joints, 3, 3))
+    places = onp.full(n_joints, -1)
+    numbers = integer_array(order, "order", (n_joints,))
+    if sorted(numbers.tolist()) == list(range(n_joints)):
+        places[numbers] = onp.arange(n_joints)
+    if onp.any(places < 0) or onp.any(places[parents[parents >= 0]] > places[parents >= 0]):
+        raise ArgumentError(
+            f"order must hold each of the {n_joints} joints once, parents before their children; "
+            f"found {numbers.tolist()}"
+        )
+    joint_shape(
+        joints=np.zeros(np.shape(joints)[:-2]), rotations=np.zeros(np.shape(rotations)[:-3])
+    )
+    return motions_of_joints(joints, rotations, parents, numbers.tolist())
+
+
+def motions_of_joints(
+    joints: Array, rotations: Array, parents: Integers, order: Sequence[int]
+) -> tuple[Array, Array]:
+    """Return `joint_motions` of arrays that are checked already."""
+    n_joints = len(parents)
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
     joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
     rotations = rotations + np.zeros((*shape, 1, 1, 1), dtype=rotations.dtype)
@@ -152,13 +176,18 @@ def skin_surface(
     >>> rh.bodies.skin_surface(surface, np.ones((1, 1)), joints, half_turn, joints)[0, 0]
     np.float64(-1.0)
     """
-    table = weights if hasattr(weights, "dtype") else real_array(weights, "weights")
-    check_shape(values_of(table, "weights"), "weights", ("n_vertices", "n_joints"), batched=False)
+    table = _in_its_precision(weights, "weights", ("n_vertices", "n_joints"), batched=False)
     n_vertices, n_joints = np.shape(table)
-    _check_trailing(surface, "surface", (n_vertices, 3))
-    _check_trailing(joints, "joints", (n_joints, 3))
-    _check_trailing(rotations, "rotations", (n_joints, 3, 3))
-    _check_trailing(positions, "positions", (n_joints, 3))
+    surface = _in_its_precision(surface, "surface", (n_vertices, 3))
+    joints = _in_its_precision(joints, "joints", (n_joints, 3))
+    rotations = _in_its_precision(rotations, "rotations", (n_joints, 3, 3))
+    positions = _in_its_precision(positions, "positions", (n_joints, 3))
+    joint_shape(
+        surface=onp.zeros(np.shape(surface)[:-2]),
+        joints=onp.zeros(np.shape(joints)[:-2]),
+        rotations=onp.zeros(np.shape(rotations)[:-3]),
+        positions=onp.zeros(np.shape(positions)[:-2]),
+    )
     return skin_by(SkinningWeights.of_table(table), surface, joints, rotations, positions)
 
 
@@ -347,7 +376,7 @@ def joints_between(parents: Integers, first: int, last: int) -> list[int]:
     >>> rh.bodies.joints_between([-1, 0, 1, 0], 2, 3)
     [2, 1, 0, 3]
     """
-    parents = integer_array(parents, "parents", ("n_joints",))
+    parents = check_parents(parents)
     for name, joint in (("first", first), ("last", last)):
         if not 0 <= whole_number(joint, name) < len(parents):
             raise ArgumentError(
@@ -355,7 +384,12 @@ def joints_between(parents: Integers, first: int, last: int) -> list[int]:
             )
     from_first = joints_to_root(parents, first)
     from_last = joints_to_root(parents, last)
-    shared = next(joint for joint in from_first if joint in from_last)
+    shared = next((joint for joint in from_first if joint in from_last), None)
+    if shared is None:
+        raise ArgumentError(
+            f"first and last must be joints below the same root; found {first}, below "
+            f"{from_first[-1]}, and {last}, below {from_last[-1]}"
+        )
     up = from_first[: from_first.index(shared) + 1]
     down = reversed(from_last[: from_last.index(shared)])
     return [*up, *down]
@@ -400,19 +434,44 @@ def joint_parents(kintree_table: ArrayLike, n_joints: int) -> Integers:
     return parents
 
 
-def parents_first(parents: Integers) -> tuple[int, ...]:
-    """Return the joints ordered so that parents precede children."""
-    order = onp.flatnonzero(parents < 0).tolist()
+def check_parents(parents: Sequence[int] | Integers) -> Integers:
+    """Return the parents of joints, -1 for a root; raise an error if they form no trees."""
+    numbers = integer_array(parents, "parents", ("n_joints",))
+    wrong = onp.flatnonzero((numbers < -1) | (numbers >= len(numbers)))
+    if len(wrong) or not len(numbers):
+        found = f"{numbers[wrong[0]]} of joint {wrong[0]}" if len(wrong) else "no joint"
+        raise ArgumentError(
+            f"parents must be joints, from 0 to {max(len(numbers) - 1, 0)}, or -1 for a root; "
+            f"found {found}"
+        )
+    parents_first(numbers, "parents")
+    return numbers
+
+
+def parents_first(parents: Integers, name: str = "kintree_table") -> tuple[int, ...]:
+    """Return the joints ordered so that parents precede children; there must be no cycle."""
+    by_parent = onp.argsort(parents, kind="stable")
+    ends = onp.searchsorted(parents[by_parent], onp.arange(-1, len(parents)), side="right")
+    order: list[int] = by_parent[: ends[0]].tolist()
     for joint in order:  # the list grows while it is read
-        order.extend(onp.flatnonzero(parents == joint).tolist())
+        order.extend(by_parent[ends[joint] : ends[joint + 1]].tolist())
     if len(order) != len(parents):
         cycle = sorted(set(range(len(parents))) - set(order))
-        raise ArgumentError(f"kintree_table has a cycle: joints {cycle} never reach the root")
+        more = f" and {len(cycle) - _MOST_SHOWN} more" if len(cycle) > _MOST_SHOWN else ""
+        raise ArgumentError(
+            f"{name} has a cycle: joints {cycle[:_MOST_SHOWN]}{more} never reach the root"
+        )
     return tuple(order)
 
 
-def _check_trailing(array: Array, name: str, shape: tuple[int, ...]) -> None:
-    check_shape(values_of(array, name), name, shape)
+def _in_its_precision(
+    array: ArrayLike, name: str, shape: tuple[int | str, ...], *, batched: bool = True
+) -> Array:
+    """Return an array after checking it, in the precision that it has, single or double."""
+    checked = real_array(array, name, shape, batched=batched, maximum=_LARGEST_COORDINATE)
+    given = getattr(array, "dtype", None)
+    is_single = given == onp.float32 and not isbox(array)
+    return checked.astype(onp.float32) if is_single else checked
 
 
 def _apply(matrices: Array, vectors: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.datasets._marker_names import NEEDED, MarkerNames, Recipe
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, warn
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown, warn
 from riemhuman.kernels.rotations import transpose
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.representation import join_names
@@ -97,14 +97,16 @@ def _assigned_markers(
     roles = (*NEEDED, *_OPTIONAL)
     for role, value in joints.items():
         if role not in roles:
-            raise ArgumentError(f"joints must name some of {', '.join(roles)}; found {role!r}")
+            raise ArgumentError(f"joints must name some of {', '.join(roles)}; found {shown(role)}")
         names = (value,) if isinstance(value, str) else tuple(value)
         for name in names:
             if not isinstance(name, str):
-                raise ArgumentTypeError(f"joints[{role!r}] must name markers; found {name!r}")
+                raise ArgumentTypeError(f"joints[{role!r}] must name markers; found {shown(name)}")
             if name not in markers.names:
                 listed = join_names(markers.names, _MOST_NAMES)
-                raise ArgumentError(f"joints[{role!r}] must be one of {listed}; found {name!r}")
+                raise ArgumentError(
+                    f"joints[{role!r}] must be one of {listed}; found {shown(name)}"
+                )
         if not names:
             raise ArgumentError(f"joints[{role!r}] must name markers; found none")
         assigned[role] = tuple(markers.names.index(name) for name in names)

@@ -12,7 +12,7 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers, Values
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array, real_number, refuse_type
+from riemhuman.checks import checked_rate, one_of, real_array, refuse_type
 from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
 from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
 from riemhuman.datasets.open_bodies import load_open_model
@@ -46,8 +46,8 @@ FIELDS_READ = frozenset(
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4
-# Larger numbers mean damage: double precision cannot hold such an angle within a full turn.
-_LARGEST = 1e12
+# Larger numbers mean damage: double precision holds such an angle to few digits.
+_LARGEST = 1e9
 
 
 class _Recording(NamedTuple):
@@ -288,11 +288,7 @@ def _read_header(file: Path) -> tuple[str, float, int]:
     with format_errors(file, "a motion"):
         rates = fields[rate_name]
         rates = rates.item() if rates.size == 1 else rates
-        rate = real_number(rates, rate_name, minimum=0.0, strict=True)
-        if not 1.0 / _LARGEST < rate < _LARGEST:
-            raise ArgumentError(
-                f"{rate_name} must be a number of frames per second; found {rate:g}"
-            )
+        rate = checked_rate(rates, rate_name)
     return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames
 
 
@@ -320,9 +316,7 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     with format_errors(file, "a motion"):
         for name, array in fields.items():
-            fields[name] = real_array(array, name)
-            if np.abs(fields[name]).max(initial=0.0) > _LARGEST:
-                raise ArgumentError(f"{name} holds numbers beyond {_LARGEST:g}")
+            fields[name] = real_array(array, name, maximum=_LARGEST)
         betas = np.atleast_2d(fields["betas"])
         if betas.ndim > 2 or not len(betas) or (betas != betas[:1]).any():
             raise ArgumentError(f"betas must describe one person; found shape {betas.shape}")

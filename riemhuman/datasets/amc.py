@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
-from riemhuman.checks import real_number
+from riemhuman.checks import checked_rate
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import (
@@ -109,7 +109,7 @@ def load_amc(
     """
     file = file_path(path)
     suffix_of(file, (".amc",))
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    rate = checked_rate(frames_per_second)
     with memory_errors(file):
         content = read_bytes(file)
         if skeleton is None:

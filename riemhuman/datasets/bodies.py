@@ -12,8 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from riemhuman.arrays import Array, Booleans, Integers, JSONRecord
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import class_indices, distance_matrix, real_array
-from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError
+from riemhuman.checks import (
+    check_instance,
+    class_indices,
+    distance_matrix,
+    real_array,
+    texts_or_numbers,
+)
+from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.optional import import_optional
@@ -83,13 +89,15 @@ class Bodies:
     ids: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        points = real_array(
-            self.points, "points", ("n_bodies", self.template.n_vertices, 3), batched=False
-        )
+        check_instance(self.template, "template", Template)
+        if self.model is not None:
+            check_instance(self.model, "model", BodyModel)
+        shape = ("n_bodies", self.template.n_vertices, 3)
+        points = real_array(self.points, "points", shape, batched=False, lengths=True)
         values: dict[str, object] = {"points": points}
         for name in ("subject", "pose"):
             labels = class_indices(getattr(self, name), name, len(points))
-            names = tuple(str(label) for label in getattr(self, f"{name}_names"))
+            names = texts_or_numbers(getattr(self, f"{name}_names"), f"{name}_names")
             if labels.size and not 0 <= labels.min() <= labels.max() < len(names):
                 raise ArgumentError(
                     f"{name} holds labels from {labels.min()} to {labels.max()}; {name}_names "
@@ -97,11 +105,11 @@ class Bodies:
                 )
             values |= {name: labels, f"{name}_names": names}
         trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
-        for name, shape in trailing.items():
+        for name, row in trailing.items():
             value = getattr(self, name)
             if value is not None:
-                values[name] = real_array(value, name, (len(points), *shape), batched=False)
-        ids = tuple(str(name) for name in (self.ids or range(len(points))))
+                values[name] = real_array(value, name, (len(points), *row), batched=False)
+        ids = texts_or_numbers(self.ids, "ids") or tuple(map(str, range(len(points))))
         if len(ids) != len(points) or len(set(ids)) < len(ids):
             raise ArgumentError(
                 f"ids must hold a different name for each of the {len(points)} surfaces; found "
@@ -125,7 +133,7 @@ class Bodies:
         try:
             numbers = np.arange(len(self))[index]
         except (IndexError, TypeError) as error:
-            raise FrameIndexError(f"{self!r} has no surfaces {index!r}: {error}") from error
+            raise FrameIndexError(f"{self!r} has no surfaces {shown(index)}: {error}") from error
         if np.ndim(numbers) > 1:
             raise FrameIndexError(
                 f"bodies are indexed by a number, a slice, a mask or a list of numbers; found "
@@ -286,5 +294,5 @@ def _labels(
         return [numbers[label] for label in several]
     except (KeyError, TypeError) as error:
         raise ArgumentError(
-            f"{name} must be names or indices of {', '.join(names[:20])}; found {classes!r}"
+            f"{name} must be names or indices of {', '.join(names[:20])}; found {shown(classes)}"
         ) from error

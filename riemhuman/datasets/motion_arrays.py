@@ -7,7 +7,15 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array, real_number, refuse_type, values_of, weight_shares
+from riemhuman.checks import (
+    check_instance,
+    checked_rate,
+    one_of,
+    real_array,
+    refuse_type,
+    values_of,
+    weight_shares,
+)
 from riemhuman.datasets.motions import ArrayMotion
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.retargeting import RetargetedMotion
@@ -28,6 +36,8 @@ from riemhuman.surfaces.procrustes import AXES
 _NOT_ORTHOGONAL = 0.05
 # Coefficients of frames that differ by less than this are those of one person, rounded.
 _SAME_PERSON = 1e-4
+# Larger radians, metres and coefficients are mistakes, and overflow where they are multiplied.
+_LARGEST = 1e9
 
 
 def motion_from_arrays(
@@ -84,9 +94,12 @@ def motion_from_arrays(
     >>> rh.datasets.motion_from_arrays(poses, translations, 30.0, up="y")
     <RetargetedMotion '' of '', 10 frames at 30 a second>
     """
+    check_instance(name, "name", str, "a text")
     vectors = _pose_vectors(poses)
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
-    places = real_array(translations, "translations", (len(vectors), 3), batched=False)
+    rate = checked_rate(frames_per_second)
+    places = real_array(
+        translations, "translations", (len(vectors), 3), batched=False, maximum=_LARGEST
+    )
     if up is None:
         axes = smpl_upward_axes(vectors, places, VIDEO)
         warn_of_doubt(name, axes)
@@ -117,10 +130,10 @@ def motion_from_arrays(
 
 def _pose_vectors(poses: ArrayLike) -> Array:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), after checking their shape."""
-    array = real_array(values_of(poses, "poses"), "poses")
+    array = real_array(values_of(poses, "poses"), "poses", maximum=_LARGEST)
     are_matrices = array.ndim == 4 and array.shape[2:] == (3, 3)
     if not are_matrices and array.ndim == 2 and array.shape[1] % 3 == 0:
-        array = array.reshape(len(array), -1, 3)
+        array = array.reshape(len(array), array.shape[1] // 3, 3)
     if not are_matrices and not (array.ndim == 3 and array.shape[2] == 3):
         raise ArgumentError(
             "poses must have shape (n_frames, 3 J), (n_frames, J, 3) or (n_frames, J, 3, 3); found "
@@ -154,7 +167,7 @@ def one_person(
     """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
         return np.zeros(0), np.zeros(0)
-    array = real_array(values_of(betas, "betas"), "betas")
+    array = real_array(values_of(betas, "betas"), "betas", maximum=_LARGEST)
     if array.ndim == 2 and len(array) == 1:
         array = array[0]
     if array.ndim == 1:

@@ -14,9 +14,9 @@ from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import (
     check_instance,
+    checked_rate,
     items_of,
     real_array,
-    real_number,
     texts_of,
     whole_number,
 )
@@ -32,10 +32,11 @@ from riemhuman.datasets.registered_meshes import (
     existing_folder,
     find_meshes,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError, shown
 from riemhuman.io import save_glb
 from riemhuman.io.files import file_path, natural_key, suffix_of, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
+from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices
@@ -45,6 +46,10 @@ M = TypeVar("M", bound="Motion")
 
 # Frames per call of an iteration: enough to share its cost, few enough to need little memory.
 _FRAMES_AT_A_TIME = 16
+
+
+# A year at a hundred frames a second.
+_MOST_FRAMES = 4_000_000_000
 
 
 WRITTEN_MOTIONS = (".bvh", ".npz", ".glb")
@@ -81,12 +86,15 @@ class Motion(ABC):
         n_frames: int,
         faces: Triangles,
     ) -> None:
+        check_instance(subject, "subject", str, "a text")
+        check_instance(sequence, "sequence", str, "a text")
         self.subject = subject
         self.sequence = sequence
-        name = "frames_per_second"
-        self.frames_per_second = real_number(frames_per_second, name, minimum=0.0, strict=True)
-        self.n_frames = whole_number(n_frames, "n_frames", minimum=0)
-        self.faces = faces
+        self.frames_per_second = checked_rate(frames_per_second)
+        self.n_frames = whole_number(n_frames, "n_frames", minimum=0, maximum=_MOST_FRAMES)
+        checked = check_triangles(faces)
+        # Motions of a model share its triangles.
+        self.faces = faces if getattr(faces, "dtype", None) == checked.dtype else checked
 
     def __len__(self) -> int:
         return self.n_frames
@@ -99,10 +107,10 @@ class Motion(ABC):
         try:
             numbers = range(len(self))[index]
         except IndexError as error:
-            raise FrameIndexError(f"{self} has no frame {index}") from error
+            raise FrameIndexError(f"{self} has no frame {shown(index)}") from error
         except TypeError as error:
             raise ArgumentTypeError(
-                f"a motion is indexed by a whole number or a slice; found {index!r}"
+                f"a motion is indexed by a whole number or a slice; found {shown(index)}"
             ) from error
         if isinstance(numbers, range):
             return self._frames(numbers)
@@ -297,7 +305,10 @@ class Motions(tuple[M, ...]):
     """
 
     def __new__(cls, motions: Iterable[M] = ()) -> Self:
-        return super().__new__(cls, items_of(motions, "motions", "a list of motions"))
+        items = items_of(motions, "motions", "a list of motions")
+        for number, motion in enumerate(items):
+            check_instance(motion, f"motions[{number}]", Motion)
+        return super().__new__(cls, items)
 
     def __repr__(self) -> str:
         people = {motion.subject for motion in self}
@@ -318,10 +329,12 @@ def choose_names(
         several = [choice] if isinstance(choice, (str, int, np.integer)) else choice
         names = tuple(str(label) for label in several)
     except TypeError as error:
-        raise ArgumentTypeError(f"{name} must be a list of names; found {choice!r}") from error
+        raise ArgumentTypeError(f"{name} must be a list of names; found {shown(choice)}") from error
     unknown = [label for label in names if label not in all_names]
     if unknown or not names or len(set(names)) < len(names):
-        problem = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {choice!r}"
+        problem = (
+            "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {shown(choice)}"
+        )
         raise ArgumentError(
             f"{name} must be one or more different names among {', '.join(all_names)}{source}; "
             f"{problem}"
@@ -380,7 +393,7 @@ def load_mesh_motions(
     >>> rh.datasets.load_mesh_motions(".")
     <Motions: 1 of 1 people, 1 sequences>
     """
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    rate = checked_rate(frames_per_second)
     root = existing_folder(folder)
     if _holds_meshes(root):
         folders = [root]

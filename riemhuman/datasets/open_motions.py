@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import real_number
+from riemhuman.checks import checked_rate
 from riemhuman.datasets.motions import ModelMotion, Motions, choose_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_poses import Curve, pose_vectors, read_table, with_both_sides
@@ -131,7 +131,7 @@ def load_open_motions(
     table = read_table("open_motions")
     people = choose_names(subjects, "subjects", tuple(table["people"]))
     names = choose_names(sequences, "sequences", tuple(table["motions"]))
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    rate = checked_rate(frames_per_second)
     model = load_open_model(resolution)
     return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
 

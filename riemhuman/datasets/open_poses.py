@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import check_instance, real_array
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, shown
 from riemhuman.kernels.rotations import log
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.retargeting.joint_names import LIMBS
@@ -92,7 +92,7 @@ def with_both_sides(angles: Mapping[str, Angles], joint_names: Sequence[str]) ->
     for name, value in angles.items():
         has_axes = isinstance(value, Sequence) and len(value) > 1 and isinstance(value[0], str)
         if not has_axes or len(value[0]) != len(value) - 1:
-            raise ArgumentError(f"angles[{name!r}] {_EXPECTED}; found {value!r}")
+            raise ArgumentError(f"angles[{name!r}] {_EXPECTED}; found {shown(value)}")
         if name in joint_names:
             sided[name] = value
         elif f"left_{name}" in joint_names:

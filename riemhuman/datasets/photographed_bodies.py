@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
-from riemhuman.checks import check_human_size, integer_array, one_of, real_array
+from riemhuman.checks import check_human_size, integer_array, items_of, one_of, real_array
 from riemhuman.errors import FileFormatError, warn
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import file_path, format_errors, natural_key, visible_files
@@ -226,10 +226,14 @@ def _find_feet(points: Array, faces: Triangles, body: Integers) -> Integers:
 
 
 def _files(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> list[Path]:
-    several = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    several: Sequence[str | os.PathLike[str]] = (
+        [paths]
+        if isinstance(paths, (str, os.PathLike))
+        else items_of(paths, "paths", "a path or a list of paths")
+    )
     files: list[Path] = []
     for path in several:
-        place = file_path(path)
+        place = file_path(path, "paths")
         if not place.is_dir():
             files.append(place)
             continue

@@ -26,7 +26,7 @@ from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, war
 from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.datasets.retargeting import ASK_FOR_FEWER, retarget
-from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, warn
+from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, shown, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
@@ -528,7 +528,7 @@ def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
     names = [candidate.name for candidate in people]
     if person is not None:
         if person not in names:
-            raise ArgumentError(f"person must be one of {', '.join(names)}; found {person!r}")
+            raise ArgumentError(f"person must be one of {', '.join(names)}; found {shown(person)}")
         return people[names.index(person)]
     longest = max(people, key=lambda candidate: len(candidate.poses))
     if len(people) > 1:

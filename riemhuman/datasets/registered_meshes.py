@@ -11,7 +11,16 @@ from typing import TypedDict
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers
-from riemhuman.checks import SCALES, check_same_scale, is_missing_label, one_of, texts_of
+from riemhuman.checks import (
+    SCALES,
+    UNITS,
+    check_same_scale,
+    flag,
+    is_missing_label,
+    items_of,
+    one_of,
+    texts_of,
+)
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -23,7 +32,7 @@ from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.io.text_tables import read_rows
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
-from riemhuman.surfaces.procrustes import make_upright, procrustes
+from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes
 from riemhuman.surfaces.template import Template
 
 # Suffixes of mesh files; of one mesh in several formats, the first of these is read.
@@ -97,16 +106,18 @@ class RegisteredMeshes:
         seams: str = "join",
     ) -> None:
         self._scale = one_of(scale, "scale", SCALES)
-        self._unit, self._up = unit, up
+        self._unit = one_of(unit, "unit", (None, *UNITS))
+        self._up = one_of(up, "up", (None, *AXES))
         self.seams: Seams | None = None
-        self.files = tuple(Path(file) for file in files)
+        places = items_of(files, "files", "a list of paths")
+        self.files = tuple(file_path(file, f"files[{k}]") for k, file in enumerate(places))
         if not self.files:
             raise ArgumentError("files holds no mesh file; at least one is needed")
         if isinstance(reference, Template):
             self._name, self.reference = "the template", reference.vertices
             self.faces = reference.faces
         else:
-            file = self.files[0] if reference is None else Path(reference)
+            file = self.files[0] if reference is None else file_path(reference, "reference")
             vertices, self.faces = load_mesh(file)
             self._name, self.reference = str(file), make_upright(vertices, unit, up)
         if check_seams(seams) == "join" and not isinstance(reference, Template):
@@ -223,6 +234,8 @@ def load_faust(
     --------
     >>> bodies = rh.datasets.load_faust("MPI-FAUST")  # doctest: +SKIP
     """
+    align = flag(align, "align")
+    allow_missing = flag(allow_missing, "allow_missing")
     root = existing_folder(folder)
     files: dict[int, Path] = {}
     for name in _FAUST_FOLDERS:
@@ -316,6 +329,8 @@ def load_bodies(
     >>> rh.datasets.load_bodies(".").pose_names
     ('sits',)
     """
+    align, progress = flag(align, "align"), flag(progress, "progress")
+    allow_missing = flag(allow_missing, "allow_missing")
     if faces is not None:
         if unit is not None:
             raise ArgumentError("unit is for mesh files: bodies of SAM 3D Body are in metres")
@@ -360,6 +375,7 @@ def read_labels(
     >>> rh.datasets.read_labels("labels.csv", ["a.ply"])
     ([0], {'subject': ['anna'], 'pose': ['sits']})
     """
+    allow_missing = flag(allow_missing, "allow_missing")
     file = file_path(table, "labels")
     by_name: dict[str, list[int]] = {}
     for number, name in enumerate(texts_of(names, "names", "a list of names of files")):
@@ -461,7 +477,9 @@ def _load(
             template = Template(meshes.reference, meshes.faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(reference)}: {error}") from error
-    bar = ProgressBar(range(len(meshes)), "Meshes", unit="mesh", disable=not progress)
+    bar = ProgressBar(
+        range(len(meshes)), "Meshes", unit="mesh", disable=not flag(progress, "progress")
+    )
     points = np.stack([meshes[number] for number in bar])
     if align:
         points = procrustes(points, to=template.vertices, scale=None)

@@ -11,7 +11,14 @@ import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import check_instance, one_of, real_array, real_number, refuse_type
+from riemhuman.checks import (
+    check_instance,
+    checked_rate,
+    one_of,
+    real_array,
+    real_number,
+    refuse_type,
+)
 from riemhuman.datasets.motions import ModelMotion, pair_of_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import warn
@@ -85,6 +92,12 @@ class RetargetedMotion(ModelMotion):
         size = real_number(size, "size", minimum=0.0, strict=True)
         performer = model if size == 1.0 else scaled_model(model, size)
         super().__init__(*pair_of_names(names), frames_per_second, n_frames, performer)
+        if not callable(recording):
+            check_instance(recording, "recording", SkeletonMotion)
+        if up is not None and not callable(up):
+            one_of(up, "up", AXES)
+        if betas is not None:
+            betas = real_array(betas, "betas", (model.n_betas,), batched=False)
         self._recording = recording
         self._joints = joints
         self._up = up
@@ -223,7 +236,7 @@ def retarget(
     model_joints(model)
     rate = recording.frames_per_second
     if frames_per_second is not None:
-        rate = float(frames_per_second)
+        rate = checked_rate(frames_per_second)
         recording = _thinned(recording, rate)
     joint_numbers = find_joints(
         recording.joint_names, recording.parents, joints, recording.positions

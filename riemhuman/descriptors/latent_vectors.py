@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import Array
 from riemhuman.checks import length_of, real_array, refuse_type
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces
-from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, shown
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
 from riemhuman.io.text_tables import read_named_rows
@@ -130,7 +130,7 @@ def _as_ids(ids: Iterable[object]) -> tuple[str, ...]:
             value = value.decode("utf-8", errors="replace")
         if isinstance(value, bool | np.bool_) or not isinstance(value, str | int | np.integer):
             raise ArgumentTypeError(
-                f"ids[{number}] must be text or a whole number; found {value!r}"
+                f"ids[{number}] must be text or a whole number; found {shown(value)}"
             )
         text = str(value).strip()
         if not text:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_methods, one_of, real_array
+from riemhuman.checks import check_methods, flag, one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces, meshes_of, pairwise
 from riemhuman.errors import ArgumentError
 from riemhuman.progress import ProgressBar
@@ -49,7 +49,9 @@ class _ModelVectors(Descriptor):
         """Return vectors and seconds of several descriptors; each model is fitted once."""
         fits = {}
         models = {id(descriptor.model): descriptor for descriptor in descriptors}
-        for key, descriptor in ProgressBar(models.items(), disable=not progress, unit="fit"):
+        for key, descriptor in ProgressBar(
+            models.items(), disable=not flag(progress, "progress"), unit="fit"
+        ):
             began = time.perf_counter()
             fits[key] = descriptor._fit(bodies), time.perf_counter() - began
         vectors, seconds = [], []
@@ -128,6 +130,7 @@ class ModelPoseVectors(_ModelVectors):
     def __post_init__(self) -> None:
         super().__post_init__()
         one_of(self.distance, "distance", ("axis-angle", "rotation"))
+        flag(self.root, "root")
 
     def distances(self, vectors: ArrayLike) -> Array:
         if self.distance == "axis-angle":

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array
-from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.checks import flag, one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import (
     Descriptor,
     Surfaces,
@@ -62,7 +62,9 @@ class SpectralDescriptor(Descriptor):
         n_eigenvalues = max(descriptor.n_eigenvalues for descriptor in descriptors)
         vectors: list[list[Array]] = [[] for _ in descriptors]
         seconds = np.zeros(len(descriptors))
-        for index in ProgressBar(range(count), disable=not progress, unit="spectrum"):
+        for index in ProgressBar(
+            range(count), disable=not flag(progress, "progress"), unit="spectrum"
+        ):
             began = time.perf_counter()
             try:
                 modes = spectrum(*mesh(index), n_eigenvalues)

@@ -84,7 +84,8 @@ class AlignedSurfaces(SurfaceSpace):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
+        count = sample_count(n_samples, self.shape)
+        noise = generator(rng).uniform(-1.0, 1.0, (count, 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
 

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 
 import autograd.numpy as np
+import numpy as onp
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import (
@@ -31,6 +32,11 @@ from riemhuman.terms import _cone_geodesics as cones
 from riemhuman.terms._sums import SumOfFields
 from riemhuman.terms.normals import NormalTerm, RotationTerm
 from riemhuman.terms.term import Term
+
+# Lengths that random logarithms of metrics have; exponentials of longer ones might overflow.
+_WIDEST_LOGARITHM = 50.0
+# The largest power of two by which numbers are multiplied, which itself must be finite.
+_LARGEST_EXPONENT = 1000
 
 
 class TriangleFields(Manifold):
@@ -61,7 +67,8 @@ class TriangleFields(Manifold):
         return point
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
+        count = sample_count(n_samples, self.shape)
+        noise = generator(rng).standard_normal((count, *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
 
@@ -134,8 +141,8 @@ class FieldMetric(RiemannianMetric):
     ) -> Array:
         """Integrate a form of two tangent vectors at a point."""
         point = self.space.check_point(point, "base_point")
-        a = real_array(a, "tangent_vec_a", self.space.shape)
-        b = real_array(b, "tangent_vec_b", self.space.shape)
+        a = self._vectors(a, "tangent_vec_a")
+        b = self._vectors(b, "tangent_vec_b")
         joint_shape(tangent_vec_a=a, tangent_vec_b=b, base_point=point)
         values = self._integral(of_triangles(a, b, point))
         return values + np.zeros(point.shape[: -self.space.point_ndim])
@@ -180,14 +187,15 @@ class MetricFields(TriangleFields):
         return symmetric & (values[..., 0, 0] > 0) & ~degenerate
 
     def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        return cones.symmetric_part(vector)
+        return cones.symmetric_part(real_array(vector, "vector", self.shape))
 
     def projection(self, point: Points) -> Array:
-        return cones.symmetric_part(point)
+        return cones.symmetric_part(real_array(point, "point", self.shape))
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        logarithm = 0.5 * sample_bound(bound) * cones.symmetric_part(noise)
+        count = sample_count(n_samples, self.shape)
+        noise = generator(rng).standard_normal((count, *self.shape))
+        logarithm = 0.5 * sample_bound(bound, _WIDEST_LOGARITHM) * cones.symmetric_part(noise)
         size = np.exp(0.5 * cones.trace(logarithm))[..., None, None]
         shear = cones.traceless(logarithm)
         points = size * cones.traceless_exp(shear, np.array(1.0))
@@ -405,10 +413,21 @@ class NormalFields(TriangleFields):
         return np.abs(np.sqrt(dot(values, values)) - 1.0) <= atol
 
     def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
-        return sphere.to_tangent(vector, self._needed_base_point(base_point))
+        vector = real_array(vector, "vector", self.shape)
+        base_point = self._needed_base_point(base_point)
+        base_point = real_array(base_point, "base_point", self.shape, rows=True)
+        joint_shape(vector=vector, base_point=base_point)
+        return sphere.to_tangent(vector, base_point)
 
     def projection(self, point: Points) -> Array:
-        return point / np.sqrt(dot(point, point))[..., None]
+        point = real_array(point, "point", self.shape)
+        sizes = np.abs(values_of(point)).max(axis=-1)
+        # By a power of two, without rounding, so that no square vanishes.
+        exponents = onp.maximum(onp.frexp(sizes)[1], -_LARGEST_EXPONENT)
+        point = point * onp.ldexp(1.0, -exponents)[..., None]
+        # Where a vector is 0, no unit vector is nearest, and it stays 0, off the manifold.
+        squares = np.where(sizes > 0.0, dot(point, point), 1.0)
+        return point / np.sqrt(squares)[..., None]
 
 
 class NormalFieldMetric(FieldMetric):
@@ -490,11 +509,14 @@ class RotationFields(TriangleFields):
         return np.all(np.abs(gaps) <= 2.0 * atol, axis=(-2, -1)) & (np.linalg.det(values) > 0)
 
     def to_tangent(self, vector: TangentVectors, base_point: Points | None = None) -> Array:
+        vector = real_array(vector, "vector", self.shape)
         base_point = self._needed_base_point(base_point)
+        base_point = real_array(base_point, "base_point", self.shape, rows=True)
+        joint_shape(vector=vector, base_point=base_point)
         return _tangent_vec(_angular_velocity(vector, base_point), base_point)
 
     def projection(self, point: Points) -> Array:
-        return rotations.nearest_rotations(point)
+        return rotations.nearest_rotations(real_array(point, "point", self.shape))
 
 
 class RotationFieldMetric(FieldMetric):

@@ -29,6 +29,9 @@ from riemhuman.memory import enough_memory
 from riemhuman.provided import default_solvers
 from riemhuman.representation import constructor_text
 
+# Times beyond this one are no part of a geodesic, and their squares overflow.
+_LATEST = 1e60
+
 
 class RiemannianMetric(MetricTensor):
     r"""A Riemannian metric on a manifold.
@@ -157,8 +160,8 @@ class RiemannianMetric(MetricTensor):
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        base_point = real_array(base_point, "base_point", self.space.shape)
+        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
+        base_point = self._vectors(base_point, "base_point")
         shape = joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
@@ -212,7 +215,7 @@ class RiemannianMetric(MetricTensor):
         tangent_vec, base_point : array, shape (..., \*shape)
         """
         base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
         joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         with enough_memory("these exponentials"):
             return self._exp(tangent_vec, base_point)
@@ -270,13 +273,12 @@ class RiemannianMetric(MetricTensor):
         """
         if (direction is None) == (end_point is None):
             raise ArgumentError("parallel_transport needs direction or end_point, and not both")
-        shape = self.space.shape
-        tangent_vec = real_array(tangent_vec, "tangent_vec", shape)
+        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
         base_point = self.space.check_point(base_point, "base_point")
         if self.has_closed_form_transport and end_point is not None:
             direction = self.log(end_point, base_point)
         name = "end_point" if direction is None else "direction"
-        goals = real_array(end_point if direction is None else direction, name, shape)
+        goals = self._vectors(end_point if direction is None else direction, name)
         joint_shape(tangent_vec=tangent_vec, base_point=base_point, **{name: goals})
         if self.has_closed_form_transport:
             return self._transport(tangent_vec, base_point, goals)
@@ -317,7 +319,7 @@ class RiemannianMetric(MetricTensor):
         if end_point is not None:
             return self._geodesic_between(initial_point, end_point)
         initial_point = self.space.check_point(initial_point, "initial_point")
-        velocity = real_array(initial_tangent_vec, "initial_tangent_vec", self.space.shape)
+        velocity = self._vectors(initial_tangent_vec, "initial_tangent_vec")
         point, velocity = (
             np.expand_dims(array, -self.space.point_ndim - 1) for array in (initial_point, velocity)
         )
@@ -345,7 +347,10 @@ class RiemannianMetric(MetricTensor):
     def _solve(self, solver: GeodesicSolver, name: str, start: Points, end: Points) -> SolvedPath:
         """Return the result of a solver for one pair of points."""
         shape = self.space.shape
-        start, end = (real_array(point, "point", shape, rows=True) for point in (start, end))
+        lengths = self.space.is_surface_space
+        start, end = (
+            real_array(point, "point", shape, rows=True, lengths=lengths) for point in (start, end)
+        )
         if np.shape(start) != shape or np.shape(end) != shape:
             raise ArgumentError(
                 f"{name} with a solver takes one pair of points of shape {shape}; found "
@@ -366,9 +371,14 @@ class RiemannianMetric(MetricTensor):
             results.append(solve(*(array[index] for array in arrays)))
         return np.reshape(np.array(results), shape)
 
+    def _vectors(self, vectors: object, name: str) -> Array:
+        """Return tangent vectors as float64 arrays, whose squares stay within double precision."""
+        lengths = self.space.is_surface_space
+        return real_array(vectors, name, self.space.shape, lengths=lengths)
+
     def _times(self, t: ArrayLike) -> Array:
         """Return times followed by the axes of a point."""
-        times = np.atleast_1d(real_array(t, "t"))
+        times = np.atleast_1d(real_array(t, "t", maximum=_LATEST))
         if times.ndim != 1:
             raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
         return np.expand_dims(times, self.space._point_axes)

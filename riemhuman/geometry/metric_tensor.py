@@ -343,7 +343,8 @@ class MetricTensor(Unchanging, ABC):
         """
         if not isinstance(points, ndarray):
             points = self.space.as_array(points, name)
-        checked = real_array(points, name, self.space.shape, rows=True)
+        lengths = self.space.is_surface_space
+        checked = real_array(points, name, self.space.shape, rows=True, lengths=lengths)
         check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         return checked
 

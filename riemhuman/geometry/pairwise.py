@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.arrays import Array, Features, Points, PointsByNumber, PointsLike
-from riemhuman.checks import check_shape, one_of, unflatten, whole_number
+from riemhuman.checks import check_shape, flag, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.memory import check_memory, enough_memory
@@ -259,7 +259,9 @@ def table_of_distances(
     )
     result = np.zeros((len(rows), len(columns)))
     n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
-    with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
+    with ProgressBar(
+        total=n_pairs, desc="Distances", disable=not flag(progress, "progress"), unit=" pairs"
+    ) as bar:
         for first in range(0, len(rows), n_at_once):
             row_blocks = blocks(rows, row_name, first, first + n_at_once)
             for start in range(first if within else 0, len(columns), n_at_once):

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import autograd.numpy as np
 
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors
-from riemhuman.checks import Rng, generator, real_array, values_of, whole_number
+from riemhuman.checks import MOST_REPEATS, Rng, generator, real_array, values_of, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text
 from riemhuman.surfaces.template import Template
@@ -114,7 +114,7 @@ class PointSpace(ABC):
             Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
         rng : int or numpy.random.Generator, optional
         """
-        n_samples = whole_number(n_samples, "n_samples", minimum=1)
+        n_samples = whole_number(n_samples, "n_samples", minimum=1, maximum=MOST_REPEATS)
         shape = self.shape
         if base_point is not None:
             base_point = self.check_point(base_point, "base_point")

@@ -18,6 +18,7 @@ from riemhuman.checks import (
     joint_shape,
     metric_weight,
     real_array,
+    whole_number,
 )
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
@@ -67,6 +68,7 @@ class ProductManifold(Manifold):
         ----------
         points : sequence of array, the k-th with the shape of the k-th factor
         """
+        points = items_of(points, "points", "a list of arrays, one for each factor")
         if len(points) != len(self.factors):
             raise ArgumentError(
                 f"points must hold one array for each of {len(self.factors)} factors; "
@@ -77,7 +79,8 @@ class ProductManifold(Manifold):
             point = real_array(point, f"points[{k}]", factor.shape)
             leading = point.shape[: -len(factor.shape)]
             flat.append(np.reshape(point, (*leading, self._sizes[k])))
-        leading = np.broadcast_shapes(*(point.shape[:-1] for point in flat))
+        leads = {f"points[{k}]": np.zeros(point.shape[:-1]) for k, point in enumerate(flat)}
+        leading = joint_shape(**leads)
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         flat = [point + np.zeros((*leading, 1)) for point in flat]
         return np.concatenate(flat, axis=-1)
@@ -99,6 +102,10 @@ class ProductManifold(Manifold):
         point : array, shape (..., size)
         index : int
         """
+        if not 0 <= whole_number(index, "index") < len(self.factors):
+            raise ArgumentError(
+                f"index must be that of a factor, from 0 to {len(self.factors) - 1}; found {index}"
+            )
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
         flat = point[..., start : self._ends[index]]
@@ -126,7 +133,7 @@ class ProductManifold(Manifold):
         return self.embed_to_product([factor.projection(x) for factor, x in parts])
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        rng, n_samples = generator(rng), sample_count(n_samples)
+        rng, n_samples = generator(rng), sample_count(n_samples, self.shape)
         samples = [
             factor.random_point(n_samples, bound, rng).reshape(n_samples, *factor.shape)
             for factor in self.factors

@@ -67,7 +67,7 @@ class VectorSpace(Manifold):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        n_samples, bound = sample_count(n_samples), sample_bound(bound)
+        n_samples, bound = sample_count(n_samples, self.shape), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
         return stack_samples(points, n_samples)
 

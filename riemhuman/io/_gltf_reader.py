@@ -174,11 +174,12 @@ class _Reader:
             count = len(self._document.get("nodes", ()))
             roots = [number for number in range(count) if number not in self._parents]
         waiting = list(reversed(roots))
+        roots_of_scene = set(roots)
         visited = set()
         while waiting:
             number = waiting.pop()
             node = self._item("nodes", number)
-            if number in visited or (number in roots and number in self._parents):
+            if number in visited or (number in roots_of_scene and number in self._parents):
                 raise FileFormatError(f"its node {number} has more than one parent")
             visited.add(number)
             if _INSTANCES in node.get("extensions", ()):

@@ -96,6 +96,8 @@ def load_arrays(
     """
     arrays = {}
     required = texts_of(required, "required", "a list of names of arrays")
+    if optional is not None:
+        optional = texts_of(optional, "optional", "a list of names of arrays")
     with _open_archive(path) as (archive, members, limit):
         names = members if optional is None else [*required, *optional]
         check_fields(members, required)

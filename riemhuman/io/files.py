@@ -24,6 +24,7 @@ from riemhuman.errors import (
     FileFormatError,
     OutOfMemoryError,
     RiemhumanError,
+    shown,
 )
 from riemhuman.memory import lack_of_memory
 
@@ -44,15 +45,19 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
         # `Path.expanduser` would refuse a file ~anna.ply where there is no user anna.ply.
         place = Path(os.path.expanduser(path))
     except TypeError as error:
-        raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
+        raise ArgumentTypeError(
+            f"{name} must be the path of a {kind}; found {shown(path)}"
+        ) from error
     if "\0" in str(place):
-        raise FileError(f"{name} must be the path of a {kind}; found a null character in {path!r}")
+        raise FileError(
+            f"{name} must be the path of a {kind}; found a null character in {shown(path)}"
+        )
     try:
         longest = max(map(len, map(os.fsencode, place.parts)), default=0)
     except UnicodeEncodeError as error:
         raise FileError(
-            f"{name} must be the path of a {kind}; found {path!r}, a name that the file system "
-            f"cannot hold: {error}"
+            f"{name} must be the path of a {kind}; found {shown(path)}, a name that the file "
+            f"system cannot hold: {error}"
         ) from error
     if longest > _LONGEST_NAME:
         raise FileError(

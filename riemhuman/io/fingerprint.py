@@ -21,7 +21,8 @@ _DEPTH = 12
 
 def digest(array: Values) -> bytes:
     """Return the SHA-256 digest of an array's bytes; its order in memory does not matter."""
-    return hashlib.sha256(np.ascontiguousarray(array).data).digest()
+    bytes_of_array = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+    return hashlib.sha256(bytes_of_array.data).digest()
 
 
 def describe(value: object, _depth: int = 0) -> JSONValue:

@@ -6,6 +6,7 @@ copies coincide, but nothing holds them together: surfaces that are moved vertex
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,8 +124,8 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     False
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)
-    points = np.asarray(real_array(points, "points", ("n_vertices", 3)))
-    surfaces = points.reshape(-1, *points.shape[-2:])
+    points = np.asarray(real_array(points, "points", ("n_vertices", 3), lengths=True))
+    surfaces = points.reshape(math.prod(points.shape[:-2]), *points.shape[-2:])
     if not len(surfaces):
         raise ArgumentError(f"points must hold at least one surface; found shape {points.shape}")
     _, triangles = check_mesh(surfaces[0], faces)

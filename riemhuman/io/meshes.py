@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles, Values
-from riemhuman.checks import check_resolution, real_array
+from riemhuman.checks import check_resolution, mask, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import write_glb
@@ -216,12 +216,11 @@ def save_mesh(
     file = file_path(path)
     suffix = suffix_of(file, _WRITERS)
     mesh = check_mesh(vertices, faces)
-    if trusted is not None and (
-        np.asarray(trusted).dtype != bool or np.shape(trusted) != mesh[0].shape[:1]
-    ):
-        raise ArgumentError(f"trusted must be Boolean, of shape {mesh[0].shape[:1]}")
-    if trusted is not None and suffix == ".ply":
-        write_bytes(file, formats.write_ply(*mesh, np.asarray(trusted)))
+    is_trusted = None
+    if trusted is not None:
+        is_trusted = mask(trusted, "trusted", [mesh[0].shape[:1]])
+    if is_trusted is not None and suffix == ".ply":
+        write_bytes(file, formats.write_ply(*mesh, is_trusted))
     else:
         write_bytes(file, _WRITERS[suffix](*mesh))
 

@@ -24,6 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.arrays import DType, Values
+from riemhuman.checks import texts_of
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_characters, check_fields, memory_limit
 from riemhuman.io.files import file_path, format_errors, read_bytes
@@ -67,7 +68,9 @@ def load_pickled_arrays(
     >>> rh.io.load_pickled_arrays("model.pkl", ["weights"])["weights"]
     array([0.5, 0.5])
     """
-    file, required = file_path(path), list(required)
+    file = file_path(path)
+    required = texts_of(required, "required", "a list of names of arrays")
+    optional = texts_of(optional, "optional", "a list of names of arrays")
     content = read_bytes(file)
     with format_errors(file, "a whole pickle"):
         fields = _unpickle(content)

@@ -22,6 +22,9 @@ from riemhuman.kernels.surface import dot, square_root
 # quotients, has derivatives of every order at zero.
 _SERIES_BELOW = 1e-3
 
+# Cubes of angles stay within double precision; larger ones have lost their direction.
+_LARGEST_ANGLE = 1e9
+
 # Below this share of its trace cubed, the determinant of tr(S) I − S is zero but for rounding: the
 # nearest rotation is not unique.
 _LEAST_DETERMINANT = 1e-30
@@ -77,7 +80,7 @@ def rotation_derivative(axis_angle: ArrayLike) -> Array:
 
 def _parts(axis_angle: ArrayLike) -> tuple[Array, Booleans, Array, Array, Array]:
     """Return K, whether θ is small, θ² where it is, θ where it is not, and (1 − cos θ)/θ²."""
-    vector = real_array(axis_angle, "axis_angle", (3,))
+    vector = real_array(axis_angle, "axis_angle", (3,), maximum=_LARGEST_ANGLE)
     squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
     small = squared_angle < _SERIES_BELOW
     x = np.where(small, squared_angle, 0.0)

@@ -17,8 +17,8 @@ import autograd.numpy as np
 from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, JSONRecord, JSONValue
-from riemhuman.checks import items_of, one_of, real_number, texts_of, values_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.checks import flag, items_of, one_of, real_number, texts_of, values_of
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
 from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
 from riemhuman.measurements._landmarks import AXES, Place
@@ -116,7 +116,7 @@ class Measurement:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise ArgumentTypeError(f"name must be a non-empty string; found {self.name!r}")
+            raise ArgumentTypeError(f"name must be a non-empty string; found {shown(self.name)}")
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -206,7 +206,7 @@ def _checked_parts(parts: Sequence[str], name: str) -> Parts:
 def _checked_places(places: Sequence[Place], name: str) -> Places:
     several = items_of(places, name, "a list of two or more places")
     if len(several) < 2:
-        raise ArgumentError(f"{name} must hold two or more places; found {places!r}")
+        raise ArgumentError(f"{name} must hold two or more places; found {shown(places)}")
     return several
 
 
@@ -214,7 +214,7 @@ def _checked_axis(axis: str | Sequence[Place], name: str) -> Axis:
     if isinstance(axis, str):
         return str(one_of(axis, name, AXES))
     if not isinstance(axis, Sequence) or len(axis) not in (2, 3):
-        raise ArgumentError(f"{name} must be an axis or two or three places; found {axis!r}")
+        raise ArgumentError(f"{name} must be an axis or two or three places; found {shown(axis)}")
     return tuple(axis)
 
 
@@ -297,6 +297,7 @@ class Girth(_PlaneSection):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        flag(self.hull, "hull")
         if self.leave_out and not self.hull:
             raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
 
@@ -422,7 +423,7 @@ class Length(Measurement):
             object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
         one_of(self.path, "path", _PATHS)
         if self.path == "joints" and [type(place) for place in self.along] != [str, str]:
-            raise ArgumentError(f"along must hold two names of joints; found {self.along!r}")
+            raise ArgumentError(f"along must hold two names of joints; found {shown(self.along)}")
 
     @property
     def places(self) -> Places:
@@ -584,7 +585,7 @@ def measurement_from_dict(record: Mapping[str, JSONValue]) -> Measurement:
     'crown'
     """
     if not isinstance(record, Mapping):
-        raise ArgumentTypeError(f"a measurement must be a mapping; found {record!r}")
+        raise ArgumentTypeError(f"a measurement must be a mapping; found {shown(record)}")
     parameters = dict(record)
     cls = _class_of(str(parameters.pop("kind", "")))
     for name in parameters:

@@ -26,7 +26,7 @@ from riemhuman.checks import (
     texts_of,
 )
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.errors import ArgumentError, FileFormatError, shown
 from riemhuman.io.files import file_path, json_value, memory_errors, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
@@ -151,7 +151,7 @@ class MeasurementSet:
                 weights = [real_number(share, name) for name, share in shares.items()]
                 if abs(sum(weights)) < _WEIGHT_TOLERANCE:
                     raise ArgumentError(
-                        f"weights of a place must not sum to zero; found {place!r} for "
+                        f"weights of a place must not sum to zero; found {shown(place)} for "
                         f"{measurement.name!r}"
                     )
             for name in measurement.part_names:
@@ -386,7 +386,10 @@ class MeasurementSet:
 
 
 def _surface_of(template: Template | BodyModel) -> Template:
-    return template.template if isinstance(template, BodyModel) else template
+    if isinstance(template, BodyModel):
+        return template.template
+    check_instance(template, "model", Template, "a BodyModel, a Template or a resolution")
+    return template
 
 
 def _listed(measurements: Iterable[Measurement | str]) -> tuple[Measurement | str, ...]:

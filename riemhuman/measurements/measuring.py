@@ -15,6 +15,7 @@ from riemhuman.bodies import BodyModel, joints_between
 from riemhuman.checks import (
     check_instance,
     check_resolution,
+    flag,
     mask,
     one_of,
     real_array,
@@ -22,7 +23,7 @@ from riemhuman.checks import (
     refuse_type,
 )
 from riemhuman.datasets import Bodies
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
@@ -38,6 +39,8 @@ from riemhuman.surfaces.template import Template, check_body_sizes
 if TYPE_CHECKING:
     import pandas
 
+# Metres, kilograms and their kin; nothing of a body is larger.
+_LARGEST = 1e6
 _POSES = ("as is", "standard")
 _FEWER = "measure fewer at a time"
 _AXES = ("body", "space")
@@ -205,6 +208,7 @@ class Measurements:
         one_of(pose, "pose", _POSES)
         one_of(missing, "missing", ("raise", "nan"))
         one_of(axes, "axes", _AXES)
+        gradient = flag(gradient, "gradient")
         dtype = getattr(points, "dtype", None)
         points = real_array(points, "points", (self.definitions.n_vertices, 3), lengths=True)
         check_resolution(points, "points", dtype)
@@ -460,6 +464,8 @@ def as_mapping(values: object, names: Sequence[str]) -> dict[str, float]:
     if hasattr(values, "to_dict"):  # a series of pandas, or measured bodies
         values = values.to_dict()
     if not isinstance(values, Mapping) or not values:
-        raise ArgumentError(f"values must map names of measurements to numbers; found {values!r}")
+        raise ArgumentError(
+            f"values must map names of measurements to numbers; found {shown(values)}"
+        )
     named = {nearest_name(str(name), "measurement", names): v for name, v in values.items()}
-    return {name: real_number(value, name) for name, value in named.items()}
+    return {name: real_number(value, name, maximum=_LARGEST) for name, value in named.items()}

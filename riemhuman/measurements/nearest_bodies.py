@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from riemhuman.arrays import Array, Booleans
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import check_instance, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.memory import enough_memory
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
@@ -107,9 +108,11 @@ def nearest_body(
     """
     real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     whole_number(max_iter, "max_iter", minimum=1)
+    check_instance(measurements, "measurements", Measurements)
+    check_metric(metric)
     if not metric.has_metric_matrix:
         raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
-    start = real_array(point, "point", metric.space.shape, batched=False)
+    start = real_array(point, "point", metric.space.shape, batched=False, lengths=True)
     goals = as_mapping(wanted, measurements.names)
     wanted_measurements = Measurements(measurements.definitions, list(goals))
     targets = np.array(list(goals.values()))

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from riemhuman.checks import one_of, real_number, refuse_type
+import numpy as np
+
+from riemhuman.checks import check_instance, one_of, real_number, refuse_type, whole_number
+
+# Digits, or characters in all, that anybody reads.
+_MOST_DIGITS = 1000
 
 
 @dataclass(frozen=True)
@@ -30,19 +36,29 @@ class ReadableUnit:
     scale: float
     digits: int
 
+    def __post_init__(self) -> None:
+        check_instance(self.name, "name", str, "a text")
+        real_number(self.scale, "scale", minimum=0.0, strict=True)
+        whole_number(self.digits, "digits", minimum=0, maximum=_MOST_DIGITS)
+
     def text(self, value: float, width: int = 0, sign: str = "") -> str:
         """Return a value in SI units as text in this unit.
 
         Parameters
         ----------
         value : float
+            A number, or NaN for a missing value.
         width : int
             Minimum number of characters.
         sign : {"", "+"}
             Whether positive values have a sign, too.
         """
+        is_missing = isinstance(value, (float, np.floating)) and math.isnan(value)
+        number = math.nan if is_missing else real_number(value, "value") * self.scale
+        width = whole_number(width, "width", minimum=0, maximum=_MOST_DIGITS)
+        one_of(sign, "sign", ("", "+"))
         # "z": what is rounded to zero has no minus.
-        return f"{value * self.scale:{sign}z{width or ''}.{self.digits}f}"
+        return f"{number:{sign}z{width or ''}.{self.digits}f}"
 
 
 _INCHES = 1 / 0.0254  # in a metre, exactly

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.arrays import Array, Integers
-from riemhuman.checks import real_number, whole_number
+from riemhuman.checks import flag, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.metric import check_metric
 from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import FEWER_FRAMES, FrameDistances, Motion, frame_count, frame_runs
 from riemhuman.motions._warping_kernels import extend_paths
@@ -62,6 +63,9 @@ class MotionSearch:
     shortest: float = 0.5
 
     def __post_init__(self) -> None:
+        check_metric(self.metric)
+        flag(self.progress, "progress")
+        flag(self.heading, "heading")
         if real_number(self.shortest, "shortest", minimum=0.0) > 1.0:
             raise ArgumentError(f"shortest must be at most 1; found {self.shortest:g}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
-from riemhuman.checks import Rng, check_instance, generator, real_array, whole_number
+from riemhuman.checks import MOST_REPEATS, Rng, check_instance, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import SurfaceSpace, metric_of, sample_count, stack_samples
@@ -56,7 +56,7 @@ class MotionSpace(Manifold):
         expected = "a space of surfaces, such as AlignedSurfaces(template)"
         check_instance(frames, "frames", SurfaceSpace, expected)
         self.frames = frames
-        self.n_times = whole_number(n_times, "n_times", minimum=2)
+        self.n_times = whole_number(n_times, "n_times", minimum=2, maximum=MOST_REPEATS)
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -71,7 +71,7 @@ class MotionSpace(Manifold):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        n_samples, rng = sample_count(n_samples), generator(rng)
+        n_samples, rng = sample_count(n_samples, self.shape), generator(rng)
         ends = self.frames.random_point(2 * n_samples, bound, rng)
         start, end = ends[:n_samples, None], ends[n_samples:, None]
         times = np.linspace(0.0, 1.0, self.n_times)[:, None, None]
@@ -109,7 +109,9 @@ class MotionSpace(Manifold):
         n_frames = frame_count(motion, name, 2)
         if at is None:
             count = self.n_times if n_times is None else n_times
-            places = np.linspace(0.0, n_frames - 1.0, whole_number(count, "n_times", minimum=2))
+            places = np.linspace(
+                0.0, n_frames - 1.0, whole_number(count, "n_times", minimum=2, maximum=MOST_REPEATS)
+            )
         else:
             places = _times_within(at, n_frames - 1)
         segments = np.minimum(places.astype(int), n_frames - 2)

@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_instance, real_array, texts_of, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import MOST_REPEATS, check_instance, flag, real_array, texts_of, whole_number
+from riemhuman.errors import ArgumentError, shown
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
 from riemhuman.geometry.manifold import manifold_of
@@ -81,11 +81,12 @@ def align_motions(
     """
     check_instance(space, "space", MotionSpace, "a MotionSpace(...)")
     check_alignment(alignment)
-    if len(texts_of(names, "names")) != 2:
-        raise ArgumentError(f"names must be those of two motions; found {names!r}")
+    texts = texts_of(names, "names")
+    if len(texts) != 2:
+        raise ArgumentError(f"names must be those of two motions; found {shown(names)}")
     warp = (alignment or _default_alignment(space)).warp(m1, m2)
-    first = space.resample(m1, name=names[0])
-    return first, _at_shares(space, m2, _even_times(warp, space.n_times), names[1]), warp
+    first = space.resample(m1, name=texts[0])
+    return first, _at_shares(space, m2, _even_times(warp, space.n_times), texts[1]), warp
 
 
 def check_alignment(alignment: MotionDistance | None) -> None:
@@ -140,7 +141,7 @@ class MotionGeodesic:
     alignment: MotionDistance | None = None
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
 
     @enough_memory("a path between these motions", FEWER_FRAMES)
     def solve(self, space: MotionSpace, m1: Motion, m2: Motion) -> MotionPath:
@@ -237,7 +238,10 @@ class MotionMean(Estimator):
             Ignored; scikit-learn passes it.
         """
         check_motions(X, "X")
-        n_iterations = whole_number(self.n_iterations, "n_iterations", minimum=1)
+        n_iterations = whole_number(
+            self.n_iterations, "n_iterations", minimum=1, maximum=MOST_REPEATS
+        )
+        flag(self.progress, "progress")
         space = self.space
         alignment = self.alignment or _default_alignment(space)
         distances = np.asarray(alignment.dist_pairwise(X))

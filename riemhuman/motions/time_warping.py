@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import real_number, whole_number
+from riemhuman.checks import checked_rate, flag, real_number, whole_number
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
@@ -87,7 +87,7 @@ class MotionDistance(ABC):
     ) -> None:
         check_metric(metric)
         self.metric = metric
-        self.heading = heading
+        self.heading = flag(heading, "heading")
         self.n_components = n_components
         self.n_jobs = n_jobs
         if n_components is not None:
@@ -143,7 +143,10 @@ class MotionDistance(ABC):
             return i
 
         bar = ProgressBar(
-            total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs"
+            total=n * (n - 1) // 2,
+            desc="Distances",
+            disable=not flag(progress, "progress"),
+            unit=" pairs",
         )
         with bar, single_threaded_libraries():
             # The longest rows come first, so that no thread is left with a long row at the end.
@@ -189,7 +192,7 @@ class FrameWarping(MotionDistance):
         self.travel_weight = real_number(travel_weight, "travel_weight", minimum=0.0)
         self.frames_per_second = frames_per_second
         if frames_per_second is not None:
-            real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+            checked_rate(frames_per_second)
 
     def _basis(self, motions: Sequence[Motion] = ()) -> FrameDistances:
         return FrameDistances(
@@ -281,8 +284,8 @@ class DynamicTimeWarping(FrameWarping):
             n_components=n_components,
             n_jobs=n_jobs,
         )
-        self.centered = centered
-        self.between_frames = between_frames
+        self.centered = flag(centered, "centered")
+        self.between_frames = flag(between_frames, "between_frames")
 
     @property
     def _precision(self) -> str:

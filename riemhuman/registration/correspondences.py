@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from riemhuman.checks import integer_array, refuse_type
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration.registered_scans import RegisteredScan
@@ -228,6 +228,9 @@ def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.nda
     expected = np.asarray(integer_array(truth, "truth", (len(reached),)))
     if max(reached.max(initial=0), expected.max(initial=0)) >= len(points) or np.any(expected < 0):
         raise ArgumentError(f"found and truth must be vertices of the mesh, below {len(points)}")
+    area = float(triangle_areas(points, triangles).sum())
+    if area <= 0.0:
+        raise DegenerateSurfaceError("vertices and faces have no area to divide lengths by")
     graph = _shortcut_graph(points, triangles)
     errors = np.where(reached < 0, np.nan, 0.0)
     rest = np.flatnonzero((reached >= 0) & (reached != expected))
@@ -242,7 +245,7 @@ def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.nda
         if not len(rest):
             break
     errors[rest] = np.linalg.norm(points[reached[rest]] - points[expected[rest]], axis=1)
-    scaled: np.ndarray = errors / np.sqrt(triangle_areas(points, triangles).sum())
+    scaled: np.ndarray = errors / np.sqrt(area)
     return scaled
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from riemhuman.checks import real_array
+from riemhuman.checks import check_instance, flag, real_array
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -102,6 +102,7 @@ class ScanRecord:
         ArgumentError
             If the scan could not be registered, or if this is another scan.
         """
+        check_instance(scan, "scan", Scan)
         if not self.arrays:
             raise ArgumentError(f"{self.name} was not registered: {self.message}")
         faces, points = self.arrays["faces"], self.arrays["points"]
@@ -196,6 +197,9 @@ def register_folder(
     >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
     >>> rh.registration.register_folder(registration, "scans", "bodies")  # doctest: +SKIP
     """
+    check_instance(registration, "registration", ScanRegistration)
+    sequence, keep_axes = flag(sequence, "sequence"), flag(keep_axes, "keep_axes")
+    progress = flag(progress, "progress")
     files = _scan_files(scans)
     folder = file_path(output, "output", "folder")
     with convert_errors(folder, "cannot be made"):

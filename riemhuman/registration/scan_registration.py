@@ -12,7 +12,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit
-from riemhuman.checks import UNITS, one_of, real_array, refuse_type
+from riemhuman.checks import (
+    UNITS,
+    check_instance,
+    flag,
+    items_of,
+    one_of,
+    real_array,
+    refuse_type,
+)
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
@@ -119,6 +127,9 @@ class ScanRegistration:
             If fewer than 200 points are left without the background, or if the scan does not have
             the size of a body.
         """
+        trace = flag(trace, "trace")
+        if start is not None:
+            check_instance(start, "start", RegisteredScan)
         whole = as_scan(scan, self.unit)
         centre = np.median(whole.points, axis=0)
         known = self._landmark_positions({} if landmarks is None else landmarks, centre, whole.unit)
@@ -154,6 +165,8 @@ class ScanRegistration:
         progress : bool
             Whether to show a progress bar.
         """
+        scans = items_of(scans, "scans", "scans, such as a list of them")
+        progress = flag(progress, "progress")
         results: list[RegisteredScan] = []
         with suppress(KeyboardInterrupt):
             for scan in ProgressBar(scans, desc="Scans", unit="scan", disable=not progress):

@@ -12,6 +12,7 @@ from riemhuman.checks import UNITS, check_resolution, is_human_size, one_of, rea
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.kinds_of_files import AFTER, BY_SCAN, FileKind, reads
+from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.io.meshes import POINT_SUFFIXES, WRITTEN_SUFFIXES, as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.surface import unit_vectors
@@ -49,6 +50,17 @@ class Scan:
     faces: np.ndarray | None = None
     normals: np.ndarray | None = None
     unit: str = "metres"
+
+    def __post_init__(self) -> None:
+        points = real_array(self.points, "points", ("N", 3), batched=False, lengths=True)
+        values: dict[str, object] = {"points": points}
+        if self.faces is not None:
+            values["faces"] = check_triangles(self.faces, len(points))
+        if self.normals is not None:
+            values["normals"] = real_array(self.normals, "normals", (len(points), 3), batched=False)
+        one_of(self.unit, "unit", tuple(UNITS))
+        # As the class is frozen; what was checked takes the place of what was given.
+        vars(self).update(values)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -128,7 +140,7 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
         vertices, faces = as_arrays(scan)
         check_resolution(vertices, "scan")
         return _in_metres(vertices, faces, None, unit)
-    values = np.asarray(real_array(scan, "scan", ("N", "C"), batched=False), dtype=np.float64)
+    values = real_array(scan, "scan", ("N", "C"), batched=False, lengths=True)
     if values.shape[1] not in (3, 6):
         raise ArgumentError(
             f"scan must have 3 columns, or 6 with normals; found shape {values.shape}"

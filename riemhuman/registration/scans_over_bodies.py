@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
-from riemhuman.checks import real_array, whole_number
+from riemhuman.checks import mask, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
@@ -82,6 +82,7 @@ class ScanOverBody:
         ----------
         kept : array of bool, shape (N,)
         """
+        kept = mask(kept, "kept", [(len(self.scan_points),)])
         triangles = None
         if self.scan_faces is not None:
             numbers = np.cumsum(kept) - 1

@@ -10,8 +10,16 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from riemhuman.checks import Rng, generator, real_number, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import (
+    MOST_REPEATS,
+    Rng,
+    flag,
+    generator,
+    real_array,
+    real_number,
+    whole_number,
+)
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._scan_preparation import split_triangles
@@ -20,6 +28,9 @@ from riemhuman.surfaces.measures import triangle_areas
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
 _FLOOR_METRES, _FLOOR_SPACING = 1.6, 0.012
+# Thicker clothes and coarser noise are in another unit; so are wider bodies, of which a scanner
+# would see a hundred million pixels.
+_THICKEST_METRES, _WIDEST_METRES = 100.0, 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +116,17 @@ def simulated_scan(
     (3000, 3)
     """
     vertices, triangles = check_mesh(points, faces)
+    if triangle_areas(vertices, triangles).sum() <= 0.0:
+        raise DegenerateSurfaceError("points and faces have no area that could be scanned")
     random = generator(rng)
-    n_points = whole_number(n_points, "n_points", minimum=1)
-    noise = real_number(noise, "noise", minimum=0.0)
+    n_points = whole_number(n_points, "n_points", minimum=1, maximum=MOST_REPEATS)
+    noise = real_number(noise, "noise", minimum=0.0, maximum=_THICKEST_METRES)
     missing = real_number(missing, "missing", minimum=0.0)
     if missing >= 1.0:
         raise ArgumentError(f"missing must be less than 1; found {missing:g}")
+    mesh, rotate, floor = flag(mesh, "mesh"), flag(rotate, "rotate"), flag(floor, "floor")
+    clothing = real_number(clothing, "clothing", minimum=0.0, maximum=_THICKEST_METRES)
+    direction = None if view is None else _direction(view, vertices)
     surface = vertices
     if clothing:
         surface = _add_clothes(vertices, triangles, clothing, random)
@@ -119,8 +135,8 @@ def simulated_scan(
     else:
         scan, new_faces = _sample(surface, triangles, n_points, random), None
     keep = np.ones(len(scan), dtype=bool)
-    if view is not None:
-        keep &= _visible(scan, surface, triangles, np.asarray(view, dtype=float), random)
+    if direction is not None:
+        keep &= _visible(scan, surface, triangles, direction, random)
     while missing and 1.0 - keep.mean() < missing:
         centre = scan[random.integers(len(scan))]
         keep &= np.linalg.norm(scan - centre, axis=1) > _HOLE_METRES
@@ -138,6 +154,23 @@ def simulated_scan(
         rotation = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix().T
         scan, vertices = scan @ rotation, vertices @ rotation
     return SimulatedScan(scan, new_faces, vertices)
+
+
+def _direction(view: Any, vertices: np.ndarray) -> np.ndarray:
+    """Return the unit vector to a scanner, of a body that is not too wide for its pixels."""
+    vector = real_array(view, "view", (3,), batched=False)
+    size = np.abs(vector).max()
+    if size == 0.0:
+        raise ArgumentError("view must be a direction; found a vector of length 0")
+    extent = float(np.ptp(vertices, axis=0).max())
+    if extent > _WIDEST_METRES:
+        raise ArgumentError(
+            f"points must be in metres to be seen by a scanner; found {extent:.4g} m from end to "
+            "end"
+        )
+    scaled: np.ndarray = vector / size  # its square might be 0
+    unit: np.ndarray = scaled / np.linalg.norm(scaled)
+    return unit
 
 
 def remesh(
@@ -215,7 +248,6 @@ def _visible(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Return which points are visible to a distant scanner."""
-    view = view / np.linalg.norm(view)
     across = np.linalg.svd(view[np.newaxis])[2][1:]
     dense = _sample(points, faces, 200_000, rng)
     low = (dense @ across.T).min(axis=0) - _PIXEL_METRES

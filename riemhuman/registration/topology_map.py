@@ -11,7 +11,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel, ModelFit
-from riemhuman.checks import check_same_scale, one_of, real_array, real_number, refuse_type
+from riemhuman.checks import (
+    check_instance,
+    check_same_scale,
+    checked_rate,
+    flag,
+    one_of,
+    real_array,
+    refuse_type,
+)
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.motion_arrays import one_person, warn_of_varying_betas
 from riemhuman.datasets.motions import ArrayMotion
@@ -346,6 +354,7 @@ class TopologyMap:
         -------
         array, shape (..., model.n_vertices, 3), or a pair of it and a ModelFit
         """
+        fit = flag(fit, "fit")
         surfaces = self._checked(points, self.model_places, "points", up)
         mapped = _applied(self.model_places, surfaces)
         if not fit:
@@ -376,7 +385,8 @@ class TopologyMap:
         ArgumentError
             If there is no frame, or bodies are refused as by `to_model`.
         """
-        rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+        rate = checked_rate(frames_per_second)
+        check_instance(name, "name", str, "a text")
         mapped = self.to_model(points, up=up)
         if mapped.ndim != 3 or not len(mapped):
             raise ArgumentError(
@@ -419,7 +429,7 @@ class TopologyMap:
             difference = face_difference(faces, places.faces)
             if len(points) == places.n_source and difference:
                 raise error(f"{name} must have the triangles of the map: {difference}")
-        surfaces = np.asarray(real_array(points, name, ("n_vertices", 3)), dtype=float)
+        surfaces = real_array(points, name, ("n_vertices", 3), lengths=True)
         if surfaces.shape[-2] != places.n_source:
             raise error(f"{name} must have {expected}; found {surfaces.shape[-2]:,}")
         _check_bodies(surfaces, places.source, places.faces, name, places.source, error)
@@ -490,6 +500,8 @@ class TopologyMap:
         FileFormatError
             If the file holds no map, or the map of another model.
         """
+        if model is not None:
+            check_instance(model, "model", BodyModel)
         arrays = load_arrays(path, _ARRAYS, optional=_LEARNED)
         file = file_path(path)
         with format_errors(file, "a topology map"):
@@ -614,7 +626,7 @@ def _bodies_and_faces(template: Any, faces: Any) -> tuple[np.ndarray, np.ndarray
     if faces is None:
         points, triangles = as_arrays(template)
         return points[np.newaxis], triangles
-    surfaces = np.asarray(real_array(template, "template", ("n_vertices", 3)), dtype=float)
+    surfaces = real_array(template, "template", ("n_vertices", 3), lengths=True)
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     if not len(surfaces):
         raise ArgumentError("template must hold at least one body; found none")

@@ -7,6 +7,7 @@ from scipy import sparse
 
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.bodies.skinning import JointMotions, Skeleton
+from riemhuman.checks import check_instance
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.registration.scan_registration import ScanRegistration
@@ -50,6 +51,8 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     >>> body = rh.Template(bodies[0], bodies.template.faces)
     >>> model = rh.registration.transfer_model(bodies.model, body)  # doctest: +SKIP
     """
+    check_instance(model, "model", BodyModel)
+    check_instance(body, "body", Template)
     vertices, faces = body.vertices, body.faces
     registered = ScanRegistration(model, unit="metres").solve((vertices, faces))
     fit = registered.fit

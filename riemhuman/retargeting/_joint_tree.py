@@ -23,14 +23,18 @@ _AS_LONG = 0.85
 # Joints nearer than this share of the skeleton's longest bone are in one place.
 _ONE_PLACE = 0.02
 _FRAMES = 200
+# Skeletons of people have fewer joints, with fingers and face.
+_MOST_JOINTS = 500
 
 
 def joints_by_tree(parents: Integers, positions: Array) -> dict[str, int]:
     """Return the joints by their names in the open model; none if the tree is not a person's."""
+    if len(parents) > _MOST_JOINTS:
+        return {}
     frames = np.unique(np.linspace(0, len(positions) - 1, _FRAMES).astype(np.int64))
     positions = positions[frames]
     lengths = bone_lengths(parents, positions)
-    paths = [_longest_path(parents, lengths, joint) for joint in range(len(parents))]
+    paths = _longest_paths(parents, lengths)
     reaches = np.array([sum(lengths[joint] for joint in path) for path in paths])
     pairs = _pairs_of_branches(parents, reaches)
     if len(pairs) < 2:
@@ -77,17 +81,21 @@ def bone_lengths(parents: Integers, positions: Array) -> Array:
     return lengths
 
 
-def _longest_path(parents: Integers, lengths: Array, joint: int) -> list[int]:
-    """Return the joints from one to its farthest descendant."""
-    best, best_length = [joint], 0.0
-    for end in range(len(parents)):
-        path = joints_to_root(parents, end)
-        if joint in path:
-            path = path[: path.index(joint) + 1][::-1]
-            length = sum(lengths[node] for node in path[1:])
-            if length > best_length * (1.0 + 1e-9):
-                best, best_length = path, length
-    return best
+def _longest_paths(parents: Integers, lengths: Array) -> list[list[int]]:
+    """Return the joints from each one to its farthest descendant."""
+    upward = [joints_to_root(parents, joint) for joint in range(len(parents))]
+    from_root = np.array([sum(lengths[joint] for joint in path) for path in upward])
+    is_below = np.zeros((len(parents), len(parents)), dtype=bool)
+    for joint, path in enumerate(upward):
+        is_below[path, joint] = True
+    paths = []
+    for joint, below in enumerate(is_below):
+        reaches = np.where(below, from_root - from_root[joint], 0.0)
+        longest = reaches.max()
+        # The first of those that are as long but for rounding.
+        end = int(np.argmax(reaches >= longest * (1.0 - 1e-9))) if longest > 0.0 else joint
+        paths.append(upward[end][: upward[end].index(joint) + 1][::-1])
+    return paths
 
 
 def _pairs_of_branches(parents: Integers, reaches: Array) -> list[tuple[int, int]]:

@@ -11,7 +11,7 @@ import numpy as np
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
-from riemhuman.errors import ArgumentError, warn
+from riemhuman.errors import ArgumentError, shown, warn
 from riemhuman.representation import join_names
 from riemhuman.retargeting._joint_tree import joints_by_tree
 
@@ -100,7 +100,7 @@ def _assigned_joints(names: Sequence[str], table: Mapping[str, str]) -> dict[str
     for role, name in table.items():
         if name not in names:
             listed = join_names(names, _MOST_NAMES)
-            raise ArgumentError(f"joints[{role!r}] must be one of {listed}; found {name!r}")
+            raise ArgumentError(f"joints[{role!r}] must be one of {listed}; found {shown(name)}")
         assigned[role] = list(names).index(name)
     return assigned
 

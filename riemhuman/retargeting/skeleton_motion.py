@@ -8,9 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from riemhuman.arrays import Array, Integers
-from riemhuman.checks import real_number
+from riemhuman.bodies.skinning import check_parents
+from riemhuman.checks import check_instance, check_shape, checked_rate, real_array, texts_of
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import Record
+from riemhuman.retargeting.units import metres_in
+
+# Squares of longer lengths lose digits when they are added up over frames.
+_LONGEST = 1e60
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,6 +57,42 @@ class SkeletonMotion(Record):
     name: str = ""
     unit: str | float | None = None
 
+    def __post_init__(self) -> None:
+        names = texts_of(self.joint_names, "joint_names")
+        n_joints = len(names)
+        parents = check_parents(self.parents)
+        check_shape(parents, "parents", (n_joints,), batched=False)
+        forward = np.flatnonzero(parents >= np.arange(n_joints))
+        if len(forward):
+            raise ArgumentError(
+                f"parents must come before their children; found {parents[forward[0]]} as the "
+                f"parent of joint {forward[0]}"
+            )
+        offsets = real_array(
+            self.offsets, "offsets", (n_joints, 3), batched=False, maximum=_LONGEST
+        )
+        turns = real_array(
+            self.rotations, "rotations", ("n_frames", n_joints, 3, 3), batched=False, maximum=2.0
+        )
+        places = (len(turns), n_joints, 3)
+        steps = real_array(
+            self.translations, "translations", places, batched=False, maximum=_LONGEST
+        )
+        if not len(turns):
+            raise ArgumentError("rotations must hold at least one frame; found none")
+        check_instance(self.name, "name", str, "a text")
+        if self.unit is not None:
+            metres_in(self.unit)
+        # As the class is frozen; what was checked takes the place of what was given.
+        vars(self).update(
+            joint_names=names,
+            parents=parents,
+            offsets=offsets,
+            rotations=turns,
+            translations=steps,
+            frames_per_second=checked_rate(self.frames_per_second),
+        )
+
     def __len__(self) -> int:
         return len(self.rotations)
 
@@ -79,7 +120,7 @@ class SkeletonMotion(Record):
 
 def nearest_frames(n_frames: int, recorded_rate: float, frames_per_second: float) -> Integers:
     """Return the frames nearest in time to those at a lower frame rate."""
-    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    rate = checked_rate(frames_per_second)
     if rate > recorded_rate * (1.0 + 1e-6):
         raise ArgumentError(
             "frames_per_second must be at most that of the recording, "

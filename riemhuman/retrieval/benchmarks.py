@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Integers
-from riemhuman.checks import class_numbers
+from riemhuman.checks import check_instance, class_numbers, flag, items_of, refuse_type, texts_of
 from riemhuman.datasets import Bodies, LabelledMeshes
 from riemhuman.descriptors import (
     AreaProjectionTransform,
@@ -141,6 +141,10 @@ def benchmark(
     >>> [record.task for record in rh.retrieval.benchmark(bodies, {"shape": shape})]
     ['shape', 'pose']
     """
+    _check_bodies(bodies)
+    learned, progress = flag(learned, "learned"), flag(progress, "progress")
+    if not callable(task):
+        refuse_type(task, "task", "a function that returns a context manager")
     if representations is None:
         representations = _default_metrics(bodies)
     _check_representations(representations)
@@ -189,7 +193,16 @@ def _default_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representatio
     return metrics
 
 
+def _check_bodies(bodies: Bodies | LabelledMeshes) -> None:
+    """Refuse what is neither registered surfaces nor meshes."""
+    is_class = isinstance(bodies, type)
+    if is_class or not (hasattr(bodies, "__len__") and hasattr(bodies, "subject")):
+        refuse_type(bodies, "bodies", "Bodies or LabelledMeshes, with subject and pose")
+
+
 def _check_representations(representations: Mapping[str, Representation]) -> None:
+    check_instance(representations, "representations", Mapping, "a mapping of names to metrics")
+    texts_of(representations.keys(), "names of representations")
     for name, representation in representations.items():
         if not (hasattr(representation, "dist_pairwise") or hasattr(representation, "describe")):
             raise ArgumentTypeError(
@@ -410,6 +423,9 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     >>> rh.retrieval.format_benchmark([failed]).splitlines()[1]
     'height      failed: no head'
     """
+    records = items_of(records, "records", "a list of BenchmarkRecord")
+    for number, record in enumerate(records):
+        check_instance(record, f"records[{number}]", BenchmarkRecord)
     tasks = dict.fromkeys(record.task for record in records)
     tables = []
     for task in tasks:

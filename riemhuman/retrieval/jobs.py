@@ -128,6 +128,8 @@ def pairwise_job(
     >>> rh.pairwise_job(space.metric, bodies.points[:6], "distances").shape
     (6, 6)
     """
+    check_metric(metric)
+    progress = flag(progress, "progress")
     n_points = length_of(points, "points")
     if n_points == 0:
         raise ArgumentError("points must hold at least one point; found none")
@@ -165,7 +167,10 @@ def pairwise_job(
         finished_tiles = [] if complete else [tiles[k] for k in np.flatnonzero(job.read(_DONE))]
         points_of_job.recompute(known_blocks, finished_tiles)
         for number in ProgressBar(
-            np.flatnonzero(~known), desc="Points", disable=not progress, unit=" blocks"
+            np.flatnonzero(~known),
+            desc="Points",
+            disable=not flag(progress, "progress"),
+            unit=" blocks",
         ):
             points_of_job.write(number, blocks[number])
         if not complete:
@@ -419,7 +424,10 @@ def _compute(
         return errors
     n_finished = len(parts) - len(todo)
     with ProgressBar(
-        total=len(parts), initial=n_finished, desc="Parts of the job", disable=not progress
+        total=len(parts),
+        initial=n_finished,
+        desc="Parts of the job",
+        disable=not flag(progress, "progress"),
     ) as bar:
         for number, values in compute_parts(metric, worker, [(k, parts[k]) for k in todo], client):
             if isinstance(values, RiemhumanError):

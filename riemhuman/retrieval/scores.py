@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Labels
-from riemhuman.checks import class_numbers, distance_matrix, whole_number
+from riemhuman.checks import check_instance, class_numbers, distance_matrix, texts_of, whole_number
 from riemhuman.errors import ArgumentError
 
 
@@ -263,6 +263,7 @@ def retrieval_table(
     >>> rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])["toy"].first_tier
     100.0
     """
+    check_instance(distances, "distances", Mapping, "a mapping of names to distance matrices")
     return {name: scores(matrix, labels, groups) for name, matrix in distances.items()}
 
 
@@ -283,7 +284,12 @@ def format_table(title: str, rows: Mapping[str, RetrievalScores]) -> str:
     Who is it?     NN     FT     ST
     toy         100.0  100.0  100.0
     """
-    width = max(map(len, [title, *rows]))
+    check_instance(title, "title", str, "a text")
+    check_instance(rows, "rows", Mapping, "a mapping of names to RetrievalScores")
+    names = texts_of(rows.keys(), "names of rows")
+    for name, row in rows.items():
+        check_instance(row, f"rows[{name!r}]", RetrievalScores)
+    width = max(map(len, [title, *names]))
     lines = [f"{title:<{width}}     NN     FT     ST"]
     for name, row in rows.items():
         cells = (row.nn, row.first_tier, row.second_tier)

@@ -14,6 +14,8 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 
 from riemhuman.arrays import Array, Contents, Points, TangentVectors
 from riemhuman.checks import (
+    MOST_DOUBLINGS,
+    MOST_REPEATS,
     check_basis,
     path_array,
     real_array,
@@ -34,6 +36,7 @@ from riemhuman.solvers._geodesic_equation import (
     vanishing_triangle,
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
+from riemhuman.solvers.paths import vector_of
 from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -152,17 +155,17 @@ class DiscreteExponential(ExpSolver):
     def __post_init__(self) -> None:
         if self.basis is not None:
             check_basis(self.basis, "basis")
-        whole_number(self.n_steps, "n_steps", minimum=1)
+        whole_number(self.n_steps, "n_steps", minimum=1, maximum=MOST_REPEATS)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.n_doublings, "n_doublings", minimum=0)
+        whole_number(self.n_doublings, "n_doublings", minimum=0, maximum=MOST_DOUBLINGS)
 
     def solve(
         self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
     ) -> ExponentialResult:
         check_metric(metric)
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
-        velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
+        velocity = vector_of(tangent_vec, "tangent_vec", metric)
         walks = [_Walk([base_point], self.n_steps)]
         with interruptible(lambda inner: walks[-1].result(metric)):
             result = self._follow(metric, velocity, base_point, walks)
@@ -205,7 +208,7 @@ class DiscreteExponential(ExpSolver):
             Number of points to add.
         """
         path = path_array(path, metric.space, batched=False)
-        n_steps = whole_number(n_steps, "n_steps", minimum=1)
+        n_steps = whole_number(n_steps, "n_steps", minimum=1, maximum=MOST_REPEATS)
         walk = _Walk(list(path), len(path) - 1)
         with interruptible(lambda inner: walk.result(metric)):
             result, _ = self._walk(metric, walk, n_steps)

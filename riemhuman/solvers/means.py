@@ -13,6 +13,7 @@ from riemhuman.checks import (
     check_basis,
     check_function,
     check_strategy,
+    flag,
     real_number,
     values_of,
     whole_number,
@@ -126,6 +127,8 @@ class BasisMean(MeanSolver):
     def __post_init__(self) -> None:
         if self.basis is not None:
             check_basis(self.basis, "basis")
+        flag(self.with_differences, "with_differences")
+        flag(self.progress, "progress")
         real_number(self.companion_weight, "companion_weight", minimum=0.0)
         if self.tolerance is not None:
             real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
@@ -367,7 +370,9 @@ class GradientDescentMean(MeanSolver):
         with interruptible(lambda inner: _best_known(dispersion, known)):
             result = self._descend(dispersion, point)
             known.append(result.point)
-            if exponent == 1 and result.status is not Status.INTERRUPTED:
+            # Points that coincide are their median.
+            is_spread = result.variance > 0.0
+            if exponent == 1 and is_spread and result.status is not Status.INTERRUPTED:
                 smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
                 result = self._descend(dispersion.smoothed(smoothing), result.point)
         return finish(self, result)
@@ -434,7 +439,7 @@ def _mean_of_logarithms(dispersion: Dispersion, point: Points) -> Array:
         logarithms = dispersion.metric.log(points, point)
         if dispersion.smoothing is not None:
             squared = dispersion.metric.squared_norm(logarithms, point)
-            weights = weights / np.sqrt(squared + dispersion.smoothing**2)
+            weights = weights / np.hypot(np.sqrt(squared), dispersion.smoothing)
         total += np.tensordot(weights, logarithms, axes=1)
         sum_of_weights += weights.sum()
     return total / sum_of_weights

@@ -11,7 +11,7 @@ from autograd import value_and_grad
 from scipy.sparse import csr_array
 
 from riemhuman.arrays import Array, Booleans, Points, Triangles
-from riemhuman.checks import real_array, real_number, weight_shares, whole_number
+from riemhuman.checks import flag, real_array, real_number, weight_shares, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, ProductManifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -90,6 +90,7 @@ class NearestSurface:
         real_number(self.companion_weight, "companion_weight", minimum=0.0)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
+        flag(self.progress, "progress")
 
     def solve(
         self,
@@ -114,7 +115,8 @@ class NearestSurface:
         """
         check_metric(metric)
         images = metric.target_metric.check_points(images, "images")
-        start = real_array(start, "start", metric.space.shape, batched=False)
+        lengths = metric.space.is_surface_space
+        start = real_array(start, "start", metric.space.shape, batched=False, lengths=lengths)
         distances = image_distances(metric, images)
         known = [start]
 
@@ -198,8 +200,9 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     >>> rh.solvers.inverted_triangles(bodies[0], bodies[1], bodies.template.faces).shape
     (2400,)
     """
-    reference = real_array(reference, "reference", ("n_vertices", 3), batched=False)
-    points = real_array(points, "points", reference.shape)
+    shape = ("n_vertices", 3)
+    reference = _near_one(real_array(reference, "reference", shape, batched=False, lengths=True))
+    points = _near_one(real_array(points, "points", reference.shape, lengths=True))
     faces = check_triangles(faces, len(reference))
     frames, unit = _frames(points, faces), _frames(reference, faces)
     areas = np.linalg.det(unit)
@@ -222,6 +225,13 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     expected = np.cross(images_of_edges, images_across)
     inverted: Booleans = np.sum(expected * frames[..., 2], axis=-1) <= 0
     return inverted
+
+
+def _near_one(points: Points) -> Points:
+    """Return points divided by a power of two, without rounding, to be of size one."""
+    exponent = np.frexp(np.abs(points).max(initial=0.0))[1]
+    scaled: Points = np.ldexp(points, -exponent)
+    return scaled
 
 
 def _frames(points: Points, faces: Triangles) -> Array:

@@ -9,14 +9,21 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points, TangentVectors
-from riemhuman.checks import check_basis, check_strategy, real_array, real_number, whole_number
+from riemhuman.checks import (
+    MOST_REPEATS,
+    check_basis,
+    check_strategy,
+    real_array,
+    real_number,
+    whole_number,
+)
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
-from riemhuman.solvers.paths import check_end_points, check_path_from, rounding_energy
+from riemhuman.solvers.paths import check_end_points, check_path_from, rounding_energy, vector_of
 from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -106,7 +113,7 @@ class PoleLadder(TransportSolver):
     max_iter: int = 50
 
     def __post_init__(self) -> None:
-        whole_number(self.n_rungs, "n_rungs", minimum=1)
+        whole_number(self.n_rungs, "n_rungs", minimum=1, maximum=MOST_REPEATS)
         if self.basis is not None:
             check_basis(self.basis, "basis")
         if self.geodesic_solver is not None:
@@ -147,7 +154,7 @@ class PoleLadder(TransportSolver):
         if path is not None:
             return self._climb(metric, vector, check_path_from(metric, path, base_point))
         if direction is not None:
-            direction = real_array(direction, "direction", metric.space.shape, batched=False)
+            direction = vector_of(direction, "direction", metric)
             times = np.linspace(0.0, 1.0, self.n_rungs + 1)
             path = metric.geodesic(base_point, initial_tangent_vec=direction)(times)
             start, end = path[0], path[-1]

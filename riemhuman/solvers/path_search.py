@@ -11,10 +11,12 @@ import numpy as np
 
 from riemhuman.arrays import Array, Callback, Points
 from riemhuman.checks import (
+    MOST_REPEATS,
     check_basis,
     check_function,
     check_methods,
     check_strategy,
+    flag,
     real_number,
     whole_number,
 )
@@ -75,7 +77,9 @@ class PathSearch(PathSolver):
     _recent_tolerances: ClassVar[float]
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        flag(self.remove_drift, "remove_drift")
+        flag(self.progress, "progress")
         check_methods(
             self.energy,
             "energy",

@@ -13,7 +13,9 @@ from autograd import value_and_grad
 
 from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
 from riemhuman.checks import (
+    MOST_REPEATS,
     check_strategy,
+    flag,
     length_of,
     path_array,
     real_array,
@@ -140,7 +142,9 @@ def solve_pairs(
     check_strategy(solver, "solver")
     check_metric(metric)
     length_of(pairs, "pairs")
-    bar = ProgressBar(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
+    bar = ProgressBar(
+        total=len(pairs), desc="Geodesics", disable=not flag(progress, "progress"), unit=" paths"
+    )
     results: list[PathResult] = []
     with warnings.catch_warnings(), single_threaded_libraries(), bar:
         warnings.simplefilter("ignore", ConvergenceWarning)
@@ -193,7 +197,7 @@ class LinearPath(PathSolver):
     n_nodes: int = 11
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -221,7 +225,7 @@ class ClosedFormGeodesic(PathSolver):
     n_nodes: int = 11
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -241,9 +245,18 @@ def check_end_points(metric: RiemannianMetric, start: Points, end: Points) -> tu
 
 
 def _end_point(metric: RiemannianMetric, point: Points, name: str) -> Array:
-    checked = real_array(point, name, metric.space.shape, batched=False, rows=True)
+    space = metric.space
+    checked = real_array(
+        point, name, space.shape, batched=False, rows=True, lengths=space.is_surface_space
+    )
     metric.space.check_scale(checked, name)
     return checked
+
+
+def vector_of(vector: object, name: str, metric: RiemannianMetric) -> Array:
+    """Return a single tangent vector as a float64 array after checking it."""
+    space = metric.space
+    return real_array(vector, name, space.shape, batched=False, lengths=space.is_surface_space)
 
 
 def check_initial_path(

@@ -13,6 +13,7 @@ from typing import Self, TypedDict, TypeVar
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points
+from riemhuman.checks import check_instance
 from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
 from riemhuman.geometry.strategies import SolvedMean, SolvedPath
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -386,6 +387,7 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, result: Result) -> None:
+        check_instance(result, "result", Result)
         super().__init__(f"{result.message}; the best so far is the `result` of this exception")
         self.result = result
 

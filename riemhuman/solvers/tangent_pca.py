@@ -316,7 +316,8 @@ class TangentPCA(ImageEstimator, Transformer):
         array, shape (n_samples, \*shape), or (\*shape,) for one sample
         """
         self._require_fit("components_")
-        n_samples, rng = sample_count(n_samples), generator(rng)
+        n_samples = sample_count(n_samples, self._metric.space.shape)
+        rng = generator(rng)
         accept = accept or self._is_sound
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[Array] = []

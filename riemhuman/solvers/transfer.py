@@ -28,6 +28,7 @@ from riemhuman.arrays import Array, ArrayLike, Contents, Points
 from riemhuman.checks import (
     check_basis,
     check_methods,
+    flag,
     one_of,
     real_number,
     refuse_type,
@@ -322,6 +323,7 @@ class Disentangling:
         real_number(self.bone_smoothing, "bone_smoothing", minimum=0.0, strict=True)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
+        flag(self.progress, "progress")
 
     def solve(
         self, shape_metric: SurfaceMetric, pose_metric: SurfaceMetric, shape: Array, pose: Array

@@ -16,6 +16,7 @@ from riemhuman.checks import class_numbers, one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
+from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import in_blocks, principal_components
 from riemhuman.memory import enough_memory
 from riemhuman.optional import import_optional
@@ -189,7 +190,10 @@ class LearnedMetric(Transformer):
         return len(self.components_)
 
     def _coordinates(self, X: ArrayLike) -> Array:
+        check_metric(self.metric)
         points = self.metric.check_points(X, "X")
+        if not len(points):
+            raise ArgumentError("X must hold at least two points; found none")
         return in_blocks(self.metric.lower_bound_coordinates, points)
 
     def _whitening(self, coordinates: Array, classes: Integers) -> tuple[Array, float]:
@@ -219,7 +223,14 @@ class LearnedMetric(Transformer):
         # The mean of the eigenvalues is that of the squares within classes.
         ridge = shrinkage * np.sum(within**2) / within.size
         shrunk = (1.0 - shrinkage) * scatter + ridge * np.eye(len(scatter))
-        return np.linalg.inv(np.linalg.cholesky(shrunk)) @ directions, shrinkage
+        try:
+            whitening = np.linalg.inv(np.linalg.cholesky(shrunk))
+        except np.linalg.LinAlgError as error:
+            raise ArgumentError(
+                f"shrinkage must be larger for points whose scatter within classes is singular; "
+                f"found {shrinkage:g}"
+            ) from error
+        return whitening @ directions, shrinkage
 
 
 def _whitened(metric: RiemannianMetric, mean: Array, components: Array, points: Array) -> Array:

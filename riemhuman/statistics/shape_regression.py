@@ -8,9 +8,10 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Labels, PointsLike
-from riemhuman.checks import Rng, class_numbers, generator, real_array, whole_number
+from riemhuman.checks import MOST_REPEATS, Rng, class_numbers, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold
+from riemhuman.geometry.manifold import metric_of
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.solvers import GeodesicRegression, NearestSurface
 
@@ -99,17 +100,17 @@ def regress_shape(
     >>> result.p_value <= 0.05
     True
     """
-    points = space.metric.check_points(points, "points")
-    numbers = real_array(values, "values", (len(points),), batched=False)
-    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
-    labels = range(len(points)) if people is None else people
-    person_of, _ = class_numbers(labels, "people", len(points))
+    bodies = metric_of(space).check_points(points, "points")
+    numbers = real_array(values, "values", (len(bodies),), batched=False)
+    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1, maximum=MOST_REPEATS)
+    labels = range(len(bodies)) if people is None else people
+    person_of, _ = class_numbers(labels, "people", len(bodies))
     _, first_bodies = np.unique(person_of, return_index=True)
     numbers_of_people = numbers[first_bodies]
     if (numbers != numbers_of_people[person_of]).any():
         raise ArgumentError("values must be the same for all bodies of a person")
-    regression = GeodesicRegression(space, **options).fit(numbers, points)
-    gram = regression.gram_matrix(points)
+    regression = GeodesicRegression(space, **options).fit(numbers, bodies)
+    gram = regression.gram_matrix(bodies)
     rng = generator(rng)
     explained = _explained(gram, numbers)
     permuted = np.empty(n_permutations)

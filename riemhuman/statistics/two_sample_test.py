@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.checks import (
+    MOST_REPEATS,
     Rng,
     class_numbers,
     distance_matrix,
@@ -109,7 +110,7 @@ def two_sample_test(
     (True, 0.029)
     """
     matrix = distance_matrix(distances, "distances")
-    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
+    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1, maximum=MOST_REPEATS)
     groups = label_list(in_first, "in_first", len(matrix))
     for label in groups:
         if not isinstance(label, (int, float)) or label not in (0, 1):

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, PointsOnDemand
-from riemhuman.checks import check_same_scale, flag, real_array, whole_number
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.checks import check_instance, check_same_scale, flag, real_array, whole_number
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.projections import with_positive_peaks
@@ -162,6 +162,7 @@ class DeformationBasis:
             Number of components K. If it is not a multiple of 3, the last harmonic is used only
             along x, or along x and y.
         """
+        check_instance(template, "template", Template)
         n_components = whole_number(n_components, "n_components", minimum=1)
         _, functions = harmonics(template, math.ceil(n_components / 3))
         functions = orthonormal_rows(functions, "harmonics")
@@ -311,7 +312,7 @@ class DeformationBasis:
         deformations = real_array(deformations, "deformations", shape, batched=False)
         self.check_fits(deformations.shape[1])
         flat = self.flat
-        for row in deformations.reshape(len(deformations), -1):
+        for row in deformations.reshape(len(deformations), flat.shape[1]):
             outside = row - (flat @ row) @ flat
             if np.abs(outside).max() > _OUTSIDE * np.abs(row).max():
                 outside /= np.linalg.norm(outside)
@@ -360,7 +361,13 @@ def frames_apart(
     reference: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
     listed = _iterate(motions, "motions")
-    bar = ProgressBar(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
+    bar = ProgressBar(
+        listed,
+        desc="Motions",
+        total=n_motions,
+        unit="motion",
+        disable=not flag(progress, "progress"),
+    )
     for index, motion in enumerate(bar):
         name, start = f"motions[{index}]", None
         for frame in _every_step(motion, step, name):
@@ -428,7 +435,7 @@ def _iterate(items: object, name: str) -> Iterator[object]:
         return iter(items)  # type: ignore[call-overload, no-any-return]  # or a TypeError
     except TypeError as error:
         raise ArgumentTypeError(
-            f"{name} must be an array or an iterable; found {items!r}"
+            f"{name} must be an array or an iterable; found {shown(items)}"
         ) from error
 
 

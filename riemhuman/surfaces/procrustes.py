@@ -130,7 +130,7 @@ def generalized_procrustes(
     scale = _checked_scale(scale)
     surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3), lengths=True)
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0)
+    tolerance = real_number(tolerance, "tolerance", minimum=0.0, maximum=1.0)
     max_iter = whole_number(max_iter, "max_iter", minimum=1)
     if surfaces.size == 0:
         raise ArgumentError(f"points must hold at least one surface; found shape {surfaces.shape}")

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as onp
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, shown
 from riemhuman.kernels.surface import follow_up
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.term import Term
@@ -22,13 +22,13 @@ TermType = TypeVar("TermType")
 def checked_terms(terms: Sequence[TermType], term_class: type[object]) -> tuple[TermType, ...]:
     """Return the terms of a metric after checking that they work triangle by triangle."""
     if not isinstance(terms, Sequence) or isinstance(terms, str):
-        raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")
+        raise ArgumentTypeError(f"terms must be a sequence of terms; found {shown(terms)}")
     if not terms:
         raise ArgumentError("terms must hold at least one term; found none")
     for term in terms:
         if not isinstance(term, term_class):
             raise ArgumentTypeError(
-                f"terms must hold instances of {term_class.__name__}; found {term!r}"
+                f"terms must hold instances of {term_class.__name__}; found {shown(term)}"
             )
         if isinstance(term, Term):
             with onp.errstate(all="ignore"):

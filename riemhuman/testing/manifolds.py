@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_number
+from riemhuman.checks import Rng, check_instance, generator, real_number
 from riemhuman.geometry import Manifold
 from riemhuman.testing.reports import Properties, PropertyReport, difference, report_of, share
 
@@ -41,6 +41,7 @@ def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) ->
     >>> rh.testing.check_manifold(rh.VectorSpace((2,))).passed
     True
     """
+    check_instance(space, "space", Manifold)
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     rng = generator(rng)
     points, vectors = _RandomPoints(space, rng), _TangentVectors(space, rng)

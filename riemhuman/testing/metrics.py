@@ -10,7 +10,7 @@ import numpy as np
 from autograd import grad
 from numpy import ndarray
 
-from riemhuman.checks import real_number
+from riemhuman.checks import check_instance, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.testing.reports import Properties, PropertyReport, difference, excess, report_of
@@ -59,6 +59,7 @@ def check_metric(
     >>> rh.testing.check_metric(plane.metric, plane.random_point(3, rng=0)).passed
     True
     """
+    check_instance(metric, "metric", RiemannianMetric, "a metric, such as ElasticMetric(space)")
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     points, space = metric.check_points(points), metric.space
     if len(points) < 3:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from riemhuman.checks import refuse_type, whole_number
+from riemhuman.checks import MOST_REPEATS, flag, refuse_type, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.registration.settings._checks import check_amounts, check_counts
 
@@ -40,7 +40,7 @@ class SearchRound:
 
     def __post_init__(self) -> None:
         check_counts(n_model=self.n_model, n_scan=self.n_scan, n_best=self.n_best)
-        whole_number(self.n_steps, "n_steps", minimum=0)
+        whole_number(self.n_steps, "n_steps", minimum=0, maximum=MOST_REPEATS)
         first, last = self.sigmas
         check_amounts(first_sigma=first, last_sigma=last)
 
@@ -126,6 +126,7 @@ class SearchSettings:
             warm_betas_precision=self.warm_betas_precision,
             still_hands=self.still_hands,
         )
+        flag(self.tries_arms, "tries_arms")
         _check_rounds(self.rounds, "rounds", least=2)
         _check_rounds(self.arm_rounds, "arm_rounds", least=2)
         if len(self.arm_rounds) != 2:
