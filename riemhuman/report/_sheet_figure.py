@@ -37,6 +37,7 @@ _ROW = 5.3
 _TIGHT_ROW = 4.3
 _SMALL_ROW = 3.55
 _LETTER = 0.188  # mean width of a letter, millimetres over its size in points
+_PAGE_NUMBER = 45.0  # of the line below a page, for the version and the number of the page
 
 
 def save_figure_pdf(content: Content, version: str, file: Path) -> None:
@@ -51,7 +52,8 @@ def save_figure_pdf(content: Content, version: str, file: Path) -> None:
         for number, side in enumerate(pages, start=1):
             side.rule(_BOTTOM - 2.0)
             name = f"{content.title} · {content.when}" if content.when else content.title
-            side.text(_LEFT, _BOTTOM + 1.5, name)
+            size = _fitting_size(name, 7.0, _RIGHT - _LEFT - _PAGE_NUMBER)
+            side.text(_LEFT, _BOTTOM + 1.5, name, size=size)
             side.text(
                 _RIGHT, _BOTTOM + 1.5, f"riemhuman {version} · page {number} of 2", align="right"
             )
@@ -82,7 +84,7 @@ class _Side:
         self.axes.text(
             x,
             y,
-            words.replace("$", r"\$"),
+            _escaped(words),
             fontsize=size,
             color=color,
             weight=weight,
@@ -123,12 +125,33 @@ class _Side:
         return drawing.height * scale
 
 
+def _escaped(words: str) -> str:
+    """Return words of which matplotlib takes none for a formula."""
+    return words.replace("$", r"\$")
+
+
+def _text_width(words: str, size: float, weight: str = "normal") -> float:
+    """Return the width of a line of text, millimetres."""
+    if not words.strip():
+        return 0.0
+    font = import_matplotlib("font_manager").FontProperties(weight=weight)
+    path = import_matplotlib("textpath").TextPath((0, 0), _escaped(words), size=size, prop=font)
+    return float(path.get_extents().x1) / _POINTS
+
+
+def _fitting_size(words: str, largest: float, widest: float, weight: str = "normal") -> float:
+    """Return the size at which a line is no wider than it may be, at most the largest."""
+    return largest * widest / max(_text_width(words, largest, weight), widest)
+
+
 def _first_side(content: Content) -> _Side:
     side = _Side()
-    size = min(20.0, 20.0 * 28 / max(len(content.title), 28))
-    side.text(_LEFT, _TOP + 7.0, content.title, size=size, color=_INK, weight="bold")
-    side.text(_LEFT, _TOP + 12.5, content.about, size=9.0)
     kind, words = content.badge
+    beside = _text_width(words, 9.5, "bold") + 2 * 3.0
+    size = _fitting_size(content.title, 20.0, _RIGHT - _LEFT - beside, "bold")
+    side.text(_LEFT, _TOP + 7.0, content.title, size=size, color=_INK, weight="bold")
+    size = _fitting_size(content.about, 9.0, _RIGHT - _LEFT)
+    side.text(_LEFT, _TOP + 12.5, content.about, size=size)
     side.axes.text(
         _RIGHT - 3.0,
         _TOP + 5.5,
@@ -303,13 +326,16 @@ def _all_rows(side: _Side, y: float, rows: Sequence[RowText], *, has_percentiles
     for number, row in enumerate(rows):
         x = _LEFT + (number // n_lines) * (width + 5.0)
         line = y + (number % n_lines + 1) * step + 1.0
-        side.text(x, line, textwrap.shorten(row.title, 30, placeholder="…"), size=size, color=_INK)
-        texts = [("not measured" if row.why else f"{row.value} {row.unit}", width - 13.0)]
+        value = "not measured" if row.why else f"{row.value} {row.unit}"
+        texts = [(value, width - 13.0)]
         if not row.why:
             texts.append((row.uncertainty, width - 6.0))
             if has_percentiles:
                 texts.append((row.percentile, width))
         for text, end in texts:
             side.text(x + end, line, text, size=size, color=_INK, align="right")
+        before_value = width - 13.0 - _text_width(value, size) - 1.0
+        title_size = _fitting_size(row.title, size, before_value)
+        side.text(x, line, row.title, size=title_size, color=_INK)
         side.rule(line + 0.3 * step, x, x + width)
     return y + (n_lines + 1) * step

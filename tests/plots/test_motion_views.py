@@ -10,7 +10,7 @@ from riemhuman.plots import view_motions, view_path
 
 KNEES, OTHER = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
 LASTS = (len(KNEES) - 1, len(OTHER) - 1)
-# The second motion begins late and hurries.
+# The second motion is shown waiting for the first, and hurries then.
 WARP = Warp(0.5, np.array([0.0, 60.0, LASTS[0]]), np.array([0.0, 0.0, LASTS[1]]))
 STATE = """
 const viewer = document.querySelector('.viewer').viewer;
@@ -27,6 +27,14 @@ def test_the_second_motion_is_shown_at_the_corresponding_times():
     assert first.label != second.label
     assert [body.times for body in viewer.choices["as recorded"]] == [None, None]
     assert viewer.frames_per_second == KNEES.frames_per_second
+
+
+def test_the_page_says_which_motion_is_the_later_one():
+    """Above the dashed line, the second takes more of its time to the same pose."""
+    panel = view_motions(KNEES, OTHER, WARP, names=("slow", "quick")).panel.html("")
+    assert "above it, quick comes to the same pose later, below it earlier" in " ".join(
+        panel.split()
+    )
 
 
 def test_view_takes_two_motions_and_their_warp():
