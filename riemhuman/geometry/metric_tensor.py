@@ -154,6 +154,8 @@ class MetricTensor(Unchanging, ABC):
         """
         vectors = self.check_points(vectors, "vectors")
         base_points = self._base_points(base_point)
+        if not len(vectors):
+            return np.zeros((0, 0))
         covectors = np.mean(
             [[self.covector(vector, point) for vector in vectors] for point in base_points], axis=0
         )

@@ -66,6 +66,8 @@ class SmoothedMetric(PullbackMetric):
         vectors = self.check_points(vectors, "vectors")
         surfaces = self._base_points(base_point)
         gram = np.zeros((len(vectors), len(vectors)))
+        if not len(vectors):
+            return gram
         for f in surfaces:
             # Coordinates preserve the lengths of curves, and so inner products.
             images = []

@@ -67,4 +67,6 @@ def field_coordinates(values: Array, areas: Array) -> Array:
 
 def in_blocks(function: Callable[[Array], Array], points: Points) -> Array:
     """Return rows that a function computes of points, some at a time to save memory."""
+    if not len(points):
+        return function(points)
     return np.concatenate([function(points[part]) for part in slices(len(points), _BLOCK)])

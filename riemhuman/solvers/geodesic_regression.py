@@ -170,6 +170,8 @@ class GeodesicRegression(ImageEstimator):
             for prediction, point in zip(predictions, points, strict=True)
         )
         total = sum(float(metric.squared_dist(self.mean_, point)) for point in points)
+        if total == 0.0:
+            raise ArgumentError("y must hold a point other than the mean, or R² is not defined")
         return 1.0 - residual / total
 
     def gram_matrix(self, y: Array) -> Array:

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 from riemhuman.arrays import Array, Booleans, Points, Triangles
 from riemhuman.checks import flag, real_array, real_number, weight_shares, whole_number
-from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, ProductManifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.io.mesh_arrays import check_triangles
@@ -115,6 +115,8 @@ class NearestSurface:
         """
         check_metric(metric)
         images = metric.target_metric.check_points(images, "images")
+        if not len(images):
+            raise ArgumentError("images must hold at least one target; found none")
         lengths = metric.space.is_surface_space
         start = real_array(start, "start", metric.space.shape, batched=False, lengths=lengths)
         distances = image_distances(metric, images)

@@ -23,6 +23,7 @@ from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import metric_of, sample_count, stack_samples, surface_space
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.kernels.projections import with_positive_peaks
+from riemhuman.kernels.surface import joined_axes
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
@@ -258,7 +259,8 @@ class TangentPCA(ImageEstimator, Transformer):
         metric, points = self._image_metric, self._metric.check_points(X, "X")
         logs = metric.log(self._embed(points), self._base) - self.offset_
         covectors = metric.covector(self.components_, self._base)
-        scores = logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
+        rows, columns = joined_axes(logs, logs.ndim - 1), joined_axes(covectors, logs.ndim - 1).T
+        scores = rows @ columns
         return self._in_container(scores, X)
 
     def fit_transform(self, X: Array, y: object = None, base_point: Points | None = None) -> Array:

@@ -92,6 +92,7 @@ def test_empty_stacks_have_empty_results(case):
         assert np.shape(found) == (0, *np.shape(method(*(array[0] for array in arrays)))), name
     none = case.points[:0]
     assert case.metric.dist_pairwise(none).shape == (0, 0)
+    assert case.metric.gram_matrix(case.tangent_vecs[:0], case.points[0]).shape == (0, 0)
     assert np.shape(case.metric.energy(np.stack([none, none], axis=1))) == (0,)
     if case.metric.has_target_metric:
         assert case.metric.map(none).shape == (0, *case.metric.target_metric.space.shape)

@@ -162,6 +162,11 @@ def test_refusals():
     space = FIELDS["vectors"]
     points = space.random_point(6, rng=0)
     regression = GeodesicRegression(space)
+    fitted = GeodesicRegression(space, max_iter=0).fit(TIMES, points)
+    assert fitted.predict([]).shape == (0, *space.shape)
+    assert fitted.gram_matrix(points[:0]).shape == (0, 0)
+    with pytest.raises(ArgumentError, match="y must hold a point other than the mean"):
+        fitted.score(TIMES[:0], points[:0])
     with pytest.raises(ArgumentError, match="5 numbers and y 6 points"):
         regression.fit(TIMES[:5], points)
     with pytest.raises(ArgumentError, match="two different numbers"):

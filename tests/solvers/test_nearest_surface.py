@@ -92,6 +92,8 @@ def test_refusals():
         NearestSurface().solve(metric, images, POINTS)
     with pytest.raises(ArgumentError, match="images"):
         NearestSurface().solve(metric, images[:, :-1], POINTS[0])
+    with pytest.raises(ArgumentError, match="images must hold at least one target"):
+        NearestSurface().solve(metric, images[:0], POINTS[0])
 
 
 # Distances from fields that come from no surface.

@@ -68,6 +68,8 @@ def test_points_of_a_geodesic_have_one_component(space):
     scores = pca.transform(points)[:, 0]
     np.testing.assert_allclose(np.abs(scores), speed * np.abs(times - times.mean()), atol=1e-6)
     np.testing.assert_allclose(pca.inverse_transform(scores[:, None]), points, atol=1e-7)
+    assert pca.transform(points[:0]).shape == (0, 1)
+    assert pca.inverse_transform(np.zeros((0, 1))).shape == (0, *space.shape)
 
 
 @each_space

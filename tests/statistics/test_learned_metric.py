@@ -94,6 +94,7 @@ def test_rows_and_data_frames_as_scikit_learn_has_them(bodies, metrics):
     codes = learned.fit_transform(points, labels)
     np.testing.assert_allclose(codes.mean(axis=0), 0.0, atol=1e-8 * np.abs(codes).max())
     np.testing.assert_array_equal(codes, learned.fit(rows, labels).transform(rows))
+    assert learned.transform(points[:0]).shape == (0, codes.shape[1])
     frame = pandas.DataFrame(rows, index=[f"body {k}" for k in range(len(rows))])
     found = clone(learned).set_output(transform="pandas").fit_transform(frame, labels)
     np.testing.assert_array_equal(found.to_numpy(), codes)

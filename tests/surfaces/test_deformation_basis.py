@@ -334,6 +334,8 @@ def test_what_is_nearly_in_the_basis_extends_it():
     np.testing.assert_allclose(extended.flat @ extended.flat.T, np.eye(5), atol=1e-12)
     with pytest.raises(ArgumentError, match="deformations must have shape"):
         basis.extend(inside)
+    assert basis.extend(inside[None][:0]) is basis
+    assert basis.project(inside[None][:0]).shape == (0, 30, 3)
 
 
 def test_motions_on_demand_are_read_to_their_last_frame():
