@@ -459,8 +459,11 @@ def _checked_trust(trusted_vertices: ArrayLike, shape: tuple[int, ...]) -> Array
     return np.broadcast_to(trusted, shape)
 
 
-def as_mapping(values: object, names: Sequence[str]) -> dict[str, float]:
-    """Return values of measurements by name; raise an error if there are none or unknown ones."""
+def as_mapping(values: object, names: Sequence[str], *, may_miss: bool = False) -> dict[str, float]:
+    """Return values of measurements by name; raise an error if there are none or unknown ones.
+
+    Values that are NaN are refused too, unless some `may_miss`.
+    """
     if hasattr(values, "to_dict"):  # a series of pandas, or measured bodies
         values = values.to_dict()
     if not isinstance(values, Mapping) or not values:
@@ -468,4 +471,11 @@ def as_mapping(values: object, names: Sequence[str]) -> dict[str, float]:
             f"values must map names of measurements to numbers; found {shown(values)}"
         )
     named = {nearest_name(str(name), "measurement", names): v for name, v in values.items()}
-    return {name: real_number(value, name, maximum=_LARGEST) for name, value in named.items()}
+    return {
+        name: np.nan if may_miss and _is_nan(value) else real_number(value, name, maximum=_LARGEST)
+        for name, value in named.items()
+    }
+
+
+def _is_nan(value: object) -> bool:
+    return isinstance(value, float | np.floating) and bool(np.isnan(value))

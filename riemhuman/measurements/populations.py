@@ -61,21 +61,17 @@ def percentiles(
     (True, True)
     """
     one_of(sex, "sex", ("adult", *SEXES))
-    names = list(_adults()["woman"]["measurements"])
-    if hasattr(values, "to_dict"):  # a series of pandas, or measured bodies
-        values = values.to_dict()
-    known = values
-    if isinstance(known, Mapping):  # anything else is refused
-        known = {name: value for name, value in known.items() if not _is_missing(value)}
-    known_values = as_mapping(known, names)
-    height = known_values.get(_STATURE) if stature is None else real_number(stature, "stature")
-    if height is None:
+    given = as_mapping(values, list(_adults()["woman"]["measurements"]), may_miss=True)
+    height = given.get(_STATURE, np.nan) if stature is None else real_number(stature, "stature")
+    if np.isnan(height):
         raise ArgumentError("stature must be given, as an argument or among the values")
     shares = _shares_of_sexes(height, sex)
-    percentages = {name: float("nan") for name in values}
+    percentages = dict.fromkeys(given, float("nan"))
     if not shares:
         return percentages
-    for name, value in known_values.items():
+    for name, value in given.items():
+        if np.isnan(value):
+            continue
         real_number(value, name, minimum=0.0, strict=True)
         percentages[name] = sum(
             share * _percentile(name, value, height, group) for group, share in shares.items()
@@ -146,10 +142,6 @@ def _average_betas(stature: float, shares: Mapping[str, float]) -> Array:
 def _adults() -> JSONRecord:
     record: JSONRecord = load_json("percentiles_of_adults.json")
     return record
-
-
-def _is_missing(value: object) -> bool:
-    return isinstance(value, float | np.floating) and bool(np.isnan(value))
 
 
 def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:

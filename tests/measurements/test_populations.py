@@ -99,6 +99,14 @@ def test_nobody_has_such_a_stature():
     unmeasured = percentiles({"stature": 1.7, "waist girth": float("nan")}, "woman")
     assert np.isnan(unmeasured["waist girth"])
     assert np.isfinite(unmeasured["stature"])
+    # So it is if nothing was measured, and names are checked all the same.
+    alone = percentiles({"waist girth": float("nan")}, "woman", stature=1.7)
+    assert list(alone) == ["waist girth"]
+    assert np.isnan(alone["waist girth"])
+    with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
+        percentiles({"wasit girth": float("nan")}, "woman", stature=1.7)
+    with pytest.raises(ArgumentError, match="stature must be given"):
+        percentiles({"stature": float("nan"), "waist girth": 0.8}, "woman")
 
 
 def test_noise_has_the_order_of_the_names():
