@@ -57,6 +57,23 @@ def test_inner_products_of_vectors(shape):
         np.testing.assert_allclose(first, surface.dot(a, b), rtol=1e-14)
 
 
+def test_forms_of_corners_are_those_of_components():
+    template, rng = open_template(), np.random.default_rng(2)
+    points, h, k = surfaces(template, 3, rng=3)
+    scales = rng.uniform(0.5, 2.0, (2, template.n_faces))
+    one, many = rng.normal(size=(6, 6)), rng.normal(size=(template.n_faces, 6, 6))
+    forms = [(one, scales[0]), (many, scales[1])]
+    before = rng.normal(size=(template.n_faces, 9, 9))
+    blocks = before.copy()
+    surface.add_blocks(blocks, points, template.faces, forms)
+    h_corners, k_corners = (x[template.faces].reshape(-1, 9) for x in (h, k))
+    operator = template.differential_operator
+    first = surface.derivatives(points, operator)
+    expected = surface.product_by_forms(h, k, first, operator, forms)
+    found = np.einsum("fi,fij,fj", h_corners, blocks - before, k_corners)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
 def test_triangles_are_degenerate_up_to_eight_rounding_errors():
     squared_sines = 8 * np.array([0.975, 1.025]) * np.finfo(float).eps
     f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
