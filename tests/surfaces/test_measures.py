@@ -9,6 +9,7 @@ from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.surfaces.measures import (
     adjacent_triangles,
     edge_lengths,
+    find_inward_triangles,
     is_closed,
     signed_volume,
     triangle_areas,
@@ -37,6 +38,19 @@ def test_volume_does_not_depend_on_the_place():
     sphere = sphere_template()
     far = signed_volume(sphere.vertices + 1e4, sphere.faces)
     np.testing.assert_allclose(far, signed_volume(sphere.vertices, sphere.faces), rtol=1e-11)
+
+
+def test_parts_that_face_inward_are_found():
+    sphere = sphere_template()
+    apart = np.concatenate([sphere.vertices, sphere.vertices + 3.0])
+    faces, n_vertices = sphere.faces, sphere.n_vertices
+    both = np.concatenate([faces, faces[:, ::-1] + n_vertices])
+    inward = np.repeat([False, True], len(faces))
+    np.testing.assert_array_equal(find_inward_triangles(apart, both), inward)
+    # A triangle by itself has no inside: it is oriented like the rest.
+    beside = np.concatenate([faces, [[n_vertices, n_vertices + 1, n_vertices + 2]]])
+    assert not find_inward_triangles(apart, beside).any()
+    assert find_inward_triangles(apart, beside[:, ::-1]).all()
 
 
 def test_closed_meshes_are_told():
