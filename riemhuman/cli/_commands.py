@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeAlias, TypedDict, Unpack
 
+from riemhuman.cli._one_line import one_line
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
 
@@ -153,6 +154,8 @@ def path(text: str) -> Path:
     """Return the path that an argument names; ``~`` stands for the user's home."""
     from riemhuman.io.files import file_path
 
+    if not text:  # of a variable of the shell that is not set; else the current folder
+        raise FileError("a path is missing: found an empty text in its place")
     return file_path(text)
 
 
@@ -311,7 +314,8 @@ class Parser(argparse.ArgumentParser):
         words += [word for action in self._actions for word in action.choices or ()]
         wrong = _WRONG_WORD.search(message)
         suggestions = difflib.get_close_matches(wrong[1], words, 1) if wrong else []
-        super().error(message + "".join(f"; did you mean {name}?" for name in suggestions))
+        advice = "".join(f"; did you mean {name}?" for name in suggestions)
+        super().error(one_line(message + advice))
 
 
 def _topics_text() -> str:

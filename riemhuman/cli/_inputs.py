@@ -193,10 +193,11 @@ def chosen_metric(
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
     weights = {"-a": options.a, "-l": options.lam, "-c": options.c}
     flags = ", ".join(flag for flag, weight in weights.items() if weight is not None)
-    preset = options.metric or (options.extension and f"metric {options.extension}")
+    is_added = options.extension is not None
+    preset = f"metric {options.extension}" if is_added else options.metric
     if preset and flags:
         raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
-    if options.extension:
+    if is_added:
         added: RiemannianMetric = rh.extensions.extension("metrics", options.extension)(space)
         return added
     if options.metric == "srnf":

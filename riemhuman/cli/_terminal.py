@@ -19,6 +19,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
 from riemhuman.cli._commands import Answer
+from riemhuman.cli._one_line import one_line
 from riemhuman.errors import ConvergenceWarning
 
 if TYPE_CHECKING:
@@ -182,7 +183,7 @@ def note(text: str) -> None:
     """Write a line to standard error, above progress bars and the name of the task."""
     tqdm = sys.modules.get("tqdm")  # only progress bars import it
     with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), status.above():
-        say(f"riemhuman: {' '.join(text.split())}\n")
+        say(f"riemhuman: {one_line(text)}\n")
 
 
 def say_compilation() -> None:

@@ -115,3 +115,31 @@ def test_a_name_that_no_file_system_allows_is_no_fault_of_the_output(refused):
     for arguments in (["info", name], ["dist", name, name], ["view", name, "-o", "page.html"]):
         said = refused(*arguments)
         assert said.startswith("riemhuman: path must be the path of a file; found a name of 304")
+
+
+def test_a_name_does_nothing_to_the_terminal(refused):
+    said = refused("info", "a\x1b[31m\u202eb.ply")
+    assert said.endswith(r"a\x1b[31m\u202eb.ply")
+
+
+def test_an_empty_text_is_no_path(refused, place):
+    for arguments in (
+        ["info", ""],
+        ["matrix", "", "-o", place / "D.npz"],
+        ["view", place / "body_0.ply", "-o", ""],
+        ["tables", "--bodies", ""],
+    ):
+        assert "a path is missing" in refused(*arguments)
+    assert "is not among the metrics" in refused(
+        "dist", place / "body_0.ply", place / "body_1.ply", "--metric", ""
+    )
+
+
+@pytest.mark.parametrize("arguments", [["plot", "D.npz", "--by"], ["retrieve", "a", "b", "-k"]])
+def test_a_very_long_value_is_quoted_in_part(run, capsys, arguments):
+    with pytest.raises(SystemExit) as stop:
+        run(*arguments, 5000 * "x")
+    assert stop.value.code == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert arguments[-1] in last
+    assert len(last) < 1000
