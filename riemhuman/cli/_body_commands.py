@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _COMPONENTS_METRIC = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _PARTS = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # metrics of shape and of pose
 _DEVIATIONS = 2.0
+_MOST_SAMPLES = 10_000  # random bodies, each of which is a file
 _COMPONENT_FILES = (
     r"(mean|component_\d+_(minus|plus)|sample_\d{4,})\.ply|components\.html|summary\.json"
 )
@@ -160,6 +161,10 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, options.meshes)
     if not 0 < count < len(surfaces):
         raise ArgumentError(f"-n {count} must be below the number of meshes, {len(surfaces)}")
+    if not 0 <= options.samples <= _MOST_SAMPLES:
+        raise ArgumentError(
+            f"--samples must be from 0 to {_MOST_SAMPLES:,}; found {options.samples}"
+        )
     cli.check_needs(options, "--model", "--standard-pose")
     cli.check_needs(options, "--definitions", "--model NPZ")
     points = surfaces[:]

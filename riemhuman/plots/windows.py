@@ -87,10 +87,7 @@ class Window:
 
 def pixel_height(height: int) -> int:
     """Return the height of a picture that a function was given."""
-    pixels = whole_number(height, "height", minimum=1)
-    if pixels > _LARGEST_HEIGHT:
-        raise ArgumentError(f"height must be at most {_LARGEST_HEIGHT} pixels; found more")
-    return pixels
+    return whole_number(height, "height", minimum=1, maximum=_LARGEST_HEIGHT)
 
 
 def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:

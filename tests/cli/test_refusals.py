@@ -33,6 +33,8 @@ geodesic body_0.ply body_1.ply -o p --basis basis.npz       | belongs to another
 components body_0.ply body_1.ply -o out -n 2                 | -n 2 must be below the number
 components alone -o alone                                   | holds something else
 components alone -o out --shape                             | λ of --shape is too small
+components body_0.ply body_1.ply -o o -n 1 --samples -1     | --samples must be from 0
+components body_0.ply body_1.ply -o o -n 1 --samples 99999  | --samples must be from 0
 components body_0.ply body_0.ply -o out -n 1                | all points of X coincide
 disentangle body_0.ply body_0.ply -o b.ply --pose-weight -1 | pose_weight must be
 align other.ply alone/other.ply -o aligned                  | the same name
