@@ -146,6 +146,11 @@ def _is_between(module: str) -> bool:
     return module.startswith("riemhuman.") or module in ("contextlib", "functools")
 
 
+def counted(count: int, one: str, many: str) -> str:
+    """Return a number with its noun, as in "1 mesh" or "2,000 meshes"."""
+    return f"{count:,} {one if count == 1 else many}"
+
+
 def shown(value: object) -> str:
     """Return the text of an argument, cut short because texts in files may have any length."""
     text = whole_text(value) if isinstance(value, int) else _representation(value)

@@ -14,7 +14,7 @@ from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array
@@ -173,7 +173,7 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         definitions = inputs.measurements_of(
             options, surfaces.template, surfaces.files[0]
         ).definitions
-        with options.task(f"Standard pose of {len(points)} meshes"):
+        with options.task(f"Standard pose of {counted(len(points), 'mesh', 'meshes')}"):
             points = rh.measurements.in_standard_pose(definitions, points)
     with options.task(f"Components of {len(points)}, {metric}"):
         nearest = rh.solvers.NearestSurface(progress=options.bars)
@@ -181,7 +181,7 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     numbers = range(1, pca.n_components_ + 1)
     names = ["mean", *(f"component_{k}_{side}" for k in numbers for side in ("minus", "plus"))]
     names += [f"sample_{k:04d}" for k in range(options.samples)]
-    with options.task(f"{len(names)} bodies"):
+    with options.task(counted(len(names), "body", "bodies")):
         ends = np.diag(_DEVIATIONS * np.sqrt(pca.explained_variance_))
         coordinates = [sign * end for end in ends for sign in (-1.0, 1.0)]
         bodies = [pca.mean_, *pca.inverse_transform(np.array(coordinates))]
@@ -242,13 +242,12 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, [*options.meshes, options.onto])
     files, onto = surfaces.files[:-1], surfaces.files[-1]
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
-    with options.task(f"Transfer of {len(files)} meshes"):
+    with options.task(f"Transfer of {counted(len(files), 'mesh', 'meshes')}"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
         with ProgressBar(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
             moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
-    description = (
-        f"{len(files)} meshes, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
-    )
+    replayed = counted(len(files), "mesh", "meshes")
+    description = f"{replayed}, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
     inputs.write_path(options, moved, surfaces.faces, "Motion", description)
     record = {"files": files, "onto": onto, "axes": options.axes}
     record |= {"transfer": options.transfer, "n_frames": len(moved)}
@@ -320,7 +319,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError(
             "two meshes have the same name and would overwrite each other in the folder"
         )
-    with options.task(f"Alignment of {len(names)} meshes"):
+    with options.task(f"Alignment of {counted(len(names), 'mesh', 'meshes')}"):
         points = surfaces[:]
     gaps = np.linalg.norm(points - surfaces.template.vertices, axis=-1)
     distances = np.sqrt((gaps**2).mean(axis=-1))
@@ -359,7 +358,7 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, options.meshes)
     files = surfaces.files
     model = _fitted_model(options, surfaces.template.n_vertices, files[0])
-    with options.task(f"Fit of {len(files)} meshes"):
+    with options.task(f"Fit of {counted(len(files), 'mesh', 'meshes')}"):
         numbers = ProgressBar(range(len(files)), disable=not options.bars, unit="mesh")
         fits = []
         for number in numbers:
@@ -433,7 +432,9 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
 def _basis(options: argparse.Namespace) -> cli.Answer:
     motions = _basis_motions(options)
     n_frames = sum(len(motion) for motion in motions)
-    with options.task(f"{len(motions)} motions, {n_frames:,} frames"):
+    with options.task(
+        f"{counted(len(motions), 'motion', 'motions')}, {counted(n_frames, 'frame', 'frames')}"
+    ):
         basis = rh.DeformationBasis.from_motions(
             motions, options.n_components, options.step, progress=options.bars
         )

@@ -12,7 +12,7 @@ from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, counted
 from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
@@ -238,7 +238,8 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
     surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
     metric = inputs.metric_of_people(options, surfaces)
-    count = f"{len(surfaces) * (len(surfaces) - 1) // 2:,} distances, {metric}"
+    n_pairs = len(surfaces) * (len(surfaces) - 1) // 2
+    count = f"{counted(n_pairs, 'distance', 'distances')}, {metric}"
     try:
         with options.task(count):
             compute = _path_distances if options.paths else _distances
@@ -260,7 +261,8 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         return cli.Answer(text.rstrip("\n"), record, written=False)
     if options.csv is not None:
         write_text(options.csv, text)
-    return cli.Answer("\n".join([f"{len(names)} meshes, {count}", *remarks]), record)
+    summary = f"{counted(len(names), 'mesh', 'meshes')}, {count}"
+    return cli.Answer("\n".join([summary, *remarks]), record)
 
 
 def _distances(

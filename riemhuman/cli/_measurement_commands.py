@@ -12,7 +12,7 @@ from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord
@@ -64,10 +64,10 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     measurements, points, trusted = _read(files, options, pose)
     axes = "body"
     if not options.as_is:
-        with options.task(f"Standard pose of {len(files)} meshes"):
+        with options.task(f"Standard pose of {counted(len(files), 'mesh', 'meshes')}"):
             points = rh.measurements.in_standard_pose(measurements.definitions, points)
         axes = "space"
-    with options.task(f"Measurements of {len(files)} meshes"):
+    with options.task(f"Measurements of {counted(len(files), 'mesh', 'meshes')}"):
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
     if options.picture is not None:
         with rh.plots.figure_style():
@@ -119,7 +119,8 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
         numbers = " ".join(shown_unit.text(value, w) for value, w in values)
         lines.append(f"{name:{width}}  {numbers} {shown_unit.name}")
     if len(files) > len(shown):
-        lines.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
+        others = counted(len(files) - len(shown), "more body", "more bodies")
+        lines.append(f"and {others}; -o CSV writes all")
     return lines
 
 

@@ -10,7 +10,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord
@@ -166,7 +166,7 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
     read = inputs.read_motions(options, *options.motions)
     names, space = read.names, _space(read, options.metric)
     measure = _measure(options, space, options.components, options.travel)
-    with options.task(f"Distances of {len(names)} motions"):
+    with options.task(f"Distances of {counted(len(names), 'motion', 'motions')}"):
         distances = measure.dist_pairwise(read.motions, progress=options.bars)
     if options.ending == ".npz":
         rh.io.save_arrays(options.output, {"distances": distances, "names": np.array(names)})
@@ -278,7 +278,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     space = _space(read, options.metric, options.n_times)
     alignment, bars = _measure(options, space), options.bars
     estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
-    with options.task(f"Mean of {len(read.names)} motions"):
+    with options.task(f"Mean of {counted(len(read.names), 'motion', 'motions')}"):
         mean = estimator.fit(read.motions)
     inputs.write_path(
         options, mean.estimate_, read.template.faces, "Mean of motions", times=mean.times_

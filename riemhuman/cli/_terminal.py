@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from riemhuman.cli._commands import Answer
 from riemhuman.cli._one_line import one_line
-from riemhuman.errors import ConvergenceWarning
+from riemhuman.errors import ConvergenceWarning, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord, JSONValue
@@ -86,8 +86,8 @@ def _readable(value: object) -> str:
 
 def convergence(result: Result) -> str:
     """Return whether a solver converged, and after how many iterations."""
-    iterations = "iteration" if result.n_iterations == 1 else "iterations"
-    return f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
+    iterations = counted(result.n_iterations, "iteration", "iterations")
+    return f"{'yes' if result.converged else 'no'}, after {iterations}"
 
 
 def solved(result: Result, text: JSONRecord, **record: object) -> Answer:

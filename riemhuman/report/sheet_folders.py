@@ -10,7 +10,7 @@ from pathlib import Path
 
 from riemhuman.arrays import Triangles
 from riemhuman.checks import check_instance, flag, items_of, one_of
-from riemhuman.errors import FileError, MissingDependencyError, warn
+from riemhuman.errors import FileError, MissingDependencyError, counted, warn
 from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
 from riemhuman.kernels.threads import mapped, thread_count
@@ -198,8 +198,10 @@ def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
     for first in range(0, count, _BATCH):
         part = numbers[first : first + _BATCH]
         last = first + len(part)
-        which = f"{count} bodies" if count <= _BATCH else f"bodies {first + 1}–{last} of {count}"
-        yield part, which
+        if count <= _BATCH:
+            yield part, counted(count, "body", "bodies")
+        else:
+            yield part, f"bodies {first + 1}–{last} of {count}"
 
 
 def _write(folder: Path, sheets: _Sheets, progress: Progress) -> None:

@@ -14,7 +14,13 @@ import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points
 from riemhuman.checks import check_instance
-from riemhuman.errors import ConvergenceWarning, FileFormatError, NotDefinedError, warn
+from riemhuman.errors import (
+    ConvergenceWarning,
+    FileFormatError,
+    NotDefinedError,
+    counted,
+    warn,
+)
 from riemhuman.geometry.strategies import SolvedMean, SolvedPath
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
@@ -417,7 +423,7 @@ def finish(solver: object, result: ResultType) -> ResultType:
     if result.status is Status.INTERRUPTED:
         raise Interrupted(result)
     if not result.converged:
-        count = f"{result.n_iterations} iteration{'' if result.n_iterations == 1 else 's'}"
+        count = counted(result.n_iterations, "iteration", "iterations")
         warn(
             f"{type(solver).__name__} stopped without converging after {count}: {result.message}",
             ConvergenceWarning,

@@ -23,7 +23,7 @@ def own():
 def test_a_folder_in_the_standard_pose(run, scans, bodies, own, tmp_path):
     finished = run("measure", scans, "-o", tmp_path / "table.csv", "--only", "waist girth", "-q")
     assert finished.code == 0
-    assert "and 1 more bodies" in finished.out
+    assert "and 1 more body;" in finished.out
     with open(tmp_path / "table.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["file"].rpartition("body_")[2] for row in rows] == [
@@ -41,6 +41,7 @@ def test_bodies_as_they_stand(run, scans, bodies, own):
     expected = own.measure(bodies.points[1])
     np.testing.assert_allclose(list(values.values()), expected.values, rtol=1e-5)
     assert record["pose"] == "as is"
+    assert "Measurements of 1 mesh: " in finished.err
     assert record["units"]["volume"] == "m³"
 
 
