@@ -149,17 +149,17 @@ def test_sizes_that_no_human_has_are_refused(door, factor, message, bodies):
 
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
 def test_the_unit_of_an_impossible_body_is_suspected(unit, bodies):
-    own = rh.measurements.Measurements(bodies.model)
+    measurements = rh.measurements.Measurements(bodies.model)
     for number in range(0, 100, 9):
         with pytest.raises(ArgumentError, match=f"but a body in .*{unit}"):
-            own.measure(UNITS[unit] * bodies.points[number])
+            measurements.measure(UNITS[unit] * bodies.points[number])
 
 
 def test_children_and_giants_are_measured(bodies):
-    own = rh.measurements.Measurements(bodies.model, ["stature", "volume"])
+    measurements = rh.measurements.Measurements(bodies.model, ["stature", "volume"])
     for factor in (0.35, 0.45, 0.6, 1.0, 1.6):  # newborn to the tallest of men
         for number in range(0, 100, 7):
-            values = own.measure(factor * bodies.points[number]).values
+            values = measurements.measure(factor * bodies.points[number]).values
             assert np.isfinite(values).all()
 
 
@@ -168,8 +168,8 @@ def test_what_is_no_body_has_any_size():
     bodies = rh.datasets.load_open_bodies("coarse")
     template = rh.Template(0.1 * bodies.template.vertices, bodies.template.faces)
     girth = rh.measurements.Volume(name="all")
-    own = rh.measurements.MeasurementSet(template, [girth], {})
-    measured = rh.measurements.Measurements(own).measure(0.05 * bodies[0])
+    measurements = rh.measurements.MeasurementSet(template, [girth], {})
+    measured = rh.measurements.Measurements(measurements).measure(0.05 * bodies[0])
     assert 0 < measured["all"] < 1e-4
 
 

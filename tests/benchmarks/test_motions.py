@@ -118,16 +118,16 @@ def shares_of_others(measure, motions, counts):
     distance is the median over samplings and the whole motions of the next person.
     """
     rng = np.random.default_rng(29)
-    own, others = [], []
+    within, others = [], []
     for motion, count in zip(motions, counts, strict=True):
         places = random_places(len(motion), count, rng)
         few = at_places(motion, places)
         warp = measure.warp(few, at_places(motion, np.arange(len(motion))))
-        own.append((warp.dist, np.median(np.abs(warp(np.arange(count)) - places))))
+        within.append((warp.dist, np.median(np.abs(warp(np.arange(count)) - places))))
         same = [m for m in motions if m.sequence == motion.sequence]
         person = [m.subject for m in same].index(motion.subject)
         others.append(measure.dist(few, same[(person + 1) % len(same)][:]))
-    distances, errors = np.array(own).T
+    distances, errors = np.array(within).T
     return 100 * distances / np.median(others), errors
 
 

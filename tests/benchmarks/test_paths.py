@@ -88,10 +88,12 @@ def test_paths_against_the_models_motion(benchmark, start):
     def tables_of_pairs():
         tables = []
         for subject, *poses in pairs_of_poses():
-            own = motion(subject, *poses)
+            expected_path = motion(subject, *poses)
             solvers = {name: known_solvers[name] for name in TABLES[start]}
-            known = compare_paths(metrics, own[0], own[-1], solvers, own)
-            tables.append([*known, *compare_metrics(metrics, search, known, start, own)])
+            known = compare_paths(
+                metrics, expected_path[0], expected_path[-1], solvers, expected_path
+            )
+            tables.append([*known, *compare_metrics(metrics, search, known, start, expected_path)])
         return tables
 
     with warnings.catch_warnings():

@@ -273,14 +273,20 @@ def test_trust_of_limbs(benchmark, registration, seed):
 
     The margins of rivals were chosen on the people of one seed; those of the other check them.
     """
-    model, own = registration.model, TOUCHING_SEEDS[seed]
+    model, seed_of_people = registration.model, TOUCHING_SEEDS[seed]
 
     def run():
         scans = [
-            (posture, surface, scan_of_touching(model, surface, np.random.default_rng([own, n])))
-            for n, (posture, surface) in enumerate(people_who_touch(model, own, TOUCHING_PEOPLE))
+            (
+                posture,
+                surface,
+                scan_of_touching(model, surface, np.random.default_rng([seed_of_people, n])),
+            )
+            for n, (posture, surface) in enumerate(
+                people_who_touch(model, seed_of_people, TOUCHING_PEOPLE)
+            )
         ]
-        bodies = rh.datasets.load_open_bodies("full", variant="natural", people=own)
+        bodies = rh.datasets.load_open_bodies("full", variant="natural", people=seed_of_people)
         for k in range(0, 100, 9):
             scan = simulated_scan(bodies[k], model.faces, k, noise=0.001)
             scans.append((f"natural, {bodies.pose_names[k % 10]}", scan.body, scan.points))

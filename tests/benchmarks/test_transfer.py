@@ -167,15 +167,15 @@ def test_motion_transfer(benchmark):
     for one, other in PEOPLE:
         for k in range(n_sequences):
             source = motions[n_sequences * one + k]
-            own = frames_of(PerformedByAnother(source, motions[n_sequences * other].betas))
+            true_frames = frames_of(PerformedByAnother(source, motions[n_sequences * other].betas))
             seen = frames_of(source)
-            moved = MotionTransfer().solve(space, seen, own[0])
-            reshaped = ShapeTransfer().solve(space, seen[0], own[0], seen[4])
+            moved = MotionTransfer().solve(space, seen, true_frames[0])
+            reshaped = ShapeTransfer().solve(space, seen[0], true_frames[0], seen[4])
             row = [
-                mean_distance(own[0] + seen - seen[0], own),
-                mean_distance(moved, own),
-                mean_distance(centred(seen[4] + own[0] - seen[0]), centred(own[4])),
-                mean_distance(centred(reshaped), centred(own[4])),
+                mean_distance(true_frames[0] + seen - seen[0], true_frames),
+                mean_distance(moved, true_frames),
+                mean_distance(centred(seen[4] + true_frames[0] - seen[0]), centred(true_frames[4])),
+                mean_distance(centred(reshaped), centred(true_frames[4])),
             ]
             rows.append(row)
     rows = np.array(rows)
@@ -187,7 +187,7 @@ def test_motion_transfer(benchmark):
         f"shape: {means[3] / means[2]:.2f}, {np.median(ratios[:, 1]):.2f}, "
         f"{ratios[:, 1].max():.2f}"
     )
-    benchmark.pedantic(MotionTransfer().solve, (space, seen, own[0]), rounds=1)
+    benchmark.pedantic(MotionTransfer().solve, (space, seen, true_frames[0]), rounds=1)
     # If nothing at rest stayed there, the mean would be 0.79; about the axes of the body, 0.87.
     # Before the people of the open motions had builds of ANSUR II, it was 0.31: pairs differed by
     # up to 0.29 m in stature, now 0.12 m, so offsets erred by 17.9 mm, now by 10.7; the transfer

@@ -64,10 +64,10 @@ def test_disentangled_body(run, scans, bodies, tmp_path):
     both = load_mesh(tmp_path / "both.ply")[0]
     record = json.loads(finished.out)
     parts = (("shape_distance", 0, 21), ("pose_distance", 21, 0))
-    for metric, (name, own, other) in zip(metrics, parts, strict=True):
+    for metric, (name, alike, unlike) in zip(metrics, parts, strict=True):
         found = record[name]
-        assert found == pytest.approx(float(metric.dist(both, bodies.points[own])))
-        assert found < metric.dist(both, bodies.points[other])
+        assert found == pytest.approx(float(metric.dist(both, bodies.points[alike])))
+        assert found < metric.dist(both, bodies.points[unlike])
 
 
 # z up, in millimetres.
@@ -340,8 +340,8 @@ def test_components_of_one_pose_and_of_several(run, scans, bodies, tmp_path):
     assert straight.code == 0
     assert "in different poses" not in straight.err
     assert json.loads(straight.out)["standard_pose"]
-    own = Measurements(bodies.model).definitions
-    points = in_standard_pose(own, np.stack([load_mesh(file)[0] for file in files]))
+    definitions = Measurements(bodies.model).definitions
+    points = in_standard_pose(definitions, np.stack([load_mesh(file)[0] for file in files]))
     mean = load_mesh(tmp_path / "straight" / "mean.ply")[0]
     # The mean of three people in the same pose is among them.
     distances = np.linalg.norm(procrustes(points, to=mean) - mean, axis=-1).mean(axis=-1)

@@ -16,11 +16,11 @@ from riemhuman.measurements import Girth, Measurements, compare_visits
 
 
 @pytest.fixture(scope="module")
-def own():
+def measurements():
     return Measurements(load_open_model("coarse"))
 
 
-def test_a_folder_in_the_standard_pose(run, scans, bodies, own, tmp_path):
+def test_a_folder_in_the_standard_pose(run, scans, bodies, measurements, tmp_path):
     finished = run("measure", scans, "-o", tmp_path / "table.csv", "--only", "waist girth", "-q")
     assert finished.code == 0
     assert "and 1 more body;" in finished.out
@@ -29,16 +29,16 @@ def test_a_folder_in_the_standard_pose(run, scans, bodies, own, tmp_path):
     assert [row["file"].rpartition("body_")[2] for row in rows] == [
         f"{number}.ply" for number in (0, 1, 2, 20, 21, 22)
     ]
-    waist = Measurements(own.definitions, ["waist girth"])
+    waist = Measurements(measurements.definitions, ["waist girth"])
     expected = waist.measure(bodies.points[20], pose="standard").values[0]
     np.testing.assert_allclose(float(rows[3]["waist girth (m)"]), expected, atol=1e-6)
 
 
-def test_bodies_as_they_stand(run, scans, bodies, own):
+def test_bodies_as_they_stand(run, scans, bodies, measurements):
     finished = run("measure", scans / "body_1.ply", "--as-is", "--json")
     record = json.loads(finished.out)
     (values,) = record["bodies"].values()
-    expected = own.measure(bodies.points[1])
+    expected = measurements.measure(bodies.points[1])
     np.testing.assert_allclose(list(values.values()), expected.values, rtol=1e-5)
     assert record["pose"] == "as is"
     assert "Measurements of 1 mesh: " in finished.err
@@ -54,10 +54,10 @@ def test_pictures(run, scans, tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def test_reasons_for_missing_values(run, scans, own, tmp_path):
+def test_reasons_for_missing_values(run, scans, measurements, tmp_path):
     hips = Girth(name="hips of a leg", at="right_buttock", parts=["right leg"])
-    own.definitions.with_measurements(["stature", hips]).save(tmp_path / "own.json")
-    own.definitions.template.save(tmp_path / "model.npz")
+    measurements.definitions.with_measurements(["stature", hips]).save(tmp_path / "own.json")
+    measurements.definitions.template.save(tmp_path / "model.npz")
     options = ("--model", tmp_path / "model.npz", "--definitions", tmp_path / "own.json")
     arguments = ("measure", scans / "body_0.ply", "--as-is", *options, "-q")
     assert "no hips of a leg of body_0.ply: its line leaves right leg" in run(*arguments).out
@@ -110,14 +110,14 @@ def test_visits_without_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
     assert np.isfinite(record["outward_millimetres"]["most"])
 
 
-def test_two_visits(run, scans, bodies, own, tmp_path):
+def test_two_visits(run, scans, bodies, measurements, tmp_path):
     files = (scans / "body_0.ply", scans / "body_2.ply")
     record = json.loads(run("compare", *files, "--json").out)
-    expected = compare_visits(own, bodies.points[0], bodies.points[2])
+    expected = compare_visits(measurements, bodies.points[0], bodies.points[2])
     np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
     assert record["exceeds_threshold"] == expected.is_significant.tolist()
     np.testing.assert_allclose(record["thresholds"], expected.thresholds)
-    by_chance = pytest.approx(0.0455 * len(own.names), rel=1e-3)
+    by_chance = pytest.approx(0.0455 * len(measurements.names), rel=1e-3)
     assert record["expected_beyond_threshold_by_chance"] == by_chance
     finished = run("compare", *files, "-o", tmp_path / "changes.csv", "--only", "stature")
     assert "surface moved outward by" in finished.out

@@ -23,8 +23,8 @@ def joints(motion):
 
 def test_fourteen_motions_of_ten_other_people(motions):
     assert [motion.sequence for motion in motions] == 10 * NAMES
-    own = np.stack([motion.betas for motion in motions[::14]])
-    people = np.concatenate([own, load_open_bodies("coarse").betas[::10]])
+    betas_of_people = np.stack([motion.betas for motion in motions[::14]])
+    people = np.concatenate([betas_of_people, load_open_bodies("coarse").betas[::10]])
     gaps = np.linalg.norm(people[:, None] - people, axis=-1)
     assert gaps[~np.eye(20, dtype=bool)].min() > 1  # standard deviations
 

@@ -104,7 +104,7 @@ def test_frames_of_one_person_have_one_shape(bodies, photograph):
     motion = rh.datasets.load_open_motions("coarse", sequences=["knees"])[0]
     frames = motion.pose_vectors[:40:5]
     betas = motion.betas + 0.3 * rng.standard_normal((len(frames), model.n_betas))
-    seen = np.stack([model(own, pose) for own, pose in zip(betas, frames, strict=True)])
+    seen = np.stack([model(shape, pose) for shape, pose in zip(betas, frames, strict=True)])
     path = photograph(seen * TURNED)
     with pytest.warns(UserWarning, match="differ between frames"):
         found = rh.datasets.load_recording(path, model, faces=model.faces, frames_per_second=10)
@@ -112,7 +112,7 @@ def test_frames_of_one_person_have_one_shape(bodies, photograph):
     assert found.frames_per_second == 10
     np.testing.assert_allclose(found.betas[:3], betas[:, :3].mean(axis=0), atol=0.05)
     exact = np.stack([model(betas.mean(axis=0), pose) for pose in frames])
-    moved = [rh.procrustes(own, to=to) for own, to in zip(found, exact, strict=True)]
+    moved = [rh.procrustes(body, to=to) for body, to in zip(found, exact, strict=True)]
     assert np.linalg.norm(moved - exact, axis=-1).mean() < 0.005
 
 

@@ -22,16 +22,16 @@ SIXTEEN = (
 
 
 @pytest.fixture(scope="module")
-def own():
+def measurements():
     return Measurements(load_open_model("coarse"))
 
 
 @pytest.mark.slow
-def test_sixteen_of_people_outside_the_model(own):
+def test_sixteen_of_people_outside_the_model(measurements):
     """Natural people have a surface that no shape coefficient describes."""
     bodies = load_open_bodies("coarse", "natural", people=11)
-    straight = in_standard_pose(own.definitions, bodies.points[10])
-    sixteen = Measurements(own.definitions, SIXTEEN)
+    straight = in_standard_pose(measurements.definitions, bodies.points[10])
+    sixteen = Measurements(measurements.definitions, SIXTEEN)
     wanted = sixteen.measure(straight, axes="space").to_dict()
     person = model_from_measurements(wanted, resolution="coarse")
     assert person.converged
@@ -41,7 +41,7 @@ def test_sixteen_of_people_outside_the_model(own):
     np.testing.assert_allclose(again.values, list(person.values.values()), rtol=1e-12)
 
 
-def test_the_rest_is_the_most_probable(own, woman_of_four):
+def test_the_rest_is_the_most_probable(measurements, woman_of_four):
     man = model_from_measurements({"stature": 1.65}, "man", resolution="coarse")
     assert man.contradictory == ()
     assert man.message == ""
@@ -50,7 +50,7 @@ def test_the_rest_is_the_most_probable(own, woman_of_four):
         for t in ({"stature": 0.2}, None)
     )
     assert abs(woman.values["stature"] - 1.95) < 5e-4
-    measured = own.measure(np.stack([woman.points, man.points]))
+    measured = measurements.measure(np.stack([woman.points, man.points]))
     breadths = measured["shoulder (biacromial) breadth"] / measured["hip breadth"]
     assert breadths[0] < breadths[1]
     assert loose.values["stature"] < woman.values["stature"] - 0.05
@@ -173,9 +173,9 @@ def test_predictions_need_no_body(woman_of_four):
         predict_measurements({"waist grith": 0.8})
 
 
-def test_the_body_is_near_the_prediction(own, woman_of_four):
+def test_the_body_is_near_the_prediction(measurements, woman_of_four):
     person = woman_of_four
-    measured = own.measure(person.points, axes="space").to_dict()
+    measured = measurements.measure(person.points, axes="space").to_dict()
     for name in ("hip height", "thigh girth", "neck girth", "body mass"):
         expected = person.predicted[name] + adults()["woman"]["offsets"][name]
         assert abs(measured[name] - expected) < person.predicted_std[name]

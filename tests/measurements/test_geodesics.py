@@ -15,8 +15,8 @@ PATH = Length(name="path", along=("start", "end"), path="surface")
 
 
 def _length(template, start, end, points=None):
-    own = Measurements(set_at(template, [PATH], start=start, end=end))
-    return float(own.measure(template.vertices if points is None else points).values[0])
+    measurements = Measurements(set_at(template, [PATH], start=start, end=end))
+    return float(measurements.measure(template.vertices if points is None else points).values[0])
 
 
 def test_great_circles_to_second_order():
@@ -83,11 +83,11 @@ def test_no_longer_than_ways_along_edges_of_bumpy_surfaces():
     rng = np.random.default_rng(8)
     template = ellipsoid(8)
     start, end = [0.05, 0.45, 0.03], [-0.05, -0.45, 0.02]
-    own = Measurements(set_at(template, [PATH], start=start, end=end))
-    places = own.definitions
+    measurements = Measurements(set_at(template, [PATH], start=start, end=end))
+    places = measurements.definitions
     for _ in range(5):
         points = template.vertices * (1 + 0.02 * rng.normal(size=(len(template.vertices), 1)))
-        length = float(own.measure(points).values[0])
+        length = float(measurements.measure(points).values[0])
         ends = [weights @ points[v] for v, weights in map(places.landmarks.get, ("start", "end"))]
         assert length >= np.linalg.norm(ends[0] - ends[1])
         a, b = template.edges.T
@@ -110,9 +110,9 @@ def test_ends_on_different_surfaces():
         "start": (template.faces[0], np.full(3, 1 / 3)),
         "end": (template.faces[-1], np.full(3, 1 / 3)),
     }
-    own = Measurements(MeasurementSet(template, [PATH], landmarks))
+    measurements = Measurements(MeasurementSet(template, [PATH], landmarks))
     with pytest.raises(ArgumentError, match="one connected component"):
-        own.measure(template.vertices)
+        measurements.measure(template.vertices)
 
 
 @pytest.mark.parametrize("defect", ["inverted triangles", "edges without length"])

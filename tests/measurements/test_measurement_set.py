@@ -89,9 +89,9 @@ def test_mapped_to_the_other_resolution(coarse):
     full = open_measurements("full")
     mapped = full.mapped(coarse.template, full.correspondence_to(coarse.template))
     points = coarse.template(np.random.default_rng(1).normal(size=(3, 32)))
-    own, through = (Measurements(s).measure(points) for s in (coarse, mapped))
+    measurements, through = (Measurements(s).measure(points) for s in (coarse, mapped))
     metres = [unit == "m" for unit in Measurements(coarse).units]
-    assert np.abs(own.values - through.values)[:, metres].max() < 0.012
+    assert np.abs(measurements.values - through.values)[:, metres].max() < 0.012
 
 
 def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
@@ -139,9 +139,9 @@ def test_wrong_arguments(coarse):
     ends = {"a": ([0], [1.0]), "b": ([1], [1.0])}
     with pytest.raises(ArgumentError, match="need a body model"):
         MeasurementSet(surface, [Length(name="l", along=("a", "b"), path="joints")], ends)
-    own = MeasurementSet(surface, [Height(name="h", at="top")], {"top": ([0], [1.0])})
+    measurements = MeasurementSet(surface, [Height(name="h", at="top")], {"top": ([0], [1.0])})
     with pytest.raises(ArgumentError, match="fit removes the pose"):
-        Measurements(own).measure(surface.vertices, pose="standard")
+        Measurements(measurements).measure(surface.vertices, pose="standard")
 
 
 def test_nested_brackets_in_measurements_are_refused(tmp_path):

@@ -26,44 +26,44 @@ def bodies():
 
 
 @pytest.fixture(scope="module")
-def own(bodies):
+def measurements(bodies):
     return Measurements(bodies)
 
 
 @pytest.fixture(scope="module")
-def values(bodies, own):
-    return own.measure(bodies.points[:20:3]).values
+def values(bodies, measurements):
+    return measurements.measure(bodies.points[:20:3]).values
 
 
-def test_rigid_motions_and_scaling(bodies, own, values):
+def test_rigid_motions_and_scaling(bodies, measurements, values):
     rotations = Rotation.random(7, random_state=1).as_matrix()
     moved = bodies.points[:20:3] @ rotations + np.array([3.0, -2.0, 1.0])
-    np.testing.assert_allclose(own.measure(moved).values, values, rtol=1e-9)
-    powers = np.array([DIMENSIONS[unit] for unit in own.units])
-    scaled = own.measure(0.9 * bodies.points[:20:3]).values
+    np.testing.assert_allclose(measurements.measure(moved).values, values, rtol=1e-9)
+    powers = np.array([DIMENSIONS[unit] for unit in measurements.units])
+    scaled = measurements.measure(0.9 * bodies.points[:20:3]).values
     np.testing.assert_allclose(scaled, 0.9**powers * values, rtol=1e-9)
 
 
-def test_all_in_one_pass_as_one_by_one(bodies, own, values):
-    one_by_one = [own.measure(point).values for point in bodies.points[:20:3]]
+def test_all_in_one_pass_as_one_by_one(bodies, measurements, values):
+    one_by_one = [measurements.measure(point).values for point in bodies.points[:20:3]]
     np.testing.assert_allclose(values, one_by_one, rtol=1e-12)
-    stacked = own.measure(bodies.points[:4].reshape(2, 2, -1, 3))
-    assert stacked.values.shape == (2, 2, len(own.names))
+    stacked = measurements.measure(bodies.points[:4].reshape(2, 2, -1, 3))
+    assert stacked.values.shape == (2, 2, len(measurements.names))
     assert stacked["stature"].shape == (2, 2)
-    by_name = own.measure(bodies.points[:2]).to_dict()
-    assert by_name["volume"][1] == own.measure(bodies.points[1])["volume"]
+    by_name = measurements.measure(bodies.points[:2]).to_dict()
+    assert by_name["volume"][1] == measurements.measure(bodies.points[1])["volume"]
 
 
-def test_derivatives(bodies, own):
+def test_derivatives(bodies, measurements):
     rng = np.random.default_rng(4)
     point = bodies.points[3]
-    measured = own.measure(point, gradient=True)
-    assert measured.gradient.shape == (len(own.names), *point.shape)
+    measured = measurements.measure(point, gradient=True)
+    assert measured.gradient.shape == (len(measurements.names), *point.shape)
     direction = rng.normal(size=point.shape)
     slopes = np.sum(measured.gradient * direction, axis=(-2, -1))
-    moved = own.measure(point + np.array([1e-6, -1e-6])[:, None, None] * direction).values
+    moved = measurements.measure(point + np.array([1e-6, -1e-6])[:, None, None] * direction).values
     np.testing.assert_allclose((moved[0] - moved[1]) / 2e-6, slopes, rtol=1e-3, atol=1e-3)
-    few = Measurements(own.definitions, ["waist girth", "volume", "back length"])
+    few = Measurements(measurements.definitions, ["waist girth", "volume", "back length"])
     both = few.measure(bodies.points[:2], gradient=True).gradient
     each = [few.measure(point, gradient=True).gradient for point in bodies.points[:2]]
     np.testing.assert_allclose(both, each, atol=1e-12)
@@ -77,49 +77,49 @@ class Radius(Girth):
         return super().value(bodies) / (2.0 * np.pi)
 
 
-def test_derivatives_of_a_value_of_ones_own_are_traced(bodies, own):
-    waist = own.definitions.measurements[own.names.index("waist girth")]
+def test_derivatives_of_a_value_of_ones_own_are_traced(bodies, measurements):
+    waist = measurements.definitions.measurements[measurements.names.index("waist girth")]
     fields = {name: getattr(waist, name) for name in ("at", "normal", "parts", "leave_out", "hull")}
-    both = Measurements(own.definitions, [waist, Radius(name="radius", **fields)])
+    both = Measurements(measurements.definitions, [waist, Radius(name="radius", **fields)])
     girth, radius = both.measure(bodies.points[3], gradient=True).gradient
     np.testing.assert_allclose(2.0 * np.pi * radius, girth, atol=1e-12)
 
 
-def test_derivatives_along_directions(bodies, own):
+def test_derivatives_along_directions(bodies, measurements):
     rng = np.random.default_rng(0)
     directions = rng.standard_normal((bodies.points[0].size, 4))
-    values, slopes = values_and_slopes(own.definitions, bodies.points[[3]], "body")
-    measured = own.measure(bodies.points[3], gradient=True)
+    values, slopes = values_and_slopes(measurements.definitions, bodies.points[[3]], "body")
+    measured = measurements.measure(bodies.points[3], gradient=True)
     np.testing.assert_array_equal(values[0], measured.values)
-    expected = measured.gradient.reshape(len(own.names), -1) @ directions
+    expected = measured.gradient.reshape(len(measurements.names), -1) @ directions
     np.testing.assert_allclose(slopes_along(slopes, directions), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_thigh_is_measured_where_the_line_crosses_the_trunk(own):
+def test_thigh_is_measured_where_the_line_crosses_the_trunk(measurements):
     """A crotch that is eight centimetres lower takes the place of a part of the line."""
     model = load_open_model("coarse")
-    point = model(np.zeros(32), own.definitions.standard_pose_vector)
-    crotch = own.definitions.landmarks["crotch"]
+    point = model(np.zeros(32), measurements.definitions.standard_pose_vector)
+    crotch = measurements.definitions.landmarks["crotch"]
     middle = crotch[1] @ point[crotch[0]]
     lowered = point - 0.08 * np.exp(-(((point - middle) / 0.06) ** 2).sum(1))[:, None] * [0, 1, 0]
-    thigh = own.definitions.measurements[own.names.index("thigh girth")]
-    plain = Measurements(own.definitions, [replace(thigh, leave_out=())])
+    thigh = measurements.definitions.measurements[measurements.names.index("thigh girth")]
+    plain = Measurements(measurements.definitions, [replace(thigh, leave_out=())])
     assert list(plain.measure(lowered, missing="nan").why_missing) == [(0, "thigh girth")]
-    girths = own.measure(np.stack([point, lowered]))["thigh girth"]
+    girths = measurements.measure(np.stack([point, lowered]))["thigh girth"]
     np.testing.assert_allclose(girths[1], girths[0], rtol=0.1)
 
 
-def test_navel_among_the_hips(own):
+def test_navel_among_the_hips(measurements):
     """A person on whom the level of the navel meets the legs; nothing was tuned on them."""
     wide = load_open_bodies("coarse", "natural", people=1).points[80]
-    waist = Measurements(own.definitions, ["waist girth (omphalion)", "hip girth"])
+    waist = Measurements(measurements.definitions, ["waist girth (omphalion)", "hip girth"])
     values = waist.measure(wide, pose="standard").values
     assert 0.8 < values[0] / values[1] < 1.1
 
 
-def test_lines_have_the_measured_lengths(bodies, own):
-    lines, measured = own.lines(bodies.points[0]), own.measure(bodies.points[0])
-    for name in own.names:
+def test_lines_have_the_measured_lengths(bodies, measurements):
+    lines, measured = measurements.lines(bodies.points[0]), measurements.measure(bodies.points[0])
+    for name in measurements.names:
         if name in ("volume", "surface area", "body mass"):
             assert lines[name] == []
             continue
@@ -130,10 +130,10 @@ def test_lines_have_the_measured_lengths(bodies, own):
 def test_spread_over_poses():
     """One person in three poses measures alike in the standard pose; three people not tuned on."""
     bodies = load_open_bodies("coarse", people=7)
-    own = Measurements(bodies.model, LARGE + LENGTHS)
+    measurements = Measurements(bodies.model, LARGE + LENGTHS)
     points = bodies.points[:60].reshape(6, 10, -1, 3)[::2, 1::3]
-    standard = own.measure(points, pose="standard").values.std(axis=1, ddof=1)
-    as_is = np.nanstd(own.measure(points, missing="nan").values, axis=1, ddof=1)
+    standard = measurements.measure(points, pose="standard").values.std(axis=1, ddof=1)
+    as_is = np.nanstd(measurements.measure(points, missing="nan").values, axis=1, ddof=1)
     n = len(LARGE)
     assert (np.median(standard[:, :n], axis=0) < 0.005).all()
     assert (np.median(standard[:, n:], axis=0) < 0.003).all()
@@ -142,9 +142,9 @@ def test_spread_over_poses():
     assert np.median(as_is[:, LARGE.index("hip girth")]) > 0.05
 
 
-def test_bulging_flesh_is_measured_as_it_is(own):
+def test_bulging_flesh_is_measured_as_it_is(measurements):
     """An arm that bulges where the elbow bends has in the standard pose the girth of its bulge."""
-    model, pose = load_open_model("coarse"), own.definitions.standard_pose_vector
+    model, pose = load_open_model("coarse"), measurements.definitions.standard_pose_vector
     betas, elbow = np.zeros(32), model.joint_names.index("right_elbow")
     joints = model.joints(betas)
     offsets = (model.template.vertices - joints[elbow] - [-0.02, 0.02, 0.0]) / 0.08
@@ -158,43 +158,47 @@ def test_bulging_flesh_is_measured_as_it_is(own):
         motions = joint_motions(joints, rotations, model.parents, model.joint_order)
         return skin_surface(rest, model.weights, joints, *motions)
 
-    arm = Measurements(own.definitions, ["upper arm girth", "forearm girth"])
+    arm = Measurements(measurements.definitions, ["upper arm girth", "forearm girth"])
     truth = arm.measure(posed(np.tile(pose, (5, 1, 1))), axes="space").values
     found = arm.measure(posed(poses), pose="standard").values
     assert (np.ptp(truth, axis=0) > 0.005).all()
     np.testing.assert_allclose(found, truth, rtol=0.015)
 
 
-def test_bodies_of_the_model_come_back_to_the_standard_pose(bodies, own):
+def test_bodies_of_the_model_come_back_to_the_standard_pose(bodies, measurements):
     model, rng = bodies.model, np.random.default_rng(0)
     betas = rng.normal(size=(2, 32))
     posed = model(betas, bodies.pose_vectors[[3, 9]], rng.normal(size=(2, 3)))
-    straight = in_standard_pose(own.definitions, posed)
-    expected = model(betas, own.definitions.standard_pose_vector)
+    straight = in_standard_pose(measurements.definitions, posed)
+    expected = model(betas, measurements.definitions.standard_pose_vector)
     np.testing.assert_allclose(straight, expected, atol=2e-5)
 
 
-def test_upright_people_keep_their_backs(own):
+def test_upright_people_keep_their_backs(measurements):
     """Bends of a spine that make up for each other are the shape of a back, not a pose."""
-    model, pose = load_open_model("coarse"), own.definitions.standard_pose_vector.copy()
+    model, pose = load_open_model("coarse"), measurements.definitions.standard_pose_vector.copy()
     spine = [model.joint_names.index(f"{part}_spine") for part in ("lower", "middle", "upper")]
     pose[[0, *spine, 4], 0] = np.radians([-11.0, 20.0, 12.0, -22.0, -10.0])
     hips = [model.joint_names.index(f"{side}_hip") for side in ("left", "right")]
     pose[hips, 0] += np.radians(11.0)
-    waist = Measurements(own.definitions, [*LARGE, "waist height", "stature", "back length"])
+    waist = Measurements(
+        measurements.definitions, [*LARGE, "waist height", "stature", "back length"]
+    )
     upright = model(np.zeros(32), pose)
     straight = waist.measure(upright, pose="standard").values
     np.testing.assert_allclose(straight, waist.measure(upright, axes="space").values, atol=0.005)
-    bent = waist.measure(model(np.zeros(32), own.definitions.standard_pose_vector), axes="space")
+    bent = waist.measure(
+        model(np.zeros(32), measurements.definitions.standard_pose_vector), axes="space"
+    )
     assert np.abs(straight - bent.values).max() > 0.02
 
 
-def test_fists_measure_as_relaxed_hands(bodies, own):
+def test_fists_measure_as_relaxed_hands(bodies, measurements):
     model = bodies.model
     which = np.array([0, 13, 27])
     shapes = bodies.betas[which], bodies.pose_vectors[which], bodies.translations[which]
     fists = model(*shapes, hands=np.tile(model.hand_pose("fist"), (3, 1)))
-    relaxed, found = (own.measure(f, pose="standard") for f in (model(*shapes), fists))
+    relaxed, found = (measurements.measure(f, pose="standard") for f in (model(*shapes), fists))
     for name in ("hand length", "arm span"):
         assert np.abs(found[name] - relaxed[name]).max() < 0.008
     for name in ("wrist girth", "forearm girth", "forearm length", "arm length"):
@@ -206,8 +210,8 @@ def test_noisy_scans_measure_like_the_body():
     """Loose points with 2 mm of noise, of two performances of a person nothing was tuned on."""
     trimesh = pytest.importorskip("trimesh")
     bodies = load_open_bodies("full", people=4)
-    own = Measurements(bodies.model)
-    lengths = [unit == "m" for unit in own.units]
+    measurements = Measurements(bodies.model)
+    lengths = [unit == "m" for unit in measurements.units]
     registration = ScanRegistration(bodies.model)
     for number in (3, 0):
         mesh = bodies.template.to_trimesh(bodies.points[number])
@@ -216,59 +220,71 @@ def test_noisy_scans_measure_like_the_body():
         result = registration.solve(points + noise)
         assert result.trusted
         both = np.stack([result.points, bodies.points[number]])
-        registered, truth = own.measure(both, pose="standard").values[:, lengths]
+        registered, truth = measurements.measure(both, pose="standard").values[:, lengths]
         assert np.abs(registered - truth).max() < 0.010
 
 
-def test_reflected_and_flat_bodies_are_refused(bodies, own):
+def test_reflected_and_flat_bodies_are_refused(bodies, measurements):
     for wrong in (bodies.points[0] * [-1, 1, 1], 0.0 * bodies.points[0]):
         for pose in ("as is", "standard"):
             with pytest.raises(DegenerateSurfaceError, match="encloses"):
-                own.measure(wrong, pose=pose)
+                measurements.measure(wrong, pose=pose)
 
 
-def test_wrong_arguments(bodies, own):
+def test_wrong_arguments(bodies, measurements):
     point = bodies.points[0]
     other = Template(point, bodies.template.faces[:-1])
     for wrong, message in (
-        (lambda: own.measure(1000.0 * point), "a body in millimetres"),
+        (lambda: measurements.measure(1000.0 * point), "a body in millimetres"),
         (lambda: Measurements(bodies.model, ["waist grith"]), "did you mean 'waist girth'"),
-        (lambda: Measurements(own.definitions, [Girth(name="g", at="nose tip")]), "'nose tip'"),
-        (lambda: own.measure(point[:-1]), "shape"),
-        (lambda: own.measure(point, pose="t"), "pose must be one of"),
-        (lambda: own.measure(point, pose="standard", gradient=True), "gradient requires pose"),
+        (
+            lambda: Measurements(measurements.definitions, [Girth(name="g", at="nose tip")]),
+            "'nose tip'",
+        ),
+        (lambda: measurements.measure(point[:-1]), "shape"),
+        (lambda: measurements.measure(point, pose="t"), "pose must be one of"),
+        (
+            lambda: measurements.measure(point, pose="standard", gradient=True),
+            "gradient requires pose",
+        ),
         (lambda: Measurements(other), "there are no measurements for"),
-        (lambda: own.measure(point)["statur"], "did you mean 'stature'"),
+        (lambda: measurements.measure(point)["statur"], "did you mean 'stature'"),
         (lambda: Measurements(point), "model must be a BodyModel"),
-        (lambda: Measurements(bodies.model, own.definitions), "pass that as model"),
-        (lambda: Measurements(own.definitions, "m.json"), "definitions must be measurements"),
-        (lambda: own.measure(point, trusted_vertices=np.arange(5)), "trusted_vertices must be"),
+        (lambda: Measurements(bodies.model, measurements.definitions), "pass that as model"),
+        (
+            lambda: Measurements(measurements.definitions, "m.json"),
+            "definitions must be measurements",
+        ),
+        (
+            lambda: measurements.measure(point, trusted_vertices=np.arange(5)),
+            "trusted_vertices must be",
+        ),
     ):
         with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
             wrong()
 
 
-def test_unseen_parts_are_not_measured(bodies, own):
+def test_unseen_parts_are_not_measured(bodies, measurements):
     """A body whose legs no scan shows."""
-    straight = bodies.model(bodies.betas[0], own.definitions.standard_pose_vector)
+    straight = bodies.model(bodies.betas[0], measurements.definitions.standard_pose_vector)
     trusted = straight[:, 1] > 0.9
     options = {"axes": "space", "missing": "nan"}
-    measured = own.measure(straight, trusted_vertices=trusted, **options)
-    plain = own.measure(straight, **options)
+    measured = measurements.measure(straight, trusted_vertices=trusted, **options)
+    plain = measurements.measure(straight, **options)
     for name in ("chest girth", "waist girth", "head girth", "arm length"):
         assert measured[name] == plain[name]
     for name in ("calf girth", "stature", "inside leg height", "volume", "thigh girth"):
         assert np.isnan(measured[name])
         assert "does not trust" in measured.why_missing[0, name]
     with pytest.raises(ArgumentError, match="does not trust"):
-        own.measure(straight, trusted_vertices=trusted)
+        measurements.measure(straight, trusted_vertices=trusted)
 
 
-def test_a_table_of_pandas(bodies, own):
-    sizes = own.measure(bodies.points[:2])
+def test_a_table_of_pandas(bodies, measurements):
+    sizes = measurements.measure(bodies.points[:2])
     table = sizes.to_frame(bodies.ids[:2])
     assert table.loc["1", "stature"] == sizes["stature"][1]
-    assert sizes.to_frame().shape == (2, len(own.names))
+    assert sizes.to_frame().shape == (2, len(measurements.names))
     with pytest.raises(
         ArgumentError, match="names must hold one name for each of the 2 bodies; found 1"
     ):

@@ -16,9 +16,9 @@ def body():
 
 @pytest.fixture(scope="module")
 def few():
-    own = Measurements(load_open_model("coarse"))
+    measurements = Measurements(load_open_model("coarse"))
     names = ["waist girth", "hip girth", "stature", "head girth"]
-    return Measurements(own.definitions, names)
+    return Measurements(measurements.definitions, names)
 
 
 @pytest.fixture(scope="module")

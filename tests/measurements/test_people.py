@@ -20,8 +20,12 @@ def test_people_who_were_not_used_are_told_apart(bodies, other, is_doubted):
     """Bodies 0 to 9 are one person, in poses like those of each other person."""
     people = person_distance(bodies[0], bodies[other], bodies.template.faces)
     assert people.is_hardly_one_person == is_doubted
-    own = AlignedSurfaces(Template(bodies[0], bodies.template.faces), equip=False, scale=None)
-    assert people.distance == pytest.approx(float(AreaMetric(own).dist(bodies[0], bodies[other])))
+    space_of_body = AlignedSurfaces(
+        Template(bodies[0], bodies.template.faces), equip=False, scale=None
+    )
+    assert people.distance == pytest.approx(
+        float(AreaMetric(space_of_body).dist(bodies[0], bodies[other]))
+    )
     assert people.text.startswith("hardly the same person: their shape distance (AreaMetric) is ")
 
 

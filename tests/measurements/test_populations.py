@@ -21,7 +21,7 @@ NAMES = ["stature", "waist girth", "hip girth", "thigh girth", "body mass", "ins
 
 
 @pytest.fixture(scope="module")
-def own():
+def measurements():
     return Measurements(load_open_model("coarse"))
 
 
@@ -58,10 +58,10 @@ def test_body_mass_is_spread_as_in_the_public(sex, published):
         assert abs(np.mean(found) - expected) < tolerance
 
 
-def test_the_average_body_is_average(own):
+def test_the_average_body_is_average(measurements):
     for sex, stature in (("woman", 1.60), ("man", 1.85), ("adult", 1.70)):
         body = average_adult(stature, sex, "coarse")
-        measured = own.measure(body, axes="space")
+        measured = measurements.measure(body, axes="space")
         assert measured["stature"] == pytest.approx(stature, abs=1e-4)
         found = np.array([*percentiles(measured.to_dict(), sex, stature=stature).values()])
         assert 35.0 < np.median(found[1:]) < 65.0

@@ -84,7 +84,7 @@ def test_taylor_slopes(hull, normal):
     rng = np.random.default_rng(5)
     template = torus(20, 40)[0]
     girth = Girth(name="g", at="here", normal=normal, hull=hull)
-    own = Measurements(
+    measurements = Measurements(
         set_at(
             template,
             [girth, Depth(name="d", at="here", normal=normal)],
@@ -93,11 +93,11 @@ def test_taylor_slopes(hull, normal):
         )
     )
     points = template.vertices + 1e-3 * rng.normal(size=template.vertices.shape)
-    measured = own.measure(points, gradient=True)
+    measured = measurements.measure(points, gradient=True)
     direction = rng.normal(size=points.shape)
     slope = np.sum(measured.gradient * direction, axis=(-2, -1))
     steps = np.array([1e-5, 1e-6])
-    moved = own.measure(points + steps[:, None, None] * direction).values
+    moved = measurements.measure(points + steps[:, None, None] * direction).values
     misses = np.abs(moved - measured.values - steps[:, None] * slope)
     # What a first-order expansion misses falls with the square of the step: a hundredfold.
     assert (misses[1] < 0.02 * misses[0] + 1e-14).all()
@@ -108,10 +108,12 @@ def test_a_plane_that_misses():
     template = tube(12, 5)
     girth = Girth(name="g", at="off", parts=["lower end"])
     landmarks = {"off": (np.array([0, 48]), np.array([0.1, 0.9]))}
-    own = Measurements(MeasurementSet(template, [girth], landmarks, {"lower end": np.arange(6)}))
+    measurements = Measurements(
+        MeasurementSet(template, [girth], landmarks, {"lower end": np.arange(6)})
+    )
     with pytest.raises(ArgumentError, match="'g' cannot be taken of body 0: its plane misses"):
-        own.measure(template.vertices)
-    measured = own.measure(template.vertices, missing="nan")
+        measurements.measure(template.vertices)
+    measured = measurements.measure(template.vertices, missing="nan")
     assert np.isnan(measured.values).all()
     assert measured.why_missing == {(0, "g"): "its plane misses lower end"}
 
@@ -121,9 +123,9 @@ def test_a_loop_that_meets_another_part():
     half = np.flatnonzero(template.vertices[template.faces].mean(axis=1)[:, 0] > 0)
     girth = Girth(name="g", at="here", parts=["left"])
     landmarks = {"here": (template.faces[half[4]], np.array([0.3, 0.3, 0.4]))}
-    own = MeasurementSet(template, [girth], landmarks, {"left": half})
+    measurements = MeasurementSet(template, [girth], landmarks, {"left": half})
     with pytest.raises(ArgumentError, match="leaves left and meets another part"):
-        Measurements(own).measure(template.vertices)
+        Measurements(measurements).measure(template.vertices)
 
 
 def test_parts_left_out_are_cut_away():
@@ -133,8 +135,8 @@ def test_parts_left_out_are_cut_away():
     girth = Girth(name="g", at="here", parts=["left"], leave_out=["right"], hull=True)
     face = parts["left"][10]
     landmarks = {"here": (template.faces[face], np.array([0.3, 0.3, 0.4]))}
-    own = MeasurementSet(template, [girth], landmarks, parts)
-    value = Measurements(own).measure(template.vertices).values
+    measurements = MeasurementSet(template, [girth], landmarks, parts)
+    value = Measurements(measurements).measure(template.vertices).values
     # Half a circle and its diameter.
     np.testing.assert_allclose(value, 0.15 * (np.pi + 2), rtol=2e-3)
 
@@ -142,8 +144,8 @@ def test_parts_left_out_are_cut_away():
 def test_open_surfaces():
     template = tube(12, 5)
     along = Girth(name="along", at="here", normal="forward")
-    own = set_at(template, [along], here=[0.15, 0.41, 0.001])
+    measurements = set_at(template, [along], here=[0.15, 0.41, 0.001])
     with pytest.raises(ArgumentError, match="'along' .* meets a boundary"):
-        Measurements(own).measure(template.vertices)
+        Measurements(measurements).measure(template.vertices)
     with pytest.raises(DegenerateSurfaceError, match="'v' needs a closed surface"):
-        Measurements(own.with_measurements([Volume(name="v")])).measure(template.vertices)
+        Measurements(measurements.with_measurements([Volume(name="v")])).measure(template.vertices)

@@ -16,26 +16,26 @@ def bodies():
 
 
 def test_the_same_person_in_other_poses(bodies):
-    own = Measurements(bodies.model)
-    result = compare_visits(own, bodies.points[3], bodies.points[8])
+    measurements = Measurements(bodies.model)
+    result = compare_visits(measurements, bodies.points[3], bodies.points[8])
     assert result.is_significant.mean() < 0.2
     assert np.nanmean(result.areas_significant) < 0.1
     assert np.abs(result.displacements).mean() < 0.005
     # The threshold is twice the deviation of a difference; 4.55 % of normal numbers exceed it.
     np.testing.assert_allclose(result.thresholds, 2 * np.hypot(result.noise, result.noise))
-    assert result.expected_by_chance == pytest.approx(0.0455 * len(own.names), rel=1e-3)
+    assert result.expected_by_chance == pytest.approx(0.0455 * len(measurements.names), rel=1e-3)
     with pytest.raises(ArgumentError, match="after must have shape"):
-        compare_visits(own, bodies.points[0], bodies.points[1][:-1])
+        compare_visits(measurements, bodies.points[0], bodies.points[1][:-1])
 
 
 def test_as_many_measurements_are_marked_as_chance_marks():
     """Of natural people, who bulge at their joints, and who were not measured for the noise."""
     natural = load_open_bodies("coarse", "natural", people=5)
-    own = Measurements(natural.model)
+    measurements = Measurements(natural.model)
     known = load_json("noise_of_poses.json")["measurements"]
-    noise = np.array([known[name] for name in own.names])
+    noise = np.array([known[name] for name in measurements.names])
     points = natural.points[:30].reshape(3, 10, -1, 3)[:, 3::3]
-    values = own.measure(points, pose="standard", missing="nan").values
+    values = measurements.measure(points, pose="standard", missing="nan").values
     i, j = np.triu_indices(3, 1)
     marked = np.abs(values[:, i] - values[:, j]) > 2 * np.hypot(noise, noise)
     assert marked.mean() < 2 * 0.0455
@@ -43,7 +43,9 @@ def test_as_many_measurements_are_marked_as_chance_marks():
 
 def test_a_change_is_found_where_it_is(bodies):
     """The belly grows by three centimetres between a squat and a wave."""
-    own = Measurements(bodies.model, ["waist girth", "head girth", "calf girth", "arm length"])
+    measurements = Measurements(
+        bodies.model, ["waist girth", "head girth", "calf girth", "arm length"]
+    )
     model, betas = bodies.model, bodies.betas[0]
     grown = model.template.vertices.copy()
     belly = np.exp(-(((grown - [0.0, 1.1, 0.1]) / 0.12) ** 2).sum(axis=1))
@@ -55,7 +57,7 @@ def test_a_change_is_found_where_it_is(bodies):
         model.joint_order,
     )
     after = skin_surface(shape, model.weights, model.joints(betas), rotations, places)
-    result = compare_visits(own, bodies.points[9], after)
+    result = compare_visits(measurements, bodies.points[9], after)
     assert result.is_significant.tolist() == [True, False, False, False]
     assert 0.02 < result.changes[0] < 0.09
     most = np.argsort(-result.displacements)[:8]
@@ -63,18 +65,20 @@ def test_a_change_is_found_where_it_is(bodies):
 
 
 def test_areas_of_a_larger_body_have_grown(bodies):
-    own = Measurements(bodies.model, ["waist girth"])
-    result = compare_visits(own, bodies.points[3], 1.05 * bodies.points[3])
+    measurements = Measurements(bodies.model, ["waist girth"])
+    result = compare_visits(measurements, bodies.points[3], 1.05 * bodies.points[3])
     assert np.median(result.area_changes) == pytest.approx(2.0 * np.log(1.05), rel=0.1)
 
 
 def test_what_is_not_trusted_is_not_expected_to_change(bodies):
-    own = Measurements(bodies.model)
+    measurements = Measurements(bodies.model)
     trusted = np.ones((2, bodies.points.shape[1]), dtype=bool)
     trusted[1] = bodies.points[3, :, 1] > bodies.points[3, :, 1].min() + 0.3  # without feet
-    result = compare_visits(own, bodies.points[3], bodies.points[3], trusted_vertices=trusted)
+    result = compare_visits(
+        measurements, bodies.points[3], bodies.points[3], trusted_vertices=trusted
+    )
     n_measured = np.isfinite(result.changes).sum()
-    assert 0 < n_measured < len(own.names)
+    assert 0 < n_measured < len(measurements.names)
     assert result.expected_by_chance == pytest.approx(0.0455 * n_measured, rel=1e-3)
     np.testing.assert_array_equal(np.isnan(result.displacements), ~trusted[1])
 

@@ -82,8 +82,8 @@ def test_the_page_asks_for_nothing():
     assert "<title>A &lt;path&gt; &amp; more</title>" in page
     without_scripts = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert not re.findall(r'(?:src|href)="(?!data:)|url\(|@import|https?:', without_scripts)
-    own = page_scripts().split("<script>")[-1]
-    assert not re.findall(r"fetch|XMLHttpRequest|import\(|https?:", own)
+    script = page_scripts().split("<script>")[-1]
+    assert not re.findall(r"fetch|XMLHttpRequest|import\(|https?:", script)
     identifiers = re.findall(r'\bid="([^"]+)"', without_scripts)
     assert len(identifiers) == len(set(identifiers)) > 1
 

@@ -28,9 +28,9 @@ def crossed(model, fitter, request):
     """Return the joint above the crossing, the dense fit from the true pose, and the body."""
     rng = np.random.default_rng(5)
     person = any_person(model, rng)
-    own = person.body(model)
-    pose = touching_pose(model, own, request.param, rng)
-    surface = own(pose=pose)
+    body = person.body(model)
+    pose = touching_pose(model, body, request.param, rng)
+    surface = body(pose=pose)
     scan = prepare_scan(Scan(scan_of_touching(model, surface, rng, n_points=6000), None))
     betas = np.append(person.betas, np.zeros(model.hand_directions.shape[2]))
     start = Pose(rh.bodies.rotation_matrix(pose), betas, np.zeros(3))

@@ -44,9 +44,9 @@ def fitted(model, fitter, posture, seed=3):
     """Return a fit to a scan from the true pose, and the body."""
     rng = np.random.default_rng(seed)
     person = any_person(model, rng)
-    own = person.body(model)
-    pose = touching_pose(model, own, posture, rng)
-    surface = own(pose=pose)
+    body = person.body(model)
+    pose = touching_pose(model, body, posture, rng)
+    surface = body(pose=pose)
     points = scan_of_touching(model, surface, rng, n_points=6000)
     betas = np.append(person.betas, np.zeros(model.hand_directions.shape[2]))
     start = Pose(rh.bodies.rotation_matrix(pose), betas, np.zeros(3))

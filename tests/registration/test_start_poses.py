@@ -39,11 +39,11 @@ def test_every_way_to_hold_an_arm_is_tried_once(model):
 def test_smpls_tree_is_recognised(model):
     other = with_smpls_tree(model)
     assert other.joint_names[1] == "joint_1"
-    own, found = start_poses(model), start_poses(other)
-    assert list(own) == list(found)
-    for name in own:
+    poses, found = start_poses(model), start_poses(other)
+    assert list(poses) == list(found)
+    for name in poses:
         order = [model.joint_names.index(joint) for joint in SMPL_JOINTS]
-        np.testing.assert_allclose(found[name], own[name][order], atol=1e-9)
+        np.testing.assert_allclose(found[name], poses[name][order], atol=1e-9)
     np.testing.assert_allclose(joint_precisions(other), joint_precisions(model)[order])
 
 

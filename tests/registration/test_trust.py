@@ -127,8 +127,8 @@ def test_edges_of_a_sphere_are_as_high_as_arcs_over_chords(model):
     heights = 1.0 - np.linalg.norm(ends.mean(axis=1), axis=1)
     found = find_facet_heights(parts, model.template, sphere)
     chest = parts.names.index("chest")
-    own = parts.owners[model.template.edges[:, 0]] == chest
-    np.testing.assert_allclose(found[chest], heights[own].mean(), rtol=0.3)
+    on_chest = parts.owners[model.template.edges[:, 0]] == chest
+    np.testing.assert_allclose(found[chest], heights[on_chest].mean(), rtol=0.3)
 
 
 def test_coarse_limbs_are_as_far_as_their_triangles_are_from_skin(model):

@@ -35,8 +35,8 @@ def rig():
             # The end of the bone; its start and a point above, which belong to two bones.
             before = number - 1 if joint > 1 else max(finger - 1, 0)
             skin += [points[joint], points[joint - 1], points[joint - 1] + [0.0, 0.0, 0.005]]
-            own, other = np.eye(len(BONES))[[number, before]]
-            weights += [own, 0.6 * own + 0.4 * other, 0.6 * own + 0.4 * other]
+            row, other = np.eye(len(BONES))[[number, before]]
+            weights += [row, 0.6 * row + 0.4 * other, 0.6 * row + 0.4 * other]
     heads = np.array([heads[bone] for bone in BONES])
     return HandRig(np.array(skin), np.zeros((0, 3), int), tuple(BONES), heads, np.array(weights))
 

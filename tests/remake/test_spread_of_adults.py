@@ -39,9 +39,9 @@ def drawn(group, resolution, names, n):
     record = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[group]
     betas = np.random.default_rng(0).multivariate_normal(record["mean"], record["covariance"], n)
     model = rh.datasets.load_open_model(resolution)
-    own = rh.measurements.open_measurements(model).with_measurements(names)
-    bodies = model(betas, own.standard_pose_vector)
-    return rh.measurements.Measurements(own).measure(bodies, axes="space", missing="nan")
+    definitions = rh.measurements.open_measurements(model).with_measurements(names)
+    bodies = model(betas, definitions.standard_pose_vector)
+    return rh.measurements.Measurements(definitions).measure(bodies, axes="space", missing="nan")
 
 
 @pytest.mark.parametrize(

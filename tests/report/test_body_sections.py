@@ -42,8 +42,8 @@ def test_people_have_their_measurements(report_page, nine_bodies):
     with (report_page.parent / "tables" / "measurements.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["person"] for row in rows] == [nine_bodies.subject_names[k] for k in (0, 5, 8)]
-    own = Measurements(nine_bodies.model, ["waist girth"])
-    values = own.measure(nine_bodies.points[:2], pose="standard").values  # of two poses
+    measurements = Measurements(nine_bodies.model, ["waist girth"])
+    values = measurements.measure(nine_bodies.points[:2], pose="standard").values  # of two poses
     assert float(rows[0]["waist girth (m)"]) == pytest.approx(float(values.mean()), abs=1e-6)
     text = report_page.read_text(encoding="utf-8")
     assert "Girths, lengths and volumes" in text

@@ -170,10 +170,10 @@ def test_people_read_centimetres_and_tables_name_their_si_units(page, folder):
 def test_results_are_those_of_the_library(folder, nine_bodies):
     records = benchmark(nine_bodies)
     for task in TASKS:
-        own = [record for record in records if record.task == task]
+        records_of_task = [record for record in records if record.task == task]
         *rows, metric, descriptor = rows_of(folder, f"retrieval-{task}")
         assert (metric["representation"], descriptor["representation"]) == ("offsets", "extents")
-        for row, record in zip(rows, own, strict=True):
+        for row, record in zip(rows, records_of_task, strict=True):
             assert row["representation"] == record.representation
             for key in ("nn", "first_tier", "second_tier", "mean_average_precision"):
                 assert float(row[key]) == getattr(record.scores, key)

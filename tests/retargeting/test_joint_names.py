@@ -199,8 +199,8 @@ def test_joints_in_two_parts(model, person, frames, part, is_below):
     parents = np.append(recording.parents, joint)
     parents[np.flatnonzero(recording.parents == joint)] = n_joints
     names = [*renamed(model.joint_names, "MVN, 100STYLE, MHAD"), ""]
-    own = names[joint]
-    names[joint], names[-1] = (own, f"{own}Twist") if is_below else (f"{own}Joint", own)
+    name = names[joint]
+    names[joint], names[-1] = (name, f"{name}Twist") if is_below else (f"{name}Joint", name)
     order = [*range(joint + 1), n_joints, *range(joint + 1, n_joints)]
     place = np.argsort(order)
     split = replace(

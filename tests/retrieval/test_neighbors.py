@@ -171,9 +171,9 @@ def test_candidates_change_the_work_and_not_the_answer(n_jobs):
         neighbors.kneighbors(queries, candidates=np.full((7, 1), len(points)))
     with pytest.raises(ArgumentError, match="candidates must have shape"):
         neighbors.kneighbors(queries, candidates=np.zeros((6, 1), int))
-    own = np.zeros((len(points), 1), dtype=int)
+    itself = np.zeros((len(points), 1), dtype=int)
     everyone = by_all_distances(POSE, None, points, 4)
-    assert_same(neighbors.kneighbors(candidates=own), everyone)
+    assert_same(neighbors.kneighbors(candidates=itself), everyone)
 
 
 # Where blocks end, where distances nearly tie, and where bounds round.

@@ -395,8 +395,8 @@ def test_edges_of_a_pose_mean_keep_their_lengths():
         solver = BasisMean(bodies.basis(), companion_weight=companion_weight, max_iter=200)
         result = solver.solve(metric, points)
         assert result.variance == pytest.approx(Dispersion(metric, points).value(result.point))
-        own = edge_lengths(result.point, data.template.edges)
-        return (own / edges.min(axis=0)).min(), (own / edges.max(axis=0)).max()
+        lengths = edge_lengths(result.point, data.template.edges)
+        return (lengths / edges.min(axis=0)).min(), (lengths / edges.max(axis=0)).max()
 
     shortest, longest = range_of(1.0)
     assert shortest > 0.8

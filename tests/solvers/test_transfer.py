@@ -94,11 +94,11 @@ def test_nearer_to_the_models_own_motion_than_offsets(sequence):
     seen = np.stack([source[k] for k in frames])
     errors, shapes = [], []
     for other in range(1, len(motions)):
-        own = source.model(motions[other].betas, source.pose_vectors[frames])
+        expected = source.model(motions[other].betas, source.pose_vectors[frames])
         # Both stand on the ground as their own feet do.
-        own += standing(source, motions[other].betas, frames)[:, None]
-        moved = MotionTransfer().solve(bodies.space(), seen, own[0])
-        gaps = moved - own, own[0] + (seen - seen[0]) - own
+        expected += standing(source, motions[other].betas, frames)[:, None]
+        moved = MotionTransfer().solve(bodies.space(), seen, expected[0])
+        gaps = moved - expected, expected[0] + (seen - seen[0]) - expected
         errors.append([np.linalg.norm(gap, axis=-1).mean() for gap in gaps])
         shapes.append(
             [np.linalg.norm(gap - gap.mean(axis=1, keepdims=True), axis=-1).mean() for gap in gaps]
@@ -137,9 +137,11 @@ def test_shape_transfer_in_a_pose():
         betas = np.random.default_rng(seed).normal(size=(5, model.n_betas))
         for pair in ((0, 1), (2, 3), (4, 0)):
             before, after = (model(betas=betas[k], pose=bodies.pose()) for k in pair)
-            target, own = (model(betas=betas[k], pose=pose) for k in pair)
+            target, expected = (model(betas=betas[k], pose=pose) for k in pair)
             moved = ShapeTransfer().solve(bodies.space(), before, after, target)
-            errors.append([error(body, own) for body in (moved, target + after - before, target)])
+            errors.append(
+                [error(body, expected) for body in (moved, target + after - before, target)]
+            )
             np.testing.assert_allclose(moved.mean(axis=0), target.mean(axis=0), atol=1e-10)
     moved, offsets, still = np.mean(errors, axis=0)
     assert moved < 0.5 * offsets
@@ -284,9 +286,9 @@ def test_result_is_of_the_definition(solved):
     # Nearer to both than the person's own body in that pose, whose build turns normals as well.
     betas = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))[1]
     knee = bodies.pose(left_hip=(-80, 0, 0), left_knee=(90, 0, 0))
-    own = bodies.model()(betas=betas, pose=knee)
-    assert solved.shape_dist < 0.9 * shape_metric.dist(shape, own)
-    assert solved.pose_dist < 0.95 * pose_metric.dist(pose, own)
+    posed = bodies.model()(betas=betas, pose=knee)
+    assert solved.shape_dist < 0.9 * shape_metric.dist(shape, posed)
+    assert solved.pose_dist < 0.95 * pose_metric.dist(pose, posed)
     np.testing.assert_allclose(solved.surface.mean(axis=0), pose.mean(axis=0), atol=1e-12)
 
 

@@ -83,8 +83,8 @@ def test_distances_across_and_within_folds(bodies, metrics):
         expected = cdist(codes, others)
         np.testing.assert_allclose(distances[folds == 0][:, folds == other], expected, atol=1e-4)
         within.append(cdist(codes, codes))
-    own = distances[np.ix_(folds == 0, folds == 0)]
-    np.testing.assert_allclose(own, np.mean(within, axis=0), atol=1e-4)
+    training = distances[np.ix_(folds == 0, folds == 0)]
+    np.testing.assert_allclose(training, np.mean(within, axis=0), atol=1e-4)
 
 
 def test_rows_and_data_frames_as_scikit_learn_has_them(bodies, metrics):

@@ -20,12 +20,12 @@ def people():
 
 
 def test_a_measurement_explains_shape_and_random_numbers_do_not(people):
-    space, points, own = people
-    waists = own.measure(points)["waist girth"]
+    space, points, values = people
+    waists = values.measure(points)["waist girth"]
     result = regress_shape(space, waists, points, n_permutations=99, rng=0, max_iter=0)
     assert result.p_value == pytest.approx(0.01)
     assert 0.1 < result.explained < 1
-    thin, wide = own.measure(result.regression.predict([0.7, 0.95]))["waist girth"]
+    thin, wide = values.measure(result.regression.predict([0.7, 0.95]))["waist girth"]
     assert wide - thin > 0.1
     numbers = np.random.default_rng(1).normal(size=12)
     result = regress_shape(space, numbers, points, n_permutations=49, rng=0, max_iter=0)
@@ -33,8 +33,8 @@ def test_a_measurement_explains_shape_and_random_numbers_do_not(people):
 
 
 def test_people_are_permuted_as_a_whole(people):
-    space, points, own = people
-    waists = own.measure(points[::2])["waist girth"]
+    space, points, values = people
+    waists = values.measure(points[::2])["waist girth"]
     who = np.repeat(np.arange(6), 2)
     result = regress_shape(
         space, np.repeat(waists, 2), points, people=who, n_permutations=9, rng=0, max_iter=0
