@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import Rng, check_instance, generator, real_number
 from riemhuman.geometry import Manifold
 from riemhuman.testing.reports import Properties, PropertyReport, difference, report_of, share
@@ -69,7 +69,7 @@ class _RandomPoints:
         }
 
     @cached_property
-    def points(self) -> ndarray:
+    def points(self) -> Array:
         return np.asarray(self.space.random_point(_N_POINTS, rng=self.rng))
 
     def shapes(self) -> float:
@@ -124,15 +124,15 @@ class _TangentVectors:
         return properties
 
     @cached_property
-    def points(self) -> ndarray:
+    def points(self) -> Array:
         return np.asarray(self.space.random_point(_N_POINTS, rng=self.rng))
 
     @cached_property
-    def noise(self) -> ndarray:
+    def noise(self) -> Array:
         return self.rng.standard_normal((_N_POINTS, *self.space.shape))
 
     @cached_property
-    def vectors(self) -> ndarray:
+    def vectors(self) -> Array:
         return np.asarray(self.space.to_tangent(self.noise, self.points))
 
     def projected(self) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from autograd import grad
-from numpy import ndarray
 
+from riemhuman.arrays import Array
 from riemhuman.checks import check_instance, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
@@ -31,8 +30,8 @@ _GRADIENT = "the gradient of the energy is exact"
 
 def check_metric(
     metric: RiemannianMetric,
-    points: ndarray,
-    tangent_vecs: ndarray | None = None,
+    points: Array,
+    tangent_vecs: Array | None = None,
     *,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
@@ -90,9 +89,9 @@ class _InnerProducts:
     """Inner products of two tangent vectors at each point."""
 
     metric: RiemannianMetric
-    points: ndarray
-    first: ndarray
-    second: ndarray
+    points: Array
+    first: Array
+    second: Array
 
     def properties(self) -> Properties:
         return {
@@ -103,7 +102,7 @@ class _InnerProducts:
             "covectors represent the inner product": self.covectors,
         }
 
-    def of(self, first: ndarray, second: ndarray) -> ndarray:
+    def of(self, first: Array, second: Array) -> Array:
         """Return the inner products, computed for one point after the other."""
         pairs = zip(first, second, self.points, strict=True)
         return np.array([self.metric.inner_product(v, w, x) for v, w, x in pairs])
@@ -159,7 +158,7 @@ class _Distances:
     """Distances of the points, and of the points half way between them."""
 
     metric: RiemannianMetric
-    points: ndarray
+    points: Array
 
     def properties(self) -> Properties:
         return {
@@ -171,7 +170,7 @@ class _Distances:
         }
 
     @cached_property
-    def table(self) -> ndarray:
+    def table(self) -> Array:
         """All distances, computed pair by pair."""
         half_way = self.metric.space.projection(0.5 * (self.points[1:] + self.points[:-1]))
         places = [*self.points, *half_way]
@@ -181,7 +180,7 @@ class _Distances:
         return difference(np.diag(self.table), np.zeros(len(self.table)), self.table.max())
 
     def flat_diagonal(self) -> float:
-        slope: Callable[..., ndarray] = grad(self.metric.squared_dist, 1)
+        slope = grad(self.metric.squared_dist, 1)
         slopes = [slope(x, x) for x in self.points]
         return difference(slopes, np.zeros_like(self.points), self.table.max() ** 2)
 
@@ -203,8 +202,8 @@ class _Energies:
     """The energy of the path through the points, and of paths moved along tangent vectors."""
 
     metric: RiemannianMetric
-    points: ndarray
-    directions: ndarray
+    points: Array
+    directions: Array
 
     def least(self) -> float:
         energy = self.metric.energy(self.points)

@@ -100,20 +100,22 @@ def check_solver(
 
 
 @dataclass(frozen=True)
-class _Trial(ABC):
+class _Trial(ABC):  # type: ignore[explicit-any]  # each subclass tries solvers of one contract
     """A trial of a solver on some points; a subclass for each contract."""
 
-    solver: Any  # a solver of the contract
+    solver: Any  # type: ignore[explicit-any]
     metric: RiemannianMetric
     points: Array
 
     @property
     def start(self) -> Array:
-        return self.points[0]
+        start: Array = self.points[0]
+        return start
 
     @property
     def end(self) -> Array:
-        return self.points[1]
+        end: Array = self.points[1]
+        return end
 
     @property
     def vector(self) -> Array:
