@@ -251,3 +251,24 @@ def test_masks():
 def test_no_number_and_no_class_has_a_length(value):
     with pytest.raises(ArgumentTypeError, match="points must be an array"):
         checks.length_of(value, "points")
+
+
+def test_names_are_texts_or_whole_numbers_that_pages_can_show():
+    named = checks.names_of(["Anna", np.str_("Ben"), 3, np.int64(4)], "names", 4, "bodies")
+    assert named == ("Anna", "Ben", "3", "4")
+    for names, message in (
+        (["a"], "names must name each of the 2 bodies; found 1"),
+        ("ab", "names must be a sequence of texts, one for each of the 2 bodies; found str"),
+        ({"a", "b"}, "found set"),
+        ({"a": 1, "b": 2}, "found dict"),
+        (["a", None], "names must hold texts; found None among them"),
+        (["a", 1.5], "found 1.5 among them"),
+        (["a", True], "found True among them"),
+        (["a", "b\0"], "names must be a text without control characters"),
+        (["a", "\ud800"], "without control characters"),
+    ):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match=re.escape(message)):
+            checks.names_of(names, "names", 2, "bodies")
+    assert checks.text("two\nlines", "title") == "two\nlines"
+    with pytest.raises(ArgumentTypeError, match="title must be a text; found NoneType"):
+        checks.text(None, "title")

@@ -44,15 +44,14 @@ def position_colors(points: Points) -> Array:
     >>> rh.plots.position_colors(bodies[0]).shape
     (1202, 3)
     """
-    points = real_array(
-        points, "points", ("n_points", 3), batched=False, finite=False, lengths=True
-    )
+    points = real_array(points, "points", ("n_points", 3), batched=False, finite=False)
     is_seen = np.isfinite(points).all(axis=1)
     colors = np.tile(_UNSEEN, (len(points), 1))
     if not is_seen.any():
         return colors
-    low, high = np.percentile(points[is_seen], [1.0, 99.0], axis=0)
-    shares = (points[is_seen] - low) / np.maximum(high - low, 1e-12)
+    seen = real_array(points[is_seen], "points", lengths=True)
+    low, high = np.percentile(seen, [1.0, 99.0], axis=0)
+    shares = (seen - low) / np.maximum(high - low, 1e-12)
     across = shares[:, 0]
     height = shares[:, 1]
     stops = np.linspace(0.0, 1.0, len(_ACROSS))

@@ -130,6 +130,15 @@ def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path)
     assert not list(tmp_path.iterdir())
 
 
+def test_names_with_dollar_signs_are_no_formulas(tmp_path):
+    names = [r"$\frac$", "a$b$", "5 $", "$"]
+    said = rh.plots.save_picture(tmp_path / "x.png", PATH, TEMPLATE.faces, names)
+    assert said == ", ".join(names)
+    # Whole numbers are names, too.
+    numbered = view_bodies(PATH, TEMPLATE.faces, [1, 2, 3, np.int64(4)])
+    assert [body.label for body in numbered.choices["Bodies"]] == ["1", "2", "3", "4"]
+
+
 def test_pages_stay_small():
     assert len(page_scripts()) < 650_000
     bodies = rh.datasets.load_open_bodies("coarse")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from riemhuman.errors import ArgumentError
 from riemhuman.plots.windows import View, Window, same_heights, window_around
 
 FRONT = View(0.0, 0.0)
@@ -19,6 +20,14 @@ FRONT = View(0.0, 0.0)
 def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
     np.testing.assert_allclose(view.rotate(np.array(right, float)), [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(view.rotate(np.array(up, float)), [0, 1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [(1e9, 0.06), (1.0, 0.0)])
+def test_pictures_of_too_many_pixels_are_refused(size):
+    window = Window((0.0, 0.0), *size)
+    assert Window((0.0, 0.0), 0.5, 2.0).pixels(400) == (400, 100)
+    with pytest.raises(ArgumentError, match="more than 50,000,000 pixels"):
+        window.pixels(400)
 
 
 def test_windows_side_by_side_show_all_with_one_floor():
