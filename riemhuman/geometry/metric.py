@@ -600,6 +600,13 @@ class ScalarProductMetric(RiemannianMetric):
         energy, gradient = self.underlying_metric.energy_and_gradient(path)
         return self.scale * energy, self.scale * gradient
 
+    def squared_dists_and_gradient(
+        self, point: Points, others: Points, weights: Array
+    ) -> tuple[Array, Array]:
+        metric = self.underlying_metric
+        squared, gradient = metric.squared_dists_and_gradient(point, others, weights)
+        return self.scale * squared, self.scale * gradient
+
     def inner_product(
         self,
         tangent_vec_a: TangentVectors,

@@ -399,6 +399,11 @@ def test_multiples_of_every_metric(case):
         np.testing.assert_allclose(found, factor * expected, rtol=1e-12, err_msg=name)
     gradients = [one.energy_and_gradient(path)[1] for one in (double, metric)]
     np.testing.assert_allclose(gradients[0], 4.0 * gradients[1])
+    weights = np.array([1.0, 0.5])
+    squared, gradient = metric.squared_dists_and_gradient(x, path[1:3], weights)
+    found, found_gradient = double.squared_dists_and_gradient(x, path[1:3], weights)
+    np.testing.assert_array_equal(found, 4.0 * squared)
+    np.testing.assert_array_equal(found_gradient, 4.0 * gradient)
     for name in dir(RiemannianMetric):
         if name.startswith(("is_", "has_")):
             assert getattr(double, name) == getattr(metric, name)
