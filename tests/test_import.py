@@ -53,7 +53,7 @@ def test_public_names_are_listed_once_and_visible():
 
 def test_packages_show_public_names_only():
     members = [getattr(riemhuman, name) for name in riemhuman.__all__]
-    packages = [each for each in members if {"__path__", "__dir__"} <= vars(each).keys()]
+    packages = [member for member in members if {"__path__", "__dir__"} <= vars(member).keys()]
     assert len(packages) > 10
     for package in packages:
         assert dir(package) == sorted(package.__all__)

@@ -73,7 +73,9 @@ def test_noise_on_vertices(benchmark, bodies):
                 found[name].append(rh.retrieval.scores(distances, bodies.subject))
 
     clocked(run, benchmark=benchmark)
-    print(f"\n| NN / FT / ST, noise of | {' mm | '.join(f'{each:g}' for each in MILLIMETRES)} mm |")
+    print(
+        f"\n| NN / FT / ST, noise of | {' mm | '.join(f'{noise:g}' for noise in MILLIMETRES)} mm |"
+    )
     for name, row in found.items():
         print(f"| {name} | {' | '.join(map(shown, row))} |")
     assert all(scores.nn >= 99.0 for scores in found["AreaMetric"])

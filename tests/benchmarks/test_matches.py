@@ -31,11 +31,11 @@ def test_matches_of_different_connectivity(benchmark, tmp_path):
     registration = ScanRegistration()
 
     def register():
-        return [registration.solve((each.vertices, each.faces)) for each in meshes]
+        return [registration.solve((mesh.vertices, mesh.faces)) for mesh in meshes]
 
     results = benchmark.pedantic(register, rounds=1)
     loaded = [meshes[k] for k in range(len(meshes))]
-    print(f"\n{name}: {sum(each.trusted for each in results)} of {len(meshes)} meshes trusted")
+    print(f"\n{name}: {sum(result.trusted for result in results)} of {len(meshes)} meshes trusted")
     means, placed = [], []
     for a, b in meshes.pairs:
         if not (results[a].trusted_vertices.any() and results[b].trusted_vertices.any()):

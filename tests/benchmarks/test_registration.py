@@ -251,10 +251,10 @@ def test_trust(benchmark, seed):
         ]
 
     found = benchmark.pedantic(run, rounds=1)
-    right = [each for each in found if each[2] < RIGHT_METRES and each[3] < WRONG_METRES]
-    wrong = [each for each in found if each[2] > WRONG_METRES]
-    refused = [each for each in right if not each[4]]
-    trusted = [each for each in wrong if each[4]]
+    right = [row for row in found if row[2] < RIGHT_METRES and row[3] < WRONG_METRES]
+    wrong = [row for row in found if row[2] > WRONG_METRES]
+    refused = [row for row in right if not row[4]]
+    trusted = [row for row in wrong if row[4]]
     print(f"\n{len(refused)} of {len(right)} right bodies refused", *refused, sep="\n")
     print(f"{len(trusted)} of {len(wrong)} wrong bodies trusted", *trusted, sep="\n")
     assert len(refused) <= max(1, len(right) / 50)

@@ -149,12 +149,14 @@ def test_hands_are_posed_before_the_surface_is():
     arguments = parameters(model)
     hands = np.random.default_rng(5).normal(size=(2, 4))
     found = model(*arguments, hands)
-    for surface, each in zip(found, hands, strict=True):
-        expected, joints = skinned(model, *arguments, each)
+    for surface, coefficients in zip(found, hands, strict=True):
+        expected, joints = skinned(model, *arguments, coefficients)
         np.testing.assert_allclose(surface, expected, rtol=0, atol=1e-11)
         np.testing.assert_allclose(model.joints(*arguments), joints, rtol=0, atol=1e-11)
     np.testing.assert_array_equal(model(*arguments, 0.0 * hands[0]), model(*arguments))
-    gradient = autograd.grad(lambda each: anp.sum(model(*arguments, each) ** 2))(hands[0])
+    gradient = autograd.grad(lambda coefficients: anp.sum(model(*arguments, coefficients) ** 2))(
+        hands[0]
+    )
     step = 1e-6 * hands[1]
     ends = [np.sum(model(*arguments, hands[0] + s) ** 2) for s in (step, -step)]
     assert gradient @ step == pytest.approx((ends[0] - ends[1]) / 2, rel=1e-5)

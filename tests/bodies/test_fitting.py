@@ -54,7 +54,7 @@ def test_bodies_are_recovered(model, n_bodies):
     np.testing.assert_allclose(1e3 * fit.mean_distance, distances_mm(surfaces, points), atol=1e-9)
     np.testing.assert_allclose(fit.betas, betas, atol=1e-4)
     np.testing.assert_allclose(fit.trans, trans, atol=1e-5)
-    turns, found = (Rotation.from_rotvec(each.reshape(-1, 3)) for each in (pose, fit.pose))
+    turns, found = (Rotation.from_rotvec(vectors.reshape(-1, 3)) for vectors in (pose, fit.pose))
     # Toes of the coarse model hang on few vertices, and so are the least certain.
     assert (turns.inv() * found).magnitude().max() < 1e-3
     assert np.linalg.norm(fit.pose, axis=-1).max() <= np.pi + 1e-12
@@ -179,7 +179,7 @@ def test_the_cost_of_a_fit_has_no_gradient(model, smpl, loss, which, mapped):
     chosen = _on_triangles(body, 600, rng) if mapped else None
     combine = correspondence_matrix(body, chosen).toarray()
     hands = [model.hand_pose("fist", "open")] if which == "open" else []
-    target = combine @ body(*(each[0] for each in parameters(body, 1, rng=22)), *hands)
+    target = combine @ body(*(values[0] for values in parameters(body, 1, rng=22)), *hands)
     target = target + 0.005 * rng.normal(size=target.shape)
     shares = rng.uniform(size=len(target))
     shares /= shares.sum()
@@ -194,7 +194,7 @@ def test_the_cost_of_a_fit_has_no_gradient(model, smpl, loss, which, mapped):
         if loss == "huber":
             gaps = anp.where(gaps > 0.01**2, 0.02 * anp.sqrt(gaps) - 0.01**2, gaps)
         prior = 1e-5 * anp.sum(betas**2) + 1e-4 * anp.sum(pose[1:] ** 2)
-        return anp.sum(shares * gaps) + prior + sum(1e-6 * anp.sum(each**2) for each in hands)
+        return anp.sum(shares * gaps) + prior + sum(1e-6 * anp.sum(values**2) for values in hands)
 
     found = [fit.betas, fit.pose, fit.trans, fit.hands][: 3 + len(hands)]
     for argument in range(len(found)):
@@ -263,7 +263,9 @@ def test_from_coarse_to_full_and_back(model):
     back = model.fit(posed, correspondence=here)
     # Vertices of the full skin lie up to some millimetres off the coarse triangles.
     assert back.mean_distance.max() < 5e-3
-    surfaces = [model(each.betas, each.pose, each.trans) for each in (back, fit)]
+    surfaces = [
+        model(model_fit.betas, model_fit.pose, model_fit.trans) for model_fit in (back, fit)
+    ]
     np.testing.assert_allclose(*surfaces, atol=0.02)
 
 

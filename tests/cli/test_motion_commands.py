@@ -34,7 +34,7 @@ def people(folder):
 def test_distance(run, people):
     finished = run("motions", "dist", *people[:2], "--json")
     assert finished.code == 0, finished.err
-    m1, m2 = (rh.datasets.load_mesh_motions(each)[0] for each in people[:2])
+    m1, m2 = (rh.datasets.load_mesh_motions(folder)[0] for folder in people[:2])
     space = rh.AlignedSurfaces(rh.Template(m1[0], m1.faces))
     pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
     expected = rh.motions.DynamicTimeWarping(pose, between_frames=True).dist(m1, m2)
@@ -53,7 +53,7 @@ def test_rotations_and_travel(run, refused, people, tmp_path):
     rotations = json.loads(
         run("motions", "dist", *people[:2], "--metric", "rotation", "--json").out
     )
-    m1, m2 = (rh.datasets.load_mesh_motions(each)[0] for each in people[:2])
+    m1, m2 = (rh.datasets.load_mesh_motions(folder)[0] for folder in people[:2])
     space = rh.AlignedSurfaces(rh.Template(m1[0], m1.faces))
     measure = rh.motions.DynamicTimeWarping(rh.RotationMetric(space), between_frames=True)
     assert rotations["distance"] == pytest.approx(measure.dist(m1, m2), rel=1e-9)
@@ -69,7 +69,7 @@ def test_rotations_and_travel(run, refused, people, tmp_path):
 
 
 def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, tmp_path):
-    motions = [rh.datasets.load_mesh_motions(each)[0] for each in people[:2]]
+    motions = [rh.datasets.load_mesh_motions(folder)[0] for folder in people[:2]]
     faces, body = motions[0].faces, motions[0][2]
     for name, motion in zip("ab", motions, strict=True):
         (tmp_path / name).mkdir()
@@ -93,7 +93,7 @@ def test_matrix(run, folder, people, tmp_path, by):
     finished = run("motions", "matrix", folder, "-o", file, "--by", by, "-q")
     assert finished.code == 0, finished.err
     arrays = np.load(file)
-    assert arrays["names"].tolist() == [each.name for each in people]
+    assert arrays["names"].tolist() == [place.name for place in people]
     single = run("motions", "dist", *people[:2], "--by", by)
     assert float(single.out) == pytest.approx(arrays["distances"][0, 1], rel=1e-6)
 

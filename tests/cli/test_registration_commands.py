@@ -102,7 +102,7 @@ def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkey
 
 def test_a_partial_scan_is_told_about_in_one_line(run, scan, fitted, tmp_path):
     finished = run("register", scan, "-o", tmp_path / "body.ply", "--coarse", "--verbose")
-    (line,) = [each for each in finished.err.splitlines() if "missing" in each]
+    (line,) = [text for text in finished.err.splitlines() if "missing" in text]
     assert re.search(r"scan\.npy: no body: \d+ measurements are missing$", line)
     assert "log-likelihood 2.52" in finished.out
     finished = run("register", scan, "-o", tmp_path / "body.ply", "--coarse", "-f", "--json")

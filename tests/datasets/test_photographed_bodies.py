@@ -94,7 +94,7 @@ def test_bodies_have_the_labels_of_their_files(bodies, photograph, tmp_path):
     assert found.pose.tolist() == [0, 1, 0]
     (tmp_path / "labels.csv").write_text("file,subject,pose\nben,Ben,sits\nanna,Anna,walks\n")
     found = rh.datasets.load_bodies(tmp_path, faces=faces)
-    assert [found.subject_names[each] for each in found.subject] == ["Anna", "Anna", "Ben"]
+    assert [found.subject_names[number] for number in found.subject] == ["Anna", "Anna", "Ben"]
     with pytest.raises(rh.errors.ArgumentError, match="metres"):
         rh.datasets.load_bodies(tmp_path, faces=faces, unit="centimetres")
 

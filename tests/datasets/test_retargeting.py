@@ -172,9 +172,9 @@ def write_recording(path, model, truth, maker, rate=30.0):
             channels.append(Rotation.from_matrix(local).as_euler(order, degrees=True))
         if not parent:
             channels.append(positions[:, joint] @ world.T)
-        below = [each for each in names if nearest(each) == name]
-        for each in below:
-            visit(each, name)
+        below = [child for child in names if nearest(child) == name]
+        for child in below:
+            visit(child, name)
         if not below:
             lines.append(f"End Site\n{{\nOFFSET {' '.join(map(str, [0.05 / unit, 0, 0]))}\n}}")
         lines.append("}")

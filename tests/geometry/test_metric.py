@@ -264,9 +264,9 @@ def test_constructors_may_set_a_parameter_twice():
     metric = Doubled(HalfPlane(), 3)
     assert metric.scale == 6.0
     metric.n_calls += 1
-    for each in (metric, copy.deepcopy(metric), Scaled(HalfPlane(), 1)):
+    for scaled in (metric, copy.deepcopy(metric), Scaled(HalfPlane(), 1)):
         with pytest.raises(ArgumentError, match="scale of .* cannot be changed"):
-            each.scale = 1.0
+            scaled.scale = 1.0
 
 
 # Bad input.

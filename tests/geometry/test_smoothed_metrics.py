@@ -124,7 +124,7 @@ def test_parts_and_vertices_of_no_triangle():
     )
     pairs = surfaces(one, 2), surfaces(other, 2)
     lonely = np.array([[0.0, 0.0, 0.0]]), np.array([[5.0, 1.0, 2.0]])
-    together = [np.vstack(each) for each in zip(pairs[0], lonely, pairs[1], strict=True)]
+    together = [np.vstack(pieces) for pieces in zip(pairs[0], lonely, pairs[1], strict=True)]
     metric = AreaMetric(AlignedSurfaces(both), time=0.1)
     parts = [
         AreaMetric(AlignedSurfaces(template), time=0.1).squared_dist(*pair)
@@ -146,7 +146,7 @@ def test_seams_change_nothing():
     cut = Template(np.vstack([template.vertices, template.vertices[twins]]), faces)
     f = surfaces(template, 2)
     torn = np.concatenate([f, f[:, twins]], axis=1)
-    whole, apart = (AreaMetric(AlignedSurfaces(each), time=0.1) for each in (template, cut))
+    whole, apart = (AreaMetric(AlignedSurfaces(domain), time=0.1) for domain in (template, cut))
     assert apart.dist(*torn) == pytest.approx(whole.dist(*f), rel=1e-12)
     np.testing.assert_allclose(apart.dist_pairwise(torn), whole.dist_pairwise(f), rtol=1e-6)
     fields = apart.log_areas(torn)

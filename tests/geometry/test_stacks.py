@@ -68,11 +68,11 @@ def metric_knows_curvature(metric):
 def test_stacks_are_those_of_each(case):
     for name, arrays in calls(case).items():
         method = getattr(case.metric, name)
-        each = np.array([method(*row) for row in zip(*arrays, strict=True)])
-        scale = np.abs(each[np.isfinite(each)]).max(initial=1e-300)
+        one_by_one = np.array([method(*row) for row in zip(*arrays, strict=True)])
+        scale = np.abs(one_by_one[np.isfinite(one_by_one)]).max(initial=1e-300)
         # Two leading axes, and a single point or vector with a stack of others.
         shaped = [np.reshape(array, (2, 2, *array.shape[1:])) for array in arrays]
-        expected = each.reshape(2, 2, *each.shape[1:])
+        expected = one_by_one.reshape(2, 2, *one_by_one.shape[1:])
         found = method(*shaped)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * scale, err_msg=name)
         mixed = (*arrays[:-1], arrays[-1][0]) if name != "injectivity_radius" else arrays

@@ -61,15 +61,16 @@ def ply(elements, encoding, line_end="\n"):
     for name, properties, rows in elements:
         header.append(f"element {name} {len(rows)}")
         header += [
-            f"property {'list ' if len(each) == 3 else ''}{' '.join(each)}" for each in properties
+            f"property {'list ' if len(words) == 3 else ''}{' '.join(words)}"
+            for words in properties
         ]
         for row in rows:
             numbers, codes = [], ""
-            for each, value in zip(properties, row, strict=True):
-                values = value if len(each) == 3 else [value]
-                if len(each) == 3:
-                    numbers, codes = [*numbers, len(values)], codes + CODES[each[0]]
-                numbers, codes = numbers + list(values), codes + CODES[each[-2]] * len(values)
+            for words, value in zip(properties, row, strict=True):
+                values = value if len(words) == 3 else [value]
+                if len(words) == 3:
+                    numbers, codes = [*numbers, len(values)], codes + CODES[words[0]]
+                numbers, codes = numbers + list(values), codes + CODES[words[-2]] * len(values)
             text = (" ".join(map(repr, numbers)) + line_end).encode()
             body += struct.pack(order + codes, *numbers) if order else text
     return line_end.join([*header, "end_header", ""]).encode() + body
@@ -495,9 +496,9 @@ def test_polygons_are_split_alike_from_every_source(tmp_path):
     polygons = [[1, 2, 3, 0], [0, 1, 4], [4, 3, 2, 1, 0]]
     expected = [[1, 2, 3], [1, 3, 0], [0, 1, 4], [4, 3, 2], [4, 2, 1], [4, 1, 0]]
     points = "\n".join(" ".join(map(str, corner)) for corner in corners)
-    counted = "\n".join(" ".join(map(str, [len(each), *each])) for each in polygons)
+    counted = "\n".join(" ".join(map(str, [len(polygon), *polygon])) for polygon in polygons)
     lines = ["v " + line for line in points.split("\n")]
-    lines += ["f " + " ".join(str(k + 1) for k in each) for each in polygons]
+    lines += ["f " + " ".join(str(k + 1) for k in polygon) for polygon in polygons]
     files = [
         write(tmp_path, "surface.off", f"OFF\n5 3 0\n{points}\n{counted}\n"),
         write(tmp_path, "surface.obj", "\n".join(lines) + "\n"),
@@ -507,7 +508,7 @@ def test_polygons_are_split_alike_from_every_source(tmp_path):
         files.append(write(tmp_path, f"{encoding}.ply", content))
     for file in files:
         assert_reads(file, (corners, expected))
-    listed = np.concatenate([[len(each), *each] for each in polygons])
+    listed = np.concatenate([[len(polygon), *polygon] for polygon in polygons])
     like_pyvista = SimpleNamespace(points=corners, faces=listed)
     assert as_arrays(like_pyvista)[1].tolist() == expected
     assert Template(like_pyvista).faces.tolist() == expected

@@ -68,9 +68,9 @@ class GlbAnimation:
             numbers = self.array(attributes[f"JOINTS_{number}"])
             weights = self.array(attributes[f"WEIGHTS_{number}"])
             for k in range(4):
-                each = joints[numbers[:, k]]
+                joint = joints[numbers[:, k]]
                 moved += weights[:, k, None] * (
-                    np.einsum("vij,vj->vi", each[:, :3, :3], rest) + each[:, :3, 3]
+                    np.einsum("vij,vj->vi", joint[:, :3, :3], rest) + joint[:, :3, 3]
                 )
         return moved
 

@@ -65,8 +65,8 @@ def test_derivatives(bodies, measurements):
     np.testing.assert_allclose((moved[0] - moved[1]) / 2e-6, slopes, rtol=1e-3, atol=1e-3)
     few = Measurements(measurements.definitions, ["waist girth", "volume", "back length"])
     both = few.measure(bodies.points[:2], gradient=True).gradient
-    each = [few.measure(point, gradient=True).gradient for point in bodies.points[:2]]
-    np.testing.assert_allclose(both, each, atol=1e-12)
+    gradients = [few.measure(point, gradient=True).gradient for point in bodies.points[:2]]
+    np.testing.assert_allclose(both, gradients, atol=1e-12)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ def test_pictures_have_at_most_fifteen_lines_each_once():
     lines = MEASUREMENTS.lines(BODIES[20])
     groups = pictured(EVERY, lines)
     members = [k for group in groups for k in group.members]
-    drawn = [k for k, each in enumerate(EVERY) if lines[each.name]]
+    drawn = [k for k, measurement in enumerate(EVERY) if lines[measurement.name]]
     assert sorted(members) == drawn
     assert max(len(group.members) for group in groups) <= MOST_IN_GROUP
 
@@ -109,6 +109,6 @@ def test_measurements_are_found_by_name(browser, page):
         "return [...document.querySelectorAll('[data-row]')].filter((row) => row.checkVisibility())"
         ".map((row) => row.querySelector('th').textContent)"
     )
-    assert set(names) == {each.name for each in EVERY if "knee" in each.name}
+    assert set(names) == {measurement.name for measurement in EVERY if "knee" in measurement.name}
     assert browser.run("return document.documentElement.scrollWidth") <= 390
     assert browser.console() == []

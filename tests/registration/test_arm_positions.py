@@ -14,7 +14,7 @@ def arm(model, request):
     """Return the skeleton, the joints of an arm, and the pose of a hand on the hip."""
     fitter = RegistrationModel(model)
     pose = Pose(fitter.poses["hips"], np.zeros(len(fitter.betas_precisions)), np.zeros(3))
-    (surface,) = (each for each in fitter.arm_surfaces if each.side == request.param)
+    (surface,) = (candidate for candidate in fitter.arm_surfaces if candidate.side == request.param)
     return surface.samples.skeleton, surface.joints, pose
 
 
@@ -47,8 +47,8 @@ def test_a_moved_hand_is_where_it_was_sent_and_not_rotated(arm, shift):
     np.testing.assert_allclose(after.rotations[wrist], before.rotations[wrist], atol=1e-9)
     for first, second in ((shoulder, elbow), (elbow, wrist)):
         lengths = [
-            np.linalg.norm(each.positions[second] - each.positions[first])
-            for each in (before, after)
+            np.linalg.norm(posture.positions[second] - posture.positions[first])
+            for posture in (before, after)
         ]
         np.testing.assert_allclose(*lengths)
 
@@ -61,7 +61,7 @@ def test_a_moved_foot_is_where_it_was_sent(model, side):
     joints = np.array(fitter.parts.numbers(*(f"{side}_{k}" for k in ("hip", "knee", "ankle"))))
     shift = np.array([0.05, 0.03, 0.1])
     before, after = (
-        joints_of(skeleton, each) for each in (pose, move_end(skeleton, pose, joints, shift))
+        joints_of(skeleton, posture) for posture in (pose, move_end(skeleton, pose, joints, shift))
     )
     hip, _, ankle = joints
     np.testing.assert_allclose(after.positions[hip], before.positions[hip], atol=1e-9)

@@ -35,7 +35,7 @@ def test_rotating_a_forearm_moves_no_joint(fitter):
                     np.delete(rotated.local, [elbow, wrist], 0),
                     np.delete(pose.local, [elbow, wrist], 0),
                 )
-                places = [pose_body(body, each).motions.positions for each in (pose, rotated)]
+                places = [pose_body(body, posture).motions.positions for posture in (pose, rotated)]
                 np.testing.assert_allclose(*places, atol=1e-12)
                 turns.append(pose.local[elbow].T @ rotated.local[elbow])
                 bends.append(rotated.local[wrist])

@@ -35,7 +35,7 @@ def pair(bodies, registration):
     surfaces = bodies[[STANDING, ARMS_ON_HIPS]]
     options = {"n_points": 4000, "mesh": True, "noise": 0.0, "rotate": False}
     faces = bodies.template.faces
-    scans = [simulated_scan(each, faces, k, **options) for k, each in enumerate(surfaces)]
+    scans = [simulated_scan(surface, faces, k, **options) for k, surface in enumerate(surfaces)]
     results = [
         registration.solve(scan.surface, start=body)
         for scan, body in zip(scans, surfaces, strict=True)

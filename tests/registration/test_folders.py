@@ -57,12 +57,12 @@ def test_bodies_are_apart_by_trust(registered, registration, folders):
     moved = arrays["points"] @ transform[:3, :3].T + transform[:3, 3]
     np.testing.assert_allclose(points, moved, atol=1e-12)
     assert abs(points[:, 1].min()) < 1e-9
-    assert sorted(str(each.relative_to(output)) for each in output.glob("**/*.ply")) == [
+    assert sorted(str(entry.relative_to(output)) for entry in output.glob("**/*.ply")) == [
         "anna.ply",
         "partial/ben.ply",
         "untrusted/box.ply",
     ]
-    assert [each.name for each in read_records(output)][:2] == ["broken", "box"]
+    assert [entry.name for entry in read_records(output)][:2] == ["broken", "box"]
     trusted = rh.io.load_trusted(output / "partial" / "ben.ply")
     assert not trusted.all()
     np.testing.assert_array_equal(trusted, registered[1].arrays["trusted_vertices"])

@@ -135,7 +135,7 @@ def test_an_elbow_that_points_elsewhere_is_not_trusted(fitter, akimbo, number, d
     pose = swing_elbow(arm.samples.skeleton, akimbo.fit.pose, arm.joints, degrees)
     doubts = find_limb_doubts(with_pose(fitter, akimbo, pose))
     reason = f"{arm.side} arm: two explanations fit almost equally, in which the elbow points"
-    (doubt,) = [each for each in doubts if each.reason.startswith(reason)]
+    (doubt,) = [candidate for candidate in doubts if candidate.reason.startswith(reason)]
     on_arm = fitter.parts.vertices(arm.joints[1:].tolist())
     assert on_arm[doubt.vertices].all()
     assert doubt.vertices[fitter.parts.owners == arm.joints[2]].mean() > 0.5
@@ -151,7 +151,9 @@ def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo):
     assert contact is not None
     np.testing.assert_allclose(np.linalg.norm(contact), 1.0)
     doubts = find_limb_doubts(within)
-    (doubt,) = [each for each in doubts if each.reason.startswith(f"{arm.side} arm: two")]
+    (doubt,) = [
+        candidate for candidate in doubts if candidate.reason.startswith(f"{arm.side} arm: two")
+    ]
     assert doubt.reason.endswith("the hand is on the other side of what it touches")
     assert doubt.vertices[fitter.parts.owners == arm.joints[3]].mean() > 0.9
 

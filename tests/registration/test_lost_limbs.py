@@ -37,7 +37,8 @@ def test_what_is_above_a_missing_limb_stays_in_place(registration_from, model, b
     owners = model.weights.argmax(axis=1)
     above = owners == model.joint_names.index(parts[joint])
     errors = [
-        np.linalg.norm(each.fit.points - body, axis=1)[above].mean() for each in (whole, fitted)
+        np.linalg.norm(body_fit.fit.points - body, axis=1)[above].mean()
+        for body_fit in (whole, fitted)
     ]
     assert errors[1] < 0.01
     assert errors[1] < 0.85 * errors[0]

@@ -65,7 +65,7 @@ def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
         step = take_step(posed, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
         posed = pose_body(body, step)
         gaps.append(targets - posed.points)
-    sizes = [np.abs(each).max() for each in gaps]
+    sizes = [np.abs(gap).max() for gap in gaps]
     # The damping of 1e-4 keeps Gauss–Newton's steps from being exact.
     assert sizes[1] < 0.1 * sizes[0]
     assert sizes[2] < 0.1 * sizes[1]

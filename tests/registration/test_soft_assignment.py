@@ -32,7 +32,7 @@ def test_assignment_is_the_mixture(rng, signed):
     total = joint.sum(axis=0) + OUTLIERS
     shares = joint / total
 
-    single = [each.T.astype(np.float32).copy() for each in (points, normals)]
+    single = [rows.T.astype(np.float32).copy() for rows in (points, normals)]
     masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
     likelihood = assign(
         *single,

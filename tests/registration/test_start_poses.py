@@ -13,12 +13,12 @@ from riemhuman.registration._start_poses import (
 
 
 def test_arms_reach_from_the_collar_to_the_wrist(model):
-    for each in (model, with_smpls_tree(model)):
-        names = usual_joint_names(each)
-        for side, arm in zip(("left", "right"), BodyParts(each).arms, strict=True):
+    for named in (model, with_smpls_tree(model)):
+        names = usual_joint_names(named)
+        for side, arm in zip(("left", "right"), BodyParts(named).arms, strict=True):
             joints = [f"{side}_{joint}" for joint in ("collar", "shoulder", "elbow", "wrist")]
             assert [names[joint] for joint in arm] == joints
-            np.testing.assert_array_equal(each.parents[arm[1:]], arm[:-1])
+            np.testing.assert_array_equal(named.parents[arm[1:]], arm[:-1])
 
 
 def test_a_model_without_names_has_no_arms(model):

@@ -231,7 +231,7 @@ def test_separate_parts_are_opposite_their_mirror_images():
     high, low = np.array([2.0, 2.0, 0.0]), np.array([2.0, -2.0, 0.0])
     points = [ball + high, (turned + high) * mirror, ball + low, ball + low * mirror]
     corners = [triangles, triangles[:, ::-1], triangles, triangles]
-    faces = np.concatenate([each + number * count for number, each in enumerate(corners)])
+    faces = np.concatenate([rows + number * count for number, rows in enumerate(corners)])
     nowhere = np.full(4 * count, -1)
     image = _mirrored_meshes.with_separate_parts(nowhere, faces, np.concatenate(points))
     left, right = np.arange(2 * count).reshape(2, -1)

@@ -88,7 +88,8 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
     scan = prepare_scan(rh.registration.Scan(fist, model.faces))
     gaps = np.linalg.norm(straight - fist, axis=1)
     found = [
-        find_seen(model.template, each, gaps < 0.04, scan, SETTINGS) for each in (straight, fist)
+        find_seen(model.template, surface, gaps < 0.04, scan, SETTINGS)
+        for surface in (straight, fist)
     ]
     assert found[0][gaps > 0.04].mean() < 0.1
     assert found[1].all()  # as in a hole, where fists are right

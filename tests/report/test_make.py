@@ -291,10 +291,10 @@ def chosen_bodies(bodies, numbers, *, labelled=True):
     chosen = bodies[numbers]
     if labelled:
         return chosen
-    each = np.arange(len(chosen))
+    order = np.arange(len(chosen))
     return Bodies(
-        chosen.points, each, each, chosen.template, subject_names=tuple(f"b{k}" for k in each),
-        pose_names=("",) * len(each),
+        chosen.points, order, order, chosen.template, subject_names=tuple(f"b{k}" for k in order),
+        pose_names=("",) * len(order),
     )  # fmt: skip
 
 

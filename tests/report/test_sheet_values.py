@@ -23,7 +23,7 @@ def test_changes_since_a_visit(bodies, measurements):
     betas = bodies.betas[0].copy()
     later = betas + np.eye(len(betas))[1] * 0.8
     pose = bodies.pose_vectors[0]
-    before, after = (bodies.model(each, pose) for each in (betas, later))
+    before, after = (bodies.model(shape, pose) for shape in (betas, later))
     sheet = rh.report.sheet(after, name="Emma", before=before)
     expected = rh.measurements.compare_visits(measurements, before, after)
     assert sheet.changes is not None

@@ -37,7 +37,7 @@ def test_lost_frames_do_not_lift_the_motion(model, lost):
     assert lows.min() > -0.006
     assert lows.max() < lowest_points(whole).max() + 0.03
     others = np.setdiff1d(np.arange(len(lows)), [k + d for k in lost for d in range(-8, 9)])
-    heights = [each.translations[others, 1] for each in (motion, whole)]
+    heights = [performed.translations[others, 1] for performed in (motion, whole)]
     np.testing.assert_allclose(*heights, atol=0.02)
 
 

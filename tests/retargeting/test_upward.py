@@ -106,7 +106,7 @@ def test_doubt_about_files_in_the_layout_of_amass_is_said(tmp_path):
         warnings.simplefilter("always")
         heights = np.ptp(load_amass(path)[0][::20][..., 1], axis=1)
     assert heights.min() > 1.4
-    assert any("to point up, but it might as well be z" in str(each.message) for each in said)
+    assert any("to point up, but it might as well be z" in str(warning.message) for warning in said)
 
 
 def test_up_of_amass_is_an_axis(tmp_path):

@@ -257,4 +257,4 @@ def test_points_of_the_manifold_alone_are_asked_for():
     metric = Watched(CASES["normals sphere"].space)
     assert check_metric(metric, points).passed
     assert len(seen) > 100
-    assert all(np.all(metric.space.belongs(each)) for each in seen)
+    assert all(np.all(metric.space.belongs(point)) for point in seen)

@@ -75,22 +75,24 @@ def parameters_of(function):
     """Return the parameters of a class or method, without self."""
     function = getattr(function, "__func__", function)
     parameters = list(inspect.signature(function).parameters.values())
-    return [each for each in parameters if each.name not in ("self", "cls")]
+    return [parameter for parameter in parameters if parameter.name not in ("self", "cls")]
 
 
 def call_of(name, parameters):
     """Return how something is called, as text."""
     texts = []
-    for each in parameters:
-        prefix = {each.VAR_POSITIONAL: "*", each.VAR_KEYWORD: "**"}.get(each.kind, "")
-        default = "" if each.default is each.empty else f"={each.default!r}"
-        texts.append(f"{prefix}{each.name}{default}")
+    for parameter in parameters:
+        prefix = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(
+            parameter.kind, ""
+        )
+        default = "" if parameter.default is parameter.empty else f"={parameter.default!r}"
+        texts.append(f"{prefix}{parameter.name}{default}")
     return f"{name}({', '.join(texts)})"
 
 
 def is_met(theirs, ours):
     """Return whether every call that theirs takes is taken by ours, and means the same."""
-    wanted = [each for each in theirs if each.kind is not each.VAR_KEYWORD]
+    wanted = [parameter for parameter in theirs if parameter.kind is not parameter.VAR_KEYWORD]
     if len(ours) < len(wanted):
         return False
     for their, our in zip(wanted, ours, strict=False):
@@ -98,7 +100,11 @@ def is_met(theirs, ours):
             return False
         if their.default is not their.empty and their.default != our.default:
             return False
-    return all(each.default is not each.empty for each in ours[len(wanted) :] if each.kind < 2)
+    return all(
+        parameter.default is not parameter.empty
+        for parameter in ours[len(wanted) :]
+        if parameter.kind < 2
+    )
 
 
 def differences_of(their_dotted, our_dotted):

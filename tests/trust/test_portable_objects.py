@@ -42,7 +42,7 @@ def use(case):
         results.append(metric.geodesic(points[0], points[1])(0.3))
     if "log" in case.can:
         results.append(metric.log(points[1], points[0]))
-    return [np.asarray(each) for each in results]
+    return [np.asarray(result) for result in results]
 
 
 @pytest.mark.everyday(*NAMES_OF_KINDS)
