@@ -255,6 +255,8 @@ def lock_file(file: Path, message: str) -> Iterator[None]:
             lock.acquire()
         except Timeout as error:
             raise FileError(message) from error
+        except NotImplementedError as error:  # of older versions, in a folder without locks
+            raise FileError(f"{file} cannot be locked: {error}") from error
     try:
         yield
     finally:

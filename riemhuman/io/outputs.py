@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -144,17 +144,22 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
 
 @contextmanager
 def _locked_neighbour(path: Path) -> Iterator[Path]:
-    """Yield a hidden name that others leave alone as long as this process lives."""
+    """Yield a hidden name that others leave alone as long as this process lives.
+
+    Some network folders have no locks. There, names have none, and nobody cleans up.
+    """
     with ExitStack() as stack:
-        for attempt in range(_ATTEMPTS):
+        for _ in range(_ATTEMPTS):
             temporary = neighbour(path)
             lock = temporary.with_name(temporary.name + _LOCK)
             try:
                 stack.enter_context(lock_file(lock, f"{path} cannot be written: {lock} is in use"))
                 break
-            except FileError:  # a process that cleans up was faster
-                if attempt + 1 == _ATTEMPTS:
-                    raise
+            except FileError:  # a process that cleans up was faster, or there are no locks
+                with suppress(OSError):
+                    lock.unlink()
+        else:
+            temporary = neighbour(path)
         yield temporary
 
 

@@ -8,6 +8,7 @@ import sys
 import zlib
 from pathlib import Path
 
+import filelock
 import numpy as np
 import pytest
 
@@ -173,6 +174,16 @@ def test_a_lock_is_for_one_process(tmp_path):
     with lock_file(file, "busy"):
         pass
     assert not file.exists()
+
+
+def test_a_folder_without_locks(tmp_path, monkeypatch):
+    def acquire(lock, **options):
+        raise NotImplementedError("use another lock")
+
+    monkeypatch.setattr(filelock.FileLock, "acquire", acquire)
+    file = tmp_path / "a.lock"
+    with pytest.raises(FileError, match="cannot be locked: use another"), lock_file(file, "busy"):
+        pass
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Places of outputs are checked before the work, and folders appear whole or not at all."""
 
+import errno
 import os
 import re
 import shutil
@@ -253,6 +254,25 @@ def test_what_a_killed_writer_of_files_left_is_removed(tmp_path):
     ):
         places["table"].touch()
     assert {place.name for place in tmp_path.iterdir()} == {"D.csv", "other.csv"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of Unix")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_folders_without_locks_are_written_too(tmp_path, monkeypatch, number):
+    """Some network folders have none: files and folders appear, and nothing hidden stays."""
+    import fcntl
+
+    def no_lock(descriptor, operation):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", no_lock)
+    (tmp_path / "old.txt").write_text("old")
+    with files_together({"text": tmp_path / "old.txt"}) as places:
+        places["text"].write_text("new")
+    with atomic_folder(tmp_path / "path") as folder:
+        (folder / "0.ply").touch()
+    assert sorted(os.listdir(tmp_path)) == ["old.txt", "path"]
+    assert (tmp_path / "old.txt").read_text() == "new"
 
 
 def test_files_of_several_folders_appear_together(tmp_path):
