@@ -33,6 +33,8 @@ _POINT_CLOUDS = {
     ".pcd": "open3d.io.write_point_cloud('scan.ply', open3d.io.read_point_cloud('scan.pcd'))",
     ".e57": "CloudCompare -SILENT -O scan.e57 -C_EXPORT_FMT PLY -SAVE_CLOUDS",
 }
+# What file managers of macOS, Windows and KDE write into folders.
+_OF_SYSTEMS = (".DS_Store", "Thumbs.db", "desktop.ini", ".directory")
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
 # Bytes of the name of a file or folder.
@@ -160,6 +162,11 @@ def check_replaceable(file: Path) -> None:
 def neighbour(path: Path) -> Path:
     """Return an unused hidden name in the folder of a path, with the same suffix."""
     return path.with_name(f".{path.stem[:40]}.{secrets.token_hex(4)}.part{path.suffix}")
+
+
+def is_of_system(entry: os.DirEntry[str]) -> bool:
+    """Return whether a file manager has added a file to a folder that somebody looked into."""
+    return entry.name in _OF_SYSTEMS and entry.is_file(follow_symlinks=False)
 
 
 def visible_files(folder: Path, *endings: str, deep: bool = False) -> list[Path]:

@@ -27,6 +27,7 @@ from riemhuman.io.files import (
     convert_errors,
     file_path,
     format_errors,
+    is_of_system,
     json_value,
     lock_file,
     read_bytes,
@@ -50,7 +51,7 @@ class JobFolder:
         self.path = file_path(path, "folder", "folder").absolute()
         with convert_errors(self.path, "cannot be used as the folder of a job"):
             self.path.mkdir(parents=True, exist_ok=True)
-            names = {entry.name for entry in self.path.iterdir()}
+            names = {entry.name for entry in os.scandir(self.path) if not is_of_system(entry)}
         # Beside its lock, a process killed at the start may have left an unnamed manifest.
         foreign = sorted(n for n in names if n != _LOCK and not n.startswith(".manifest."))
         if MANIFEST in names:

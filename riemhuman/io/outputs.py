@@ -14,6 +14,7 @@ from riemhuman.errors import FileError, warn
 from riemhuman.io.files import (
     check_replaceable,
     convert_errors,
+    is_of_system,
     lock_file,
     neighbour,
     suffix_of,
@@ -203,9 +204,13 @@ def _put_back(hidden: Path, parent: Path) -> list[str]:
 
 
 def _check_content(path: Path, content: FolderContent | None) -> bool:
-    """Return whether a folder holds files; raise an error if they are not an earlier result."""
+    """Return whether a folder holds files; raise an error if they are not an earlier result.
+
+    What file managers add does not count.
+    """
     with convert_errors(path, "cannot be read"):
-        entries = sorted(os.scandir(path), key=lambda entry: entry.name)
+        found = sorted(os.scandir(path), key=lambda entry: entry.name)
+    entries = [entry for entry in found if not is_of_system(entry)]
     for entry in entries:
         is_ours = content is not None and content.holds(entry.name)
         if not (is_ours and entry.is_file(follow_symlinks=False)):

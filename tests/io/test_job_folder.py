@@ -41,6 +41,11 @@ def test_another_job_is_refused_by_its_first_difference(job):
         JobFolder(job.path).claim({"metric": {"a": 1.0}}, LAYOUT)
 
 
+def test_a_folder_that_somebody_looked_into_is_empty(tmp_path):
+    (tmp_path / ".DS_Store").touch()
+    assert JobFolder(tmp_path).claim(JOB, LAYOUT) == LAYOUT
+
+
 def test_one_process_at_a_time(job):
     with (
         job.locked(),

@@ -87,6 +87,21 @@ def test_folders(tmp_path):
         check_output_folder(tmp_path / "link", CONTENT, force=True)
 
 
+@pytest.mark.parametrize("name", [".DS_Store", "Thumbs.db"])
+def test_folders_that_somebody_looked_into(tmp_path, name):
+    """File managers add files, which neither make a result nor somebody's own folder."""
+    (tmp_path / name).touch()
+    check_output_folder(tmp_path, CONTENT, force=False)
+    (tmp_path / "time_0").touch()
+    check_output_folder(tmp_path, CONTENT, force=True)
+    with pytest.raises(FileError, match="holds an earlier result; --force"):
+        check_output_folder(tmp_path, CONTENT, force=False)
+    (tmp_path / name).unlink()
+    (tmp_path / name).mkdir()
+    with pytest.raises(FileError, match="holds something else"):
+        check_output_folder(tmp_path, CONTENT, force=True)
+
+
 def test_a_folder_is_replaced_as_a_whole(tmp_path):
     path = tmp_path / "path"
     for content in ("first", "second"):
