@@ -20,6 +20,8 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "riemhuman"
 PICTURE = ROOT / "tutorials" / "pictures" / "layers.png"
 PAGE = ROOT / "tutorials" / "architecture.md"
+# Names that fit beside each other; and the lowest floor with its rows, which all import.
+_MOST_IN_LINE, _LOWEST = 8, 0.5
 LINK = re.compile(r"\[`([\w.]+)`\]\(\.\./(riemhuman/[\w/]+\.py)#L\d+\)")
 
 
@@ -53,16 +55,20 @@ def draw(path):
     places = {}
     for height, row in enumerate(reversed(floors())):
         for number, name in enumerate(row):
-            place = (number + 0.5) / len(row), float(height)
+            crowded = 0.15 * (-1) ** number if len(row) > _MOST_IN_LINE else 0.0
+            place = (number + 0.5) / len(row), height + crowded
             places[name] = place
             box = {"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": "#34618d"}
             axes.text(*place, name, ha="center", va="center", fontsize=9, bbox=box, zorder=2)
     for (importer, imported), count in imports().items():
         if importer in places and imported in places:
             (x, top), (other_x, bottom) = places[importer], places[imported]
-            width = 0.3 + 0.08 * min(count, 20)
-            if top > bottom > 0:  # all import the lowest floor
-                axes.plot([x, other_x], [top, bottom], color="#34618d", alpha=0.45, lw=width)
+            line = {"color": "#34618d", "alpha": 0.45, "lw": 0.3 + 0.08 * min(count, 20)}
+            if top == bottom > _LOWEST:
+                bent = {"arrowstyle": "-", "connectionstyle": "arc3,rad=0.18", **line}
+                axes.annotate("", (other_x, bottom), (x, top), arrowprops=bent)
+            elif top > bottom > _LOWEST:  # all import the lowest floor
+                axes.plot([x, other_x], [top, bottom], **line)
     axes.set(xlim=(0.0, 1.0), ylim=(-0.5, len(floors()) - 0.5))
     axes.axis("off")
     figure.savefig(path, dpi=110, bbox_inches="tight", metadata={"Software": None})
