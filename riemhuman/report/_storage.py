@@ -17,7 +17,7 @@ from riemhuman.arrays import JSONRecord, JSONValue, Values
 from riemhuman.checks import refuse_type
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.io.files import convert_errors, file_path, write_text
+from riemhuman.io.files import convert_errors, file_path, is_of_system, write_text
 from riemhuman.io.fingerprint import describe
 
 _MARKER = "provenance.json"
@@ -43,7 +43,8 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
     marker = folder / _MARKER
     with convert_errors(folder, "cannot be read"):
-        is_used = folder.is_dir() and any(folder.iterdir())
+        entries = list(os.scandir(folder)) if folder.is_dir() else []
+        is_used = not all(map(is_of_system, entries))
         is_ours = marker.is_file() and _MADE_BY.encode() in marker.read_bytes()
     if is_used and not is_ours:
         raise FileError(

@@ -18,6 +18,11 @@ def test_new_folders_and_earlier_reports_are_taken(tmp_path):
     assert json.loads((folder / "provenance.json").read_text())["status"] == "begun"
 
 
+def test_a_folder_that_somebody_looked_into_is_empty(tmp_path):
+    (tmp_path / ".DS_Store").touch()
+    assert check_folder(tmp_path) == tmp_path
+
+
 @pytest.mark.parametrize("marker", [None, "[]", "not json", '{"made_by": "others"}'])
 def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
     (tmp_path / "thesis.tex").write_text("years of work")
