@@ -10,7 +10,6 @@ import json
 import os
 import re
 import secrets
-import shutil
 import stat
 import zlib
 from collections.abc import Collection, Iterator
@@ -147,10 +146,18 @@ def atomic_file(file: Path) -> Iterator[Path]:
             with temporary.open("rb+") as stream:
                 os.fsync(stream.fileno())
             if file.exists():
-                shutil.copymode(file, temporary)
+                keep_permissions(file, temporary)
             os.replace(temporary, file)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def keep_permissions(old: Path, new: Path) -> None:
+    """Give a file or folder the permissions of the one whose place it takes."""
+    permissions = stat.S_IMODE(old.stat().st_mode)
+    # Disks for several systems have the same for all files, and refuse to set any.
+    if stat.S_IMODE(new.stat().st_mode) != permissions:
+        new.chmod(permissions)
 
 
 def check_replaceable(file: Path) -> None:

@@ -15,6 +15,7 @@ from riemhuman.io.files import (
     check_replaceable,
     convert_errors,
     is_of_system,
+    keep_permissions,
     lock_file,
     neighbour,
     suffix_of,
@@ -91,7 +92,7 @@ def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
             if file.exists():
                 with convert_errors(places[name]):
                     if targets[name].exists():
-                        shutil.copymode(targets[name], file)
+                        keep_permissions(targets[name], file)
                     os.replace(file, targets[name])
 
 
@@ -129,7 +130,7 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
                 yield temporary
                 if path.exists():
                     _check_content(path, content)
-                    shutil.copymode(path, temporary)
+                    keep_permissions(path, temporary)
                     hidden.mkdir()
                     os.rename(path, replaced)
                 try:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.io.files import write_text
 from riemhuman.io.outputs import (
     FolderContent,
     atomic_folder,
@@ -288,6 +289,26 @@ def test_folders_without_locks_are_written_too(tmp_path, monkeypatch, number):
         (folder / "0.ply").touch()
     assert sorted(os.listdir(tmp_path)) == ["old.txt", "path"]
     assert (tmp_path / "old.txt").read_text() == "new"
+
+
+def test_disks_that_set_no_permissions(tmp_path, monkeypatch):
+    """On memory sticks all files have the same; there, even setting these again is refused."""
+    (tmp_path / "old.txt").write_text("old")
+    (tmp_path / "time").mkdir()
+    (tmp_path / "time" / "time_0").touch()
+
+    def refused(path, mode, **options):
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "chmod", refused)
+    write_text(tmp_path / "old.txt", "newer")
+    with files_together({"text": tmp_path / "old.txt"}) as places:
+        places["text"].write_text("newest")
+    with atomic_folder(tmp_path / "time", CONTENT) as folder:
+        (folder / "time_0").write_text("new")
+    assert (tmp_path / "old.txt").read_text() == "newest"
+    assert (tmp_path / "time" / "time_0").read_text() == "new"
+    assert sorted(os.listdir(tmp_path)) == ["old.txt", "time"]
 
 
 def test_files_of_several_folders_appear_together(tmp_path):
