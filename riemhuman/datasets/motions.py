@@ -32,7 +32,14 @@ from riemhuman.datasets.registered_meshes import (
     existing_folder,
     find_meshes,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError, shown
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileError,
+    FrameIndexError,
+    NotDefinedError,
+    shown,
+)
 from riemhuman.io import save_glb
 from riemhuman.io.files import file_path, natural_key, suffix_of, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
@@ -56,7 +63,7 @@ WRITTEN_MOTIONS = (".bvh", ".npz", ".glb")
 """Suffixes of the files that `save` of a motion of a body model writes."""
 
 
-class Motion(ABC):
+class Motion:
     """One person in one motion: a sequence of registered surfaces.
 
     ``motion[i]`` is frame i, shape (V, 3); ``motion[i:j:k]`` are frames, shape (n, V, 3), and
@@ -165,12 +172,14 @@ class Motion(ABC):
             for number, frame in enumerate(self):
                 save_mesh(temporary / f"frame_{number:05d}.ply", frame, self.faces)
 
-    @abstractmethod
     def _frames(self, numbers: range) -> Array:
         """Return these frames, shape (n, V, 3)."""
+        raise NotDefinedError(
+            f"{type(self).__name__} must define _frames, which returns frames of shape (n, V, 3)"
+        )
 
 
-class ModelMotion(Motion):
+class ModelMotion(Motion, ABC):
     """A motion whose frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
