@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy import sparse
 
+from riemhuman.arrays import Array
 from riemhuman.checks import check_same_scale, real_array, refuse_type
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -29,7 +29,7 @@ class PairedCodes(ABC):
 
     n_hidden: int
     code_names: ClassVar[tuple[str, str]]
-    parameters_: dict[str, ndarray]
+    parameters_: dict[str, Array]
 
     # Other whole numbers in files, which `_read` keeps; the file that ships.
     _SETTINGS: ClassVar[tuple[str, ...]]
@@ -102,7 +102,7 @@ class PairedCodes(ABC):
         return codes
 
     @abstractmethod
-    def transform(self, X: ArrayLike) -> ndarray:
+    def transform(self, X: ArrayLike) -> Array:
         """Return the codes of bodies, one after the other; `split` separates them.
 
         Parameters
@@ -113,7 +113,7 @@ class PairedCodes(ABC):
         """
 
     @abstractmethod
-    def inverse_transform(self, Z: ArrayLike) -> ndarray:
+    def inverse_transform(self, Z: ArrayLike) -> Array:
         """Return the bodies with given codes, their mean vertex at the origin, metres.
 
         Parameters
@@ -122,7 +122,7 @@ class PairedCodes(ABC):
             Both codes of each body; they may come from different bodies.
         """
 
-    def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
+    def split(self, Z: ArrayLike) -> tuple[Array, Array]:
         """Return the two codes of each body.
 
         Parameters
@@ -142,14 +142,14 @@ class PairedCodes(ABC):
     def _read(self, weights: Weights) -> None:
         """Read the settings and the learned arrays from a file."""
 
-    def _check_points(self, X: ArrayLike) -> ndarray:
+    def _check_points(self, X: ArrayLike) -> Array:
         points = self._template.check_points(X, "X")
         shape = ("n", self._template.n_vertices, 3)
         return np.asarray(real_array(points, "X", shape, batched=False))
 
-    def _check_scale(self, points: ndarray, name: str) -> None:
+    def _check_scale(self, points: Array, name: str) -> None:
         reference = self._home.vertices
         check_same_scale(points, reference, name, "the network's template", remedy=_REMEDY)
 
-    def _check_codes(self, Z: ArrayLike) -> ndarray:
+    def _check_codes(self, Z: ArrayLike) -> Array:
         return np.asarray(real_array(Z, "Z", ("n", sum(self._n_codes)), batched=False))

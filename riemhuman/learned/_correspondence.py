@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives, triangle_frames
@@ -73,13 +72,14 @@ class Correspondence:
         nothing = np.zeros_like(template.vertices)
         self._spread = _neighbors(start, np.zeros_like(start), template.vertices, nothing)
 
-    def forth(self, points: ndarray) -> ndarray:
+    def forth(self, points: Array) -> Array:
         """Return surfaces (n, V, 3) over the network's template of surfaces (n, V', 3)."""
         n_bodies, n_vertices, _ = points.shape
         flat = points.transpose(1, 0, 2).reshape(n_vertices, -1)
-        return (self._forth @ flat).reshape(-1, n_bodies, 3).transpose(1, 0, 2)
+        over_home: Array = (self._forth @ flat).reshape(-1, n_bodies, 3).transpose(1, 0, 2)
+        return over_home
 
-    def back(self, points: ndarray) -> ndarray:
+    def back(self, points: Array) -> Array:
         """Return surfaces (n, V', 3) over the other template of surfaces (n, V, 3)."""
         origin = np.zeros((self.template.n_vertices, 3))
         surfaces = np.empty((len(points), *origin.shape))
@@ -94,12 +94,14 @@ class Correspondence:
             surfaces[number] += self._spread @ (surface - self._forth @ surfaces[number])
         return surfaces
 
-    def _home_frames(self, surface: ndarray) -> ndarray:
+    def _home_frames(self, surface: Array) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
-            return triangle_frames(surface, self.home.differential_operator)[self.usable]
+            frames = triangle_frames(surface, self.home.differential_operator)
+            usable: Array = frames[self.usable]
+            return usable
 
 
-def _same_vertices(home: Template, template: Template) -> ndarray:
+def _same_vertices(home: Template, template: Template) -> Integers:
     gaps, numbers = cKDTree(template.vertices).query(home.vertices)
     allowed = _SAME * np.ptp(home.vertices, axis=0).max()
     if gaps.max() > allowed:
@@ -112,7 +114,7 @@ def _same_vertices(home: Template, template: Template) -> ndarray:
     return np.asarray(numbers)
 
 
-def _vertex_average(areas: ndarray, mesh: Template) -> sparse.csr_array:
+def _vertex_average(areas: Array, mesh: Template) -> sparse.csr_array:
     """Return the matrix from values at triangles to their means around vertices, (V, F)."""
     entries = (np.repeat(areas, 3), (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)))
     around = sparse.csr_array(entries, shape=(mesh.n_vertices, mesh.n_faces))
@@ -121,7 +123,7 @@ def _vertex_average(areas: ndarray, mesh: Template) -> sparse.csr_array:
 
 
 def _neighbors(
-    vertices: ndarray, normals: ndarray, places: ndarray, directions: ndarray
+    vertices: Array, normals: Array, places: Array, directions: Array
 ) -> sparse.csr_array:
     """Return continuous weights of the vertices near some places (Franke and Little)."""
     tree = cKDTree(np.concatenate([vertices, _NORMALS * normals], axis=1))

@@ -65,7 +65,8 @@ def cloud_features(parameters: Mapping[str, Array], x: Array, backend: ModuleTyp
         x = x @ parameters[f"cloud.W{layer}"] + parameters[f"cloud.b{layer}"]
         if layer < _N_CLOUD_LAYERS - 1:
             x = activate(x, backend)
-    return backend.amax(x, 1)
+    largest: Array = backend.amax(x, 1)
+    return largest
 
 
 def cloud_shapes(n_hidden: int, n_features: int) -> dict[str, tuple[int, ...]]:
@@ -81,4 +82,5 @@ def cloud_shapes(n_hidden: int, n_features: int) -> dict[str, tuple[int, ...]]:
 def activate(x: Array, backend: ModuleType = np) -> Array:
     r"""Return :math:`x / (1 + e^{-x})`."""
     # By the hyperbolic tangent, which does not overflow.
-    return x * (0.5 + 0.5 * backend.tanh(0.5 * x))
+    activated: Array = x * (0.5 + 0.5 * backend.tanh(0.5 * x))
+    return activated

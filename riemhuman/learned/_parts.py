@@ -17,10 +17,9 @@ from functools import cached_property
 from types import ModuleType
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Booleans, Integers
 from riemhuman.errors import FileFormatError
 from riemhuman.kernels.rotations import log, nearest_rotations, rotation_matrix
 from riemhuman.kernels.surface import (
@@ -48,11 +47,11 @@ class Parts:
     """Parts of a template: from surfaces to rotations and stretches of parts, and back."""
 
     template: Template
-    part_of: ndarray  # (F,) the part of each triangle
-    weights: ndarray  # (F, K) of each part in the gradient of each triangle
+    part_of: Integers  # (F,) the part of each triangle
+    weights: Array  # (F, K) of each part in the gradient of each triangle
     # (K,) what each rotation is relative to: another part, or for the root, -1, the whole body
-    parents: ndarray
-    usable: ndarray | None = None  # (F,) triangles that count
+    parents: Integers
+    usable: Booleans | None = None  # (F,) triangles that count
 
     @classmethod
     def read(cls, weights: Weights, n_parts: int) -> Parts:
@@ -82,7 +81,7 @@ class Parts:
         return order
 
     @cached_property
-    def operator(self) -> ndarray:
+    def operator(self) -> Array:
         """Matrix from gradients of parts to vertices about their mean, shape (V, 3 K)."""
         template = self.template
         frames = triangle_frames(template.vertices, template.differential_operator)
@@ -95,7 +94,7 @@ class Parts:
         ]
         return np.concatenate(columns, axis=1)
 
-    def split(self, points: ndarray) -> tuple[ndarray, ndarray]:
+    def split(self, points: Array) -> tuple[Array, Array]:
         """Return features (n, 9 K) and rotations (n, 3, 3) of bodies (n, V, 3)."""
         if not len(points):
             return np.empty((0, 9 * self.n_parts)), np.empty((0, 3, 3))
@@ -105,7 +104,7 @@ class Parts:
             features[block], frames[block] = self._split_block(points[block])
         return features, frames
 
-    def _split_block(self, points: ndarray) -> tuple[ndarray, ndarray]:
+    def _split_block(self, points: Array) -> tuple[Array, Array]:
         means = self._mean_gradients(points)
         rotations = nearest_rotations(means)
         frames = nearest_rotations(np.tensordot(means, self._shares, axes=(1, 0)))
@@ -117,7 +116,7 @@ class Parts:
         entries = stretches[..., _ROWS, _COLUMNS].reshape(len(points), -1)
         return np.concatenate([vectors, entries], axis=1), frames
 
-    def _mean_gradients(self, points: ndarray) -> ndarray:
+    def _mean_gradients(self, points: Array) -> Array:
         """Return the mean gradients of all parts, shape (n, K, 3, 3)."""
         used = slice(None) if self.usable is None else self.usable
         moved = gradients(self.template, points, used)
@@ -148,17 +147,19 @@ class Parts:
         entries = [1.0 + xx, xy, xz, xy, 1.0 + yy, yz, xz, yz, 1.0 + zz]
         stretches = backend.stack(entries, -1).reshape(n_bodies, count, 3, 3)
         means = backend.swapaxes(rotations @ stretches, 2, 3).reshape(n_bodies, 3 * count, 3)
-        return (self.operator if operator is None else operator) @ means
+        surfaces: Array = (self.operator if operator is None else operator) @ means
+        return surfaces
 
     def _chain(self, transforms: Array, backend: ModuleType) -> Array:
         chained = [transforms[:, part] for part in range(self.n_parts)]
         for part in self.order[1:]:
             chained[part] = chained[self.parents[part]] @ chained[part]
-        return backend.stack(chained, 1)
+        stacked: Array = backend.stack(chained, 1)
+        return stacked
 
     @cached_property
-    def _areas(self) -> ndarray:
-        areas: ndarray = self.template.face_areas
+    def _areas(self) -> Array:
+        areas: Array = self.template.face_areas
         return areas if self.usable is None else areas * self.usable
 
     @cached_property
@@ -169,13 +170,16 @@ class Parts:
         return sparse.csr_array((entries, (self.part_of, np.arange(len(entries)))))
 
     @cached_property
-    def _shares(self) -> ndarray:
+    def _shares(self) -> Array:
         """Share of each part in the area of the usable triangles, shape (K,)."""
         sums = np.bincount(self.part_of, self._areas, self.n_parts)
-        return sums / sums.sum()
+        shares: Array = sums / sums.sum()
+        return shares
 
 
-def gradients(template: Template, points: ndarray, used: ndarray | slice = slice(None)) -> ndarray:
+def gradients(
+    template: Template, points: Array, used: Booleans | slice[None] = slice(None)
+) -> Array:
     """Return the deformation gradients of triangles, shape (n, F, 3, 3)."""
     operator = template.differential_operator
     f_u, f_v = partial_derivatives(points, operator)

@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy import ndarray
 
+from riemhuman.arrays import Array, Integers, Values
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_fields, load_arrays
@@ -32,18 +32,18 @@ class Weights:
         self.settings = {name: int(self.indices(name, (), 1, _LARGEST)) for name in settings}
         self.template = Template(*(self.fields[name] for name in _TEMPLATE))
 
-    def numbers(self, name: str, shape: Sequence[int], *, positive: bool = False) -> ndarray:
+    def numbers(self, name: str, shape: Sequence[int], *, positive: bool = False) -> Array:
         """Return finite real numbers in double precision."""
         array = np.asarray(real_array(self._field(name), name, shape, batched=False))
         if positive and (array <= 0).any():
             raise FileFormatError(f"{name} must be positive; found {array.min():.3g}")
         return array
 
-    def arrays(self, shapes: Mapping[str, Sequence[int]]) -> dict[str, ndarray]:
+    def arrays(self, shapes: Mapping[str, Sequence[int]]) -> dict[str, Array]:
         """Return finite real numbers by name."""
         return {name: self.numbers(name, shape) for name, shape in shapes.items()}
 
-    def indices(self, name: str, shape: Sequence[int], least: int, end: int) -> ndarray:
+    def indices(self, name: str, shape: Sequence[int], least: int, end: int) -> Integers:
         """Return whole numbers from `least` to `end` - 1."""
         array = integer_array(self._field(name), name, shape)
         if array.size and (array.min() < least or array.max() >= end):
@@ -53,6 +53,6 @@ class Weights:
             )
         return array
 
-    def _field(self, name: str) -> ndarray:
+    def _field(self, name: str) -> Values:
         check_fields(self.fields, [name])
         return self.fields[name]

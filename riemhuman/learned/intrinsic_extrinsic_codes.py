@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.learned._codes import PairedCodes
@@ -100,18 +99,18 @@ class IntrinsicExtrinsicCodes(PairedCodes):
     n_points: int
     n_eigenvalues: int
     n_features: int
-    vertices_: ndarray
+    vertices_: Integers
 
     code_names = ("intrinsic", "extrinsic")
     _SETTINGS = ("n_intrinsic", "n_extrinsic", "n_points", "n_eigenvalues", "n_features")
     _SHIPPED = "intrinsic_extrinsic_codes.npz"
 
-    def transform(self, X: ArrayLike) -> ndarray:
+    def transform(self, X: ArrayLike) -> Array:
         points = self._check_points(X)
         codes = [self.describe(surface, self.template_.faces) for surface in points]
         return np.array(codes).reshape(len(points), sum(self._n_codes))
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         """Return the codes of any mesh.
 
         Parameters
@@ -128,12 +127,12 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         codes = encoded(self.parameters_, np.stack(clouds))
         return np.asarray(codes.mean(axis=0))
 
-    def inverse_transform(self, Z: ArrayLike) -> ndarray:
+    def inverse_transform(self, Z: ArrayLike) -> Array:
         codes = self._check_codes(Z)
         points = network(self.parameters_, "points", codes)
         return points.reshape(len(codes), self.n_points, 3) + self._place
 
-    def spectra(self, Z: ArrayLike) -> ndarray:
+    def spectra(self, Z: ArrayLike) -> Array:
         """Return the eigenvalues that the network predicts from intrinsic codes, in 1 / metre².
 
         Parameters
@@ -172,8 +171,8 @@ class IntrinsicExtrinsicCodes(PairedCodes):
 
 
 def surface_points(
-    vertices: ndarray, faces: ndarray, n_points: int, rng: np.random.Generator
-) -> ndarray:
+    vertices: Array, faces: Triangles, n_points: int, rng: np.random.Generator
+) -> Array:
     """Return random points spread evenly over a surface, one in each stretch of equal area."""
     ends = np.cumsum(triangle_areas(vertices, faces))
     if not len(ends) or not ends[-1] > 0:
@@ -184,4 +183,5 @@ def surface_points(
     root, share = np.sqrt(rng.random(n_points)), rng.random(n_points)
     barycentric = np.stack([1.0 - root, root * (1.0 - share), root * share], axis=1)
     points = np.einsum("pc,pcx->px", barycentric, vertices[faces[triangles]])
-    return points - points.mean(axis=0)
+    centred: Array = points - points.mean(axis=0)
+    return centred

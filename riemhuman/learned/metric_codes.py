@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Self
 
 import numpy as np
-from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.arrays import ArrayLike
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
@@ -64,8 +63,8 @@ class MetricCodes(Transformer):
     (2, 256)
     """
 
-    mean_: ndarray
-    components_: ndarray
+    mean_: Array
+    components_: Array
     scale_: float
 
     def __init__(
@@ -81,7 +80,7 @@ class MetricCodes(Transformer):
         self.n_components = n_components
         self.random_state = random_state
 
-    def fit(self, X: ndarray, y: object = None) -> Self:
+    def fit(self, X: Array, y: object = None) -> Self:
         """Fit the codes to bodies.
 
         Parameters
@@ -113,7 +112,7 @@ class MetricCodes(Transformer):
         self.scale_ = float(distances[i, j].sum() / of_codes.sum())
         return self
 
-    def transform(self, X: ndarray) -> ndarray:
+    def transform(self, X: Array) -> Array:
         """Return the codes of bodies.
 
         Parameters
@@ -124,7 +123,7 @@ class MetricCodes(Transformer):
         self._require_fit("scale_")
         return self._in_container(self._encode(self._coordinates(X)), X)
 
-    def fit_transform(self, X: ndarray, y: object = None) -> ndarray:
+    def fit_transform(self, X: Array, y: object = None) -> Array:
         """Fit the codes to bodies, and return the codes of the same bodies.
 
         Parameters
@@ -137,15 +136,16 @@ class MetricCodes(Transformer):
 
     def _n_outputs(self) -> int:
         self._require_fit("scale_")
-        return len(self.components_) + self._projection.shape[1]
+        n_outputs: int = len(self.components_) + self._projection.shape[1]
+        return n_outputs
 
-    def _encode(self, coordinates: ndarray) -> ndarray:
+    def _encode(self, coordinates: Array) -> Array:
         centered = coordinates - self.mean_
         principal = centered @ self.components_.T
         remainder = centered - principal @ self.components_
         return self.scale_ * np.concatenate([principal, remainder @ self._projection], axis=1)
 
-    def _coordinates(self, X: ArrayLike) -> ndarray:
+    def _coordinates(self, X: ArrayLike) -> Array:
         points = self.metric.check_points(X, "X")
         if not len(points):
             return np.empty((0, len(getattr(self, "mean_", ()))))

@@ -8,7 +8,6 @@ from types import ModuleType
 from typing import Self
 
 import numpy as np
-from numpy import ndarray
 from numpy.typing import ArrayLike
 from scipy import sparse
 
@@ -54,7 +53,8 @@ def encoded(
 def decoded(parameters: Mapping[str, Array], codes: Array, backend: ModuleType = np) -> Array:
     """Return the normalised features of bodies with these codes."""
     features = [network(parameters, name, codes, backend) for name in ("turns", "stretches")]
-    return backend.concatenate(features, 1)
+    joined: Array = backend.concatenate(features, 1)
+    return joined
 
 
 class ShapePoseCodes(PairedCodes):
@@ -122,7 +122,7 @@ class ShapePoseCodes(PairedCodes):
         codes._parts = replace(self._parts, usable=usable)
         return codes
 
-    def transform(self, X: ArrayLike) -> ndarray:
+    def transform(self, X: ArrayLike) -> Array:
         points = self._check_points(X)
         if self._carried is not None:
             points = self._carried.forth(points)
@@ -132,13 +132,13 @@ class ShapePoseCodes(PairedCodes):
         features = (features - self._center) / self._scale
         return np.concatenate(encoded(self.parameters_, features, self.n_parts), axis=1)
 
-    def inverse_transform(self, Z: ArrayLike) -> ndarray:
+    def inverse_transform(self, Z: ArrayLike) -> Array:
         codes = self._check_codes(Z)
         features = decoded(self.parameters_, codes) * self._scale + self._center
         surfaces = self._parts.surfaces(features)
         return surfaces if self._carried is None else self._carried.back(surfaces)
 
-    def transfer(self, X: ArrayLike, poses: ArrayLike) -> ndarray:
+    def transfer(self, X: ArrayLike, poses: ArrayLike) -> Array:
         """Return people in the poses of other bodies.
 
         Parameters
