@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import rotation_matrix
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.kernels.surface import unit_vectors
@@ -20,13 +21,13 @@ _STRAIGHTEST = 0.995
 _MOST_BENT = 0.25
 
 
-def elbow_bend(skeleton: Skeleton, pose: Pose, joints: np.ndarray) -> float:
+def elbow_bend(skeleton: Skeleton, pose: Pose, joints: Integers) -> float:
     """Return the distance of an elbow from the line from shoulder to wrist, metres."""
     start, middle, end = JointMotions(skeleton, pose.local, pose.betas).positions[joints[1:]]
     return float(np.linalg.norm(np.cross(middle - start, unit_vectors(end - start))))
 
 
-def swing_elbow(skeleton: Skeleton, pose: Pose, joints: np.ndarray, degrees: float) -> Pose:
+def swing_elbow(skeleton: Skeleton, pose: Pose, joints: Integers, degrees: float) -> Pose:
     """Return a pose with an elbow swung about the line from shoulder to wrist; the hand stays.
 
     The joints are those of an arm, from the collar to the wrist.
@@ -41,7 +42,7 @@ def swing_elbow(skeleton: Skeleton, pose: Pose, joints: np.ndarray, degrees: flo
     return pose._replace(local=local)
 
 
-def move_end(skeleton: Skeleton, pose: Pose, joints: np.ndarray, shift: np.ndarray) -> Pose:
+def move_end(skeleton: Skeleton, pose: Pose, joints: Integers, shift: Array) -> Pose:
     """Return a pose with a hand or foot shifted, as far as its limb reaches, and not rotated.
 
     The joints are shoulder, elbow and wrist, or hip, knee and ankle; the shift is in metres.

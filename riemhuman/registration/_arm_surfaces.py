@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._body_parts import BodyParts
@@ -49,25 +50,25 @@ class ArmSurface:
         down: there, y is up and z forward, the hinge of the elbow is y and that of the wrist z.
     """
 
-    joints: np.ndarray
+    joints: Integers
     side: str
     settings: ArmSettings
-    vertices: np.ndarray
-    faces: np.ndarray
+    vertices: Integers
+    faces: Triangles
     metric: ElasticMetric
     skin: ModelSamples
     samples: ModelSamples
-    on_hand: np.ndarray
-    hands: list[np.ndarray]
-    forearm: np.ndarray
-    raised: np.ndarray
-    straight: np.ndarray
+    on_hand: Integers
+    hands: list[Array]
+    forearm: Array
+    raised: Array
+    straight: Array
 
-    def distances(self, surface: np.ndarray, points: np.ndarray, farthest: float) -> np.ndarray:
+    def distances(self, surface: Array, points: Array, farthest: float) -> Array:
         """Return the distances of points from the surface of the arm, metres."""
         return np.minimum(nearest_points(points, surface, self.faces)[1], farthest)
 
-    def strain(self, local: np.ndarray) -> float:
+    def strain(self, local: Array) -> float:
         """Return the factor by which distances count more, the less plausible the arm is."""
         elbow, wrist = local[self.joints[-2:]]
         height = (self.raised @ elbow @ self.forearm)[1]
@@ -78,7 +79,7 @@ class ArmSurface:
         outward, off_hinge = outward / settings.elbow_degrees, off_hinge / settings.hinge_degrees
         return float(1.0 + outward**2 + off_hinge**2)
 
-    def rotated(self, local: np.ndarray, forearm: float, wrist: float) -> np.ndarray:
+    def rotated(self, local: Array, forearm: float, wrist: float) -> Array:
         """Return rotations of the joints with the forearm rotated about itself and the wrist bent.
 
         Both angles are in degrees; the wrist is straight at 0.
@@ -94,7 +95,7 @@ class ArmSurface:
 
 def make_arm_surface(
     parts: BodyParts,
-    joints: np.ndarray,
+    joints: Integers,
     skin: ModelSamples,
     few: ModelSamples,
     settings: ArmSettings,
@@ -131,7 +132,7 @@ def make_arm_surface(
     )
 
 
-def _shortest(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def _shortest(start: Array, end: Array) -> Array:
     """Return the shortest rotation from one unit vector to another."""
-    rotation: np.ndarray = Rotation.align_vectors(end, start)[0].as_matrix()
+    rotation: Array = Rotation.align_vectors(end, start)[0].as_matrix()
     return rotation

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
@@ -31,12 +32,12 @@ class ArmFit:
     """One way to explain a part of a scan by an arm."""
 
     pose: Pose
-    surface: np.ndarray  # (n, 3) vertices of the arm on the model
-    distances: np.ndarray  # (m,) of points of the scan from the arm after its elastic step, metres
+    surface: Array  # (n, 3) vertices of the arm on the model
+    distances: Array  # (m,) of points of the scan from the arm after its elastic step, metres
     strain: float  # factor for bends that arms hardly have
 
     @property
-    def strained(self) -> np.ndarray:
+    def strained(self) -> Array:
         """The distances, raised if the arm is implausible, metres."""
         return self.strain * self.distances
 
@@ -52,8 +53,8 @@ class HandFit:
 
     pose: Pose
     prior: Prior
-    surface: np.ndarray  # (n, 3) vertices of the arm on the model
-    distances: np.ndarray  # (m,) of points of the scan from the arm, metres
+    surface: Array  # (n, 3) vertices of the arm on the model
+    distances: Array  # (m,) of points of the scan from the arm, metres
 
     @property
     def cost(self) -> float:
@@ -120,7 +121,7 @@ def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[P
     return _different(arm, fitted, [pose])
 
 
-def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) -> list[Pose]:
+def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array) -> list[Pose]:
     """Return other fits of one arm that are almost as near to points of a scan, or nearer."""
     settings = arm.settings
     starts = [
@@ -147,13 +148,13 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray) 
 
 
 def elastic_arms(
-    task: DenseTask, arm: ArmSurface, points: np.ndarray, poses: list[Pose]
+    task: DenseTask, arm: ArmSurface, points: Array, poses: list[Pose]
 ) -> list[ArmFit]:
     """Return how near arms are to points of the scan after an elastic step."""
     return _mapped(partial(_elastic_arm, task, arm, points), poses)
 
 
-def _cost(arm: ArmSurface, points: np.ndarray, pose: Pose) -> float:
+def _cost(arm: ArmSurface, points: Array, pose: Pose) -> float:
     """Return the mean distance of points from an arm, raised if the arm is implausible."""
     surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.arm_metres)
@@ -175,7 +176,7 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
     return different
 
 
-def _elastic_arm(task: DenseTask, arm: ArmSurface, points: np.ndarray, pose: Pose) -> ArmFit:
+def _elastic_arm(task: DenseTask, arm: ArmSurface, points: Array, pose: Pose) -> ArmFit:
     surface = pose_body(arm.skin, pose).points
     fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, arm.settings.stiffnesses)
     distances = arm.distances(fitted, points, arm.settings.arm_metres)
@@ -214,9 +215,7 @@ def pose_hands(
     return task, pose, hand_fits
 
 
-def _fit_hand(
-    task: DenseTask, pose: Pose, arm: ArmSurface, points: np.ndarray, hands: np.ndarray
-) -> HandFit:
+def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands: Array) -> HandFit:
     """Return an arm with given hand coefficients, fitted to points of the scan."""
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
@@ -226,7 +225,7 @@ def _fit_hand(
     return _hand_as_it_is(prior, fitted, arm, points)
 
 
-def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray) -> HandFit:
+def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: Array) -> HandFit:
     surface = pose_body(arm.skin, pose).points
     distances = arm.distances(surface, points, arm.settings.hand_metres)
     return HandFit(pose, prior, surface, distances)
@@ -234,7 +233,7 @@ def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: np.ndarray
 
 def fit_starts(
     task: DenseTask,
-    joints: np.ndarray,
+    joints: Integers,
     samples: ModelSamples,
     starts: list[Pose],
     scales: tuple[float, ...],

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import usual_joint_names
 
@@ -28,24 +29,24 @@ class BodyParts:
         return usual_joint_names(self.model)
 
     @cached_property
-    def owners(self) -> np.ndarray:
+    def owners(self) -> Integers:
         """Return the joint that moves each vertex most."""
-        owners: np.ndarray = self.model.weights.argmax(axis=1)
+        owners: Integers = self.model.weights.argmax(axis=1)
         return owners
 
     @cached_property
-    def arms(self) -> list[np.ndarray]:
+    def arms(self) -> list[Integers]:
         """Return the joints of each arm, from the collar to the wrist."""
         arms = [[f"{side}_{joint}" for joint in _ARM_JOINTS] for side in ("left", "right")]
         return [np.array(self.numbers(*arm)) for arm in arms if {*arm} <= {*self.names}]
 
     @cached_property
-    def on_hands(self) -> np.ndarray:
+    def on_hands(self) -> Booleans:
         """Return which vertices belong to the hands."""
         return self.vertices(int(arm[-1]) for arm in self.arms)
 
     @cached_property
-    def halves(self) -> list[np.ndarray]:
+    def halves(self) -> list[Booleans]:
         """Return which vertices are of the legs, and which above the waist."""
         if not {"left_hip", "right_hip", "middle_spine"} <= {*self.names}:
             return []
@@ -56,7 +57,7 @@ class BodyParts:
         """Return the joints with these names that the model has."""
         return [self.names.index(name) for name in names if name in self.names]
 
-    def vertices(self, joints: Iterable[int]) -> np.ndarray:
+    def vertices(self, joints: Iterable[int]) -> Booleans:
         """Return which vertices belong to some joints or to joints below them."""
         below = {*joints}
         for k in map(int, self.model.joint_order):
@@ -64,14 +65,14 @@ class BodyParts:
                 below.add(k)
         return np.isin(self.owners, sorted(below))
 
-    def limb_vertices(self, joint: int) -> np.ndarray:
+    def limb_vertices(self, joint: int) -> Booleans:
         """Return which vertices belong to a joint or to those below it, or above it on an arm."""
         joints = [joint]
         for arm in self.arms:
             joints += arm[1:].tolist() if joint in arm[1:] else []
         return self.vertices(joints)
 
-    def shares(self, chosen: np.ndarray) -> np.ndarray:
+    def shares(self, chosen: Booleans) -> Array:
         """Return the share of the vertices of each joint that are chosen; 1 for small joints."""
         counts = np.bincount(self.owners, minlength=self.model.n_joints)
         chosen_counts = np.bincount(self.owners, chosen, minlength=self.model.n_joints)

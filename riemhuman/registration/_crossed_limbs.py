@@ -12,6 +12,7 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.registration._arm_positions import move_end
 from riemhuman.registration._body_parts import BodyParts
@@ -38,22 +39,22 @@ class Crossing:
     """Both forearms with hands, or both shins with feet, that are near each other."""
 
     joint: str
-    vertices: np.ndarray  # (n,) their numbers, ascending
-    points: np.ndarray  # (m, 3) of the scan, on them
+    vertices: Integers  # (n,) their numbers, ascending
+    points: Array  # (m, 3) of the scan, on them
 
     def gap(self, task: DenseTask, pose: Pose, rival: Pose) -> float:
         """Return the mean distance between the limbs in two poses, metres."""
         first, second = (task.body.surface(compared)[self.vertices] for compared in (pose, rival))
         return float(np.linalg.norm(first - second, axis=1).mean())
 
-    def distances(self, task: DenseTask, pose: Pose) -> np.ndarray:
+    def distances(self, task: DenseTask, pose: Pose) -> Array:
         """Return the distances of the points, raised if the arms are implausible, metres."""
         surface = task.body.surface(pose)[self.vertices]
         faces = faces_among(task.body.model.faces, self.vertices)
         farthest = task.body.settings.rivals.exchanged_metres
         arms = task.body.arm_surfaces if self.joint == "elbow" else []
         strain = np.mean([arm.strain(pose.local) for arm in arms]) if arms else 1.0
-        strained: np.ndarray = strain * limited_distances(self.points, surface, faces, farthest)
+        strained: Array = strain * limited_distances(self.points, surface, faces, farthest)
         return strained
 
 
@@ -72,7 +73,7 @@ def _are_near(body: RegistrationModel, pose: Pose, joint: str) -> bool:
     )
 
 
-def _lower_limbs(parts: BodyParts, joint: str) -> list[np.ndarray]:
+def _lower_limbs(parts: BodyParts, joint: str) -> list[Integers]:
     """Return the numbers of the vertices below the left and the right joint."""
     ends = parts.numbers(f"left_{joint}", f"right_{joint}")
     limbs = [np.flatnonzero(parts.vertices([end])) for end in ends]
@@ -126,7 +127,7 @@ def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
     return dense
 
 
-def _mirror_limbs(local: np.ndarray, pairs: list[list[int]]) -> np.ndarray:
+def _mirror_limbs(local: Array, pairs: list[list[int]]) -> Array:
     """Return rotations mirrored between left and right."""
     mirrored = local.copy()
     for left, right in pairs:
@@ -135,7 +136,7 @@ def _mirror_limbs(local: np.ndarray, pairs: list[list[int]]) -> np.ndarray:
     return mirrored
 
 
-def _swap_ends(skeleton: Skeleton, pose: Pose, joint: str, pairs: np.ndarray) -> Pose:
+def _swap_ends(skeleton: Skeleton, pose: Pose, joint: str, pairs: Integers) -> Pose:
     """Return a pose with both hands or feet exchanged, as far as the limbs reach."""
     # An arm moves from its shoulder, a leg from its hip.
     first = _LIMBS[joint].index("shoulder" if joint == "elbow" else "hip")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
@@ -31,8 +32,8 @@ class DenseTask:
     body: RegistrationModel
     scan: PreparedScan
     prior: Prior
-    up: np.ndarray  # (3,)
-    visible: np.ndarray  # (V,) vertices that the scan can show
+    up: Array  # (3,)
+    visible: Booleans  # (V,) vertices that the scan can show
     samples: ModelSamples  # points of the body, whose areas are 0 where it cannot
     prior_weight: float  # square metres
     noise: float  # standard deviation of the scan's points along their normals, metres
@@ -74,10 +75,10 @@ def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) ->
     return DenseFit(task, pose, is_clearly_refused(body, pose, whole))
 
 
-def expect_feet(body: RegistrationModel, best: Candidate) -> np.ndarray:
+def expect_feet(body: RegistrationModel, best: Candidate) -> Array:
     """Return expected rotations, with feet as in the start pose whose legs are nearest."""
     # Standing legs may come from a kneeling start, in which unseen feet would be pointed.
-    expected: np.ndarray = best.prior.local.copy()
+    expected: Array = best.prior.local.copy()
     for side in () if best.known else ("left", "right"):
         leg = body.parts.numbers(f"{side}_hip", f"{side}_knee")
         foot = body.parts.numbers(f"{side}_ankle", f"{side}_toes")
@@ -117,7 +118,7 @@ def fit_closest(
 
 def fit_joints(
     task: DenseTask,
-    joints: np.ndarray,
+    joints: Integers,
     samples: ModelSamples,
     scales: tuple[float, ...],
     start: Pose,
@@ -136,7 +137,7 @@ def fit_joints(
     return fit_closest(samples, start, of_limb, task.scan, scales)
 
 
-def is_clearly_refused(body: RegistrationModel, pose: Pose, points: np.ndarray) -> bool:
+def is_clearly_refused(body: RegistrationModel, pose: Pose, points: Array) -> bool:
     """Return whether too many of a scan's points are far from a body for details to matter."""
     settings = body.settings
     some = points[even_points(points, settings.retries.n_near)]
@@ -144,7 +145,7 @@ def is_clearly_refused(body: RegistrationModel, pose: Pose, points: np.ndarray) 
     return bool(np.mean(gaps < settings.trust.near_metres) < settings.retries.clearly_near)
 
 
-def find_hair(body: RegistrationModel, surface: np.ndarray, points: np.ndarray) -> np.ndarray:
+def find_hair(body: RegistrationModel, surface: Array, points: Array) -> Booleans:
     """Return which points of a scan lie so far outside the head that they are hair or a hat."""
     settings, parts, faces = body.settings.dense, body.parts, body.model.faces
     on_head = np.isin(parts.owners, parts.numbers("head", "neck"))

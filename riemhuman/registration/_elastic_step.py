@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import cg
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.geometry import ElasticMetric
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._dense_fit import DenseTask
@@ -26,8 +27,8 @@ class ElasticFit:
     """A body whose surface has left the model to meet the scan."""
 
     pose: Pose
-    model_points: np.ndarray  # (V, 3) surface of the model
-    points: np.ndarray  # (V, 3) surface that left the model
+    model_points: Array  # (V, 3) surface of the model
+    points: Array  # (V, 3) surface that left the model
     matches: Matches  # of the vertices
 
 
@@ -60,7 +61,7 @@ def last_stiffness(noise: float, settings: ElasticSettings) -> float:
     return min(softest, settings.first_stiffness)
 
 
-def _fit_surface(task: DenseTask, pose: Pose, points: np.ndarray, weights: np.ndarray) -> Pose:
+def _fit_surface(task: DenseTask, pose: Pose, points: Array, weights: Array) -> Pose:
     """Return the pose nearest to the vertices that left the model, with weights (V,)."""
     settings, numbers = task.body.settings, task.samples.numbers
     is_vertex = (numbers >= 0)[:, np.newaxis]
@@ -75,13 +76,13 @@ def _fit_surface(task: DenseTask, pose: Pose, points: np.ndarray, weights: np.nd
 
 def fit_elastic(
     metric: ElasticMetric,
-    start: np.ndarray,
-    reference: np.ndarray,
+    start: Array,
+    reference: Array,
     scan: PreparedScan,
-    stiffnesses: Sequence[float] | np.ndarray,
+    stiffnesses: Sequence[float] | Array,
     scale: float | None = None,
-    visible: np.ndarray | bool = True,
-) -> tuple[np.ndarray, Matches]:
+    visible: Booleans | bool = True,
+) -> tuple[Array, Matches]:
     """Return a surface near a scan, elastically near a reference, and the matches of vertices."""
     # Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with
     # the matrix of the metric at the reference.
@@ -89,7 +90,7 @@ def fit_elastic(
     scale = settings.scale if scale is None else scale
     faces, areas = template.faces, template.vertex_areas
 
-    def match(points: np.ndarray) -> Matches:
+    def match(points: Array) -> Matches:
         matches = scan.match(points, vertex_normals(points, faces), scale)
         return matches._replace(
             weights=matches.weights * visible, reliable=matches.reliable * visible
@@ -100,7 +101,7 @@ def fit_elastic(
     elastic, numbers = system.data, np.arange(len(start) + 1)
     on_diagonal = np.repeat(numbers[:-1], np.diff(system.indptr)) == system.indices
 
-    def pull_to(points: np.ndarray) -> tuple[float, np.ndarray]:
+    def pull_to(points: Array) -> tuple[float, Array]:
         energy, gradient = metric.energy_and_gradient(np.stack([reference, points]))
         return energy, gradient[1]
 
@@ -135,6 +136,6 @@ def fit_elastic(
     return points, matches
 
 
-def _squares(gaps: np.ndarray, blocks: np.ndarray) -> float:
+def _squares(gaps: Array, blocks: Array) -> float:
     """Return the sum of weighted squares of gaps, with a matrix of weights for each."""
     return float(np.einsum("nx,nxy,ny->", gaps, blocks, gaps, optimize=True))

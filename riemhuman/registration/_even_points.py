@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers
 
-def even_points(points: np.ndarray, n_points: int) -> np.ndarray:
+
+def even_points(points: Array, n_points: int) -> Integers:
     """Return the indices of about this many points, spread evenly over the surface."""
     return thin_points(points, n_points, np.random.default_rng(0))
 
 
-def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
+def thin_points(points: Array, n_points: int, rng: np.random.Generator) -> Integers:
     """Return the indices of about a given number of evenly spread points, in ascending order."""
     # One in each cube of a grid, whose width is found by bisection.
     if len(points) <= n_points:
@@ -20,7 +22,7 @@ def thin_points(points: np.ndarray, n_points: int, rng: np.random.Generator) -> 
     low, high = 0.0, float(shuffled.max())
     # The first estimate assumes a surface, where the number of cubes grows as 1/width².
     width = high / np.sqrt(n_points)
-    best: np.ndarray = order[:n_points]
+    best: Integers = order[:n_points]
     for _ in range(12):
         cubes = (shuffled / width).astype(np.int64)
         extent = cubes.max(axis=0) + 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.registration.settings import ArmSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -13,28 +14,26 @@ from riemhuman.surfaces.nearest_points import nearest_points
 _FARTHEST_VERTEX = 0.1
 
 
-def points_on(points: np.ndarray, surface: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def points_on(points: Array, surface: Array, vertices: Integers) -> Array:
     """Return the points of a scan that lie near some vertices of a surface."""
     # V where no vertex is near.
     nearest = cKDTree(surface).query(points, distance_upper_bound=_FARTHEST_VERTEX)[1]
-    near: np.ndarray = points[np.isin(nearest, vertices)]
+    near: Array = points[np.isin(nearest, vertices)]
     return near
 
 
-def faces_among(faces: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def faces_among(faces: Triangles, vertices: Integers) -> Triangles:
     """Return the triangles of some vertices, in ascending order, numbered among these."""
     inside = np.isin(faces, vertices).all(axis=1)
     return np.searchsorted(vertices, faces[inside])
 
 
-def limited_distances(
-    points: np.ndarray, surface: np.ndarray, faces: np.ndarray, farthest: float
-) -> np.ndarray:
+def limited_distances(points: Array, surface: Array, faces: Triangles, farthest: float) -> Array:
     """Return the distances of points from a surface, metres, with an upper limit."""
     return np.minimum(nearest_points(points, surface, faces)[1], farthest)
 
 
-def are_less(some: np.ndarray, others: np.ndarray, settings: ArmSettings) -> bool:
+def are_less(some: Array, others: Array, settings: ArmSettings) -> bool:
     """Return whether distances of the same points are smaller by more than chance."""
     gains = others - some
     chance = settings.n_errors * np.sqrt(np.mean(gains**2) / len(gains))

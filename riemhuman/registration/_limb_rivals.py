@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.bodies import rotation_matrix
 from riemhuman.bodies.skinning import JointMotions
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -46,7 +47,7 @@ _EQUAL = "two explanations fit almost equally"
 class LimbDoubt:
     """A limb that is not trusted."""
 
-    vertices: np.ndarray  # (V,) which vertices are not trusted
+    vertices: Booleans  # (V,) which vertices are not trusted
     reason: str
     remedy: str = LANDMARKS_DECIDE  # what to do
 
@@ -55,17 +56,17 @@ class LimbDoubt:
 class _Limb:
     """A part of the body that is fitted alone from other starts."""
 
-    vertices: np.ndarray  # numbers of those that are compared
-    joints: np.ndarray  # those that move
+    vertices: Integers  # numbers of those that are compared
+    joints: Integers  # those that move
     samples: ModelSamples
     arm: ArmSurface | None = None  # whose unlikely bends count
 
     def strain(self, pose: Pose) -> float:
         return 1.0 if self.arm is None else self.arm.strain(pose.local)
 
-    def joint_positions(self, pose: Pose) -> np.ndarray:
+    def joint_positions(self, pose: Pose) -> Array:
         motions = JointMotions(self.samples.skeleton, pose.local, pose.betas)
-        positions: np.ndarray = motions.positions + pose.trans
+        positions: Array = motions.positions + pose.trans
         return positions
 
 
@@ -75,13 +76,13 @@ class _LimbSurface:
 
     limb: _Limb
     skin: ModelSamples  # the limb's vertices
-    faces: np.ndarray  # its triangles, numbered among these
+    faces: Triangles  # its triangles, numbered among these
 
-    def points(self, pose: Pose) -> np.ndarray:
+    def points(self, pose: Pose) -> Array:
         """Return the limb's vertices in a pose."""
         return pose_body(self.skin, pose).points
 
-    def costs(self, poses: list[Pose], points: np.ndarray, farthest: float) -> np.ndarray:
+    def costs(self, poses: list[Pose], points: Array, farthest: float) -> Array:
         """Return the limited mean distance of points in each pose, raised where it is unlikely."""
         costs = [
             self.limb.strain(pose)
@@ -102,8 +103,8 @@ class _Start:
 class ShownLimbs(NamedTuple):
     """What a scan shows of limbs."""
 
-    matched: np.ndarray  # (V,) vertices that have counterparts in it
-    excess: np.ndarray  # (J,) how many times farther it is from a limb than from the rest
+    matched: Booleans  # (V,) vertices that have counterparts in it
+    excess: Array  # (J,) how many times farther it is from a limb than from the rest
 
 
 def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) -> list[LimbDoubt]:
@@ -162,7 +163,7 @@ def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
 
 def _uncertain_fingers(
     arm: ArmSurface, fits: list[HandFit], margin: float, settings: RivalSettings
-) -> np.ndarray:
+) -> Integers:
     """Return the vertices of a hand that are elsewhere in poses of it hardly farther from a scan.
 
     Where all poses agree, nothing depends on them; without fits, all of the hand is uncertain.
@@ -274,7 +275,7 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
     return _doubts_about(body, vertices[by_swings | by_shifts], reason)
 
 
-def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> np.ndarray | None:
+def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> Array | None:
     """Return the direction from a hand into what it touches, or None if it hardly touches."""
     parts, points, faces = body.task.body.parts, body.fit.points, body.task.body.model.faces
     hand = np.flatnonzero(parts.vertices([int(arm.joints[-1])]))
@@ -284,7 +285,7 @@ def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> np.
     if np.mean(touching) < settings.crossing_share:
         return None
     normals = vertex_normals(points, faces)[others[places.triangles[touching], 0]]
-    inward: np.ndarray = -unit_vectors(normals.mean(axis=0))
+    inward: Array = -unit_vectors(normals.mean(axis=0))
     return inward
 
 
@@ -309,7 +310,7 @@ def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
 
 def _displaced_in_rivals(
     body: BodyFit, limb: _Limb, starts: list[_Start], margin: float, settings: RivalSettings
-) -> np.ndarray:
+) -> Booleans:
     """Return which vertices of a limb are elsewhere in rivals almost as near, a row for each start.
 
     The limb is fitted from where it is, too: what it leaves then is elsewhere in all rows.
@@ -344,14 +345,15 @@ def _displaced_in_rivals(
     return displaced | _displaced(surfaces[0], surfaces[1], settings)
 
 
-def _displaced(surface: np.ndarray, rival: np.ndarray, settings: RivalSettings) -> np.ndarray:
+def _displaced(surface: Array, rival: Array, settings: RivalSettings) -> Booleans:
     """Return which vertices are elsewhere in a rival; none if there are only a few."""
     displaced = np.linalg.norm(surface - rival, axis=1) > settings.displaced_metres
-    return displaced & bool(displaced.mean() > settings.least_displaced)
+    clearly: Booleans = displaced & bool(displaced.mean() > settings.least_displaced)
+    return clearly
 
 
 def _doubts_about(
-    body: BodyFit, numbers: np.ndarray, reason: str, remedy: str = LANDMARKS_DECIDE
+    body: BodyFit, numbers: Integers, reason: str, remedy: str = LANDMARKS_DECIDE
 ) -> list[LimbDoubt]:
     vertices = np.zeros(len(body.fit.points), dtype=bool)
     vertices[numbers] = True

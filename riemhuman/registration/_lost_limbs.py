@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._body_parts import BodyParts
@@ -55,7 +56,7 @@ def leave_out_lost_limbs(
     return without, find_shown_parts(without, scan)
 
 
-def _fit_without(fitted: BodyFit, lost: np.ndarray) -> BodyFit:
+def _fit_without(fitted: BodyFit, lost: Booleans) -> BodyFit:
     """Return a body fitted again, and its elastic step, without some vertices."""
     task, visible = fitted.task, fitted.task.visible & ~lost
     areas = task.samples.areas * visible[task.samples.numbers]
@@ -73,7 +74,7 @@ def _fit_without(fitted: BodyFit, lost: np.ndarray) -> BodyFit:
     return replace(fitted, task=task, fit=leave_model(task, pose))
 
 
-def _find_carriers(parts: BodyParts, lost: np.ndarray) -> list[tuple[int, int]]:
+def _find_carriers(parts: BodyParts, lost: Booleans) -> list[tuple[int, int]]:
     """Return the joints of upper arms and thighs that carry lost limbs, and those of the limbs."""
     carriers = []
     for names in _CARRIERS:
@@ -85,7 +86,7 @@ def _find_carriers(parts: BodyParts, lost: np.ndarray) -> list[tuple[int, int]]:
     return carriers
 
 
-def _with_usual_twist(task: DenseTask, local: np.ndarray, carrier: int, end: int) -> np.ndarray:
+def _with_usual_twist(task: DenseTask, local: Array, carrier: int, end: int) -> Array:
     """Return a joint's rotation, twisted about its bone as in the start pose that is nearest."""
     rest = task.samples.skeleton.rest_joints
     bone = unit_vectors(rest[end] - rest[carrier])
@@ -98,8 +99,9 @@ def _with_usual_twist(task: DenseTask, local: np.ndarray, carrier: int, end: int
     # The twist of a rotation about an axis keeps only that part of its quaternion.
     twist = np.append((change[:3] @ bone) * bone, change[3])
     if np.linalg.norm(twist) < _LEAST_TWIST:  # half a turn the other way: no twist is nearest
-        return local[carrier]
-    twisted: np.ndarray = local[carrier] @ Rotation.from_quat(twist).as_matrix()
+        unchanged: Array = local[carrier]
+        return unchanged
+    twisted: Array = local[carrier] @ Rotation.from_quat(twist).as_matrix()
     return twisted
 
 
@@ -110,10 +112,10 @@ def _explains_scan(fitted: BodyFit) -> bool:
     return bool(share >= settings.least_near_of_limb)
 
 
-def _distances_from(fitted: BodyFit) -> np.ndarray:
+def _distances_from(fitted: BodyFit) -> Array:
     """Return the distances of some points of a scan from a body, limited, metres."""
     settings, points = fitted.task.body.settings.trust, fitted.task.scan.points
     some = points[even_points(points, settings.n_samples)]
     _, distances = nearest_points(some, fitted.fit.points, fitted.task.body.model.faces)
-    limited: np.ndarray = np.minimum(distances, settings.near_metres)
+    limited: Array = np.minimum(distances, settings.near_metres)
     return limited

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -34,12 +35,12 @@ _Edge = tuple[int, int]
 class MirrorImages:
     """The opposite of each vertex on both meshes, or -1 if there is none."""
 
-    template: np.ndarray  # (n_template_vertices,)
-    model: np.ndarray  # (n_model_vertices,)
+    template: Integers  # (n_template_vertices,)
+    model: Integers  # (n_model_vertices,)
 
 
 def find_images(
-    reference: np.ndarray, faces: np.ndarray, registered: np.ndarray, model: BodyModel
+    reference: Array, faces: Triangles, registered: Array, model: BodyModel
 ) -> MirrorImages | None:
     """Return opposite vertices of a mesh and of the model registered to it, if both have them."""
     rest = model.template.vertices
@@ -59,8 +60,8 @@ def find_images(
 
 
 def mirrored_vertices(
-    faces: np.ndarray, n_vertices: int, seeds: Iterable[Sequence[int]]
-) -> np.ndarray | None:
+    faces: Triangles, n_vertices: int, seeds: Iterable[Sequence[int]]
+) -> Integers | None:
     """Return the opposite of each vertex if a mesh is its own mirror image, else None.
 
     `seeds` are pairs of edges to try, (a, b, a', b'). Vertices of smaller separate parts get -1.
@@ -76,7 +77,7 @@ def mirrored_vertices(
     return None
 
 
-def with_separate_parts(image: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
+def with_separate_parts(image: Integers, faces: Triangles, points: Array) -> Integers:
     """Return opposite vertices of separate parts, too, such as eyeballs.
 
     `points`, shape (V, 3), are nearly symmetric about x = 0. Parts that are no mirror image of
@@ -110,7 +111,7 @@ def with_separate_parts(image: np.ndarray, faces: np.ndarray, points: np.ndarray
     return completed
 
 
-def _difference_in_shape(first: np.ndarray, second: np.ndarray) -> float:
+def _difference_in_shape(first: Array, second: Array) -> float:
     """Return the mean distance of points, whose centres are aligned, in radii."""
     first, second = first - first.mean(axis=0), second - second.mean(axis=0)
     radius = np.linalg.norm(second, axis=1).mean()
@@ -118,7 +119,7 @@ def _difference_in_shape(first: np.ndarray, second: np.ndarray) -> float:
     return float(distance / max(radius, np.finfo(float).tiny))
 
 
-def _third_corners(faces: np.ndarray) -> dict[_Edge, int]:
+def _third_corners(faces: Triangles) -> dict[_Edge, int]:
     """Return the third corner of the triangle at each directed edge."""
     beyond = {}
     for first, second, third in faces.tolist():
@@ -153,7 +154,7 @@ def _image_from_edge(
     return image if is_whole and is_reflection and is_one_to_one else None
 
 
-def _seeds(faces: np.ndarray, opposite: np.ndarray) -> list[list[int]]:
+def _seeds(faces: Triangles, opposite: Integers) -> list[list[int]]:
     """Return some edges and where they may be on the other side."""
     chosen = np.linspace(0, len(faces) - 1, min(_N_SEEDS, len(faces))).astype(np.int64)
     edges = faces[chosen, :2]
@@ -162,12 +163,12 @@ def _seeds(faces: np.ndarray, opposite: np.ndarray) -> list[list[int]]:
 
 
 def symmetric_places(
-    reference: np.ndarray,
-    faces: np.ndarray,
-    registered: np.ndarray,
-    model_faces: np.ndarray,
+    reference: Array,
+    faces: Triangles,
+    registered: Array,
+    model_faces: Triangles,
     images: MirrorImages,
-) -> np.ndarray:
+) -> Array:
     """Return the model's surface on a mesh in any pose, with places averaged over both sides."""
     image, model_image = images.template, images.model
     image = np.where(image < 0, np.arange(len(image)), image)
@@ -181,11 +182,11 @@ def symmetric_places(
     opposite += heights[model_image, np.newaxis] * along
     both = (gaps < _FARTHEST_OPPOSITE) & (gaps[model_image] < _FARTHEST_OPPOSITE)
     both &= np.linalg.norm(opposite - registered, axis=1) < _FARTHEST_OPPOSITE
-    averaged: np.ndarray = np.where(both[:, np.newaxis], 0.5 * (registered + opposite), registered)
+    averaged: Array = np.where(both[:, np.newaxis], 0.5 * (registered + opposite), registered)
     return averaged
 
 
-def symmetric_points(points: np.ndarray, image: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def symmetric_points(points: Array, image: Integers, faces: Triangles) -> Array:
     """Return points with opposite ones averaged about x = 0; those without an opposite stay.
 
     Separate parts that are opposite each other get the shape of one of them: the mean of two
@@ -207,13 +208,13 @@ def symmetric_points(points: np.ndarray, image: np.ndarray, faces: np.ndarray) -
     return averaged
 
 
-def on_both_sides(chosen: np.ndarray, image: np.ndarray) -> np.ndarray:
+def on_both_sides(chosen: Booleans, image: Integers) -> Booleans:
     """Return which vertices are chosen, shape (V,), themselves or on the other side."""
-    either: np.ndarray = chosen | ((image >= 0) & chosen[image])
+    either: Booleans = chosen | ((image >= 0) & chosen[image])
     return either
 
 
-def symmetric_parts(parts: Sequence[FilledPart], image: np.ndarray) -> tuple[FilledPart, ...]:
+def symmetric_parts(parts: Sequence[FilledPart], image: Integers) -> tuple[FilledPart, ...]:
     """Return parts whose anchors on one side are opposite those on the other."""
     numbers = {frozenset(part.vertices.tolist()): number for number, part in enumerate(parts)}
     mended = list(parts)

@@ -8,10 +8,10 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Triangles
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.registered_scans import apply_transform
@@ -29,7 +29,7 @@ _KEPT = 0.8  # share of the nearest points that a step is computed from
 _IN_PLACE_METRES, _BETTER = 0.02, 0.8
 
 
-def motion_onto_body(scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
+def motion_onto_body(scan: Array, points: Array, faces: Triangles) -> Array:
     """Return the rigid motion, shape (4, 4), of a scan's points, (N, 3), onto its body, (V, 3).
 
     The identity if the scan is there already, or a small motion if it almost is; otherwise the best
@@ -61,7 +61,7 @@ def motion_onto_body(scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
     return _on_surface(best, many, points, faces)
 
 
-def _start_rotations(scan: ndarray, samples: ndarray) -> list[ndarray]:
+def _start_rotations(scan: Array, samples: Array) -> list[Array]:
     """Return rotations with each of six directions up, and those of the principal axes."""
     ups = Rotation.from_rotvec(np.pi / 2 * np.array([*np.eye(3)[[0, 2]], *-np.eye(3)[[0, 2]]]))
     upright = [Rotation.identity(), Rotation.from_rotvec([np.pi, 0.0, 0.0]), *ups]
@@ -81,7 +81,7 @@ def _start_rotations(scan: ndarray, samples: ndarray) -> list[ndarray]:
     return rotations
 
 
-def _about(rotation: ndarray, centre: ndarray, goal: ndarray) -> ndarray:
+def _about(rotation: Array, centre: Array, goal: Array) -> Array:
     """Return the motion that rotates about a centre and takes it to a goal."""
     motion = np.eye(4)
     motion[:3, :3], motion[:3, 3] = rotation, goal - rotation @ centre
@@ -89,8 +89,8 @@ def _about(rotation: ndarray, centre: ndarray, goal: ndarray) -> ndarray:
 
 
 def _rough(
-    motion: ndarray, scan: ndarray, samples: ndarray, tree: cKDTree, n_steps: int
-) -> tuple[float, ndarray]:
+    motion: Array, scan: Array, samples: Array, tree: cKDTree, n_steps: int
+) -> tuple[float, Array]:
     """Return the mean distance of the nearest points, and the motion, by closest points."""
     for _ in range(n_steps):
         moved = apply_transform(motion, scan)
@@ -104,8 +104,8 @@ def _rough(
 
 
 def _precise(
-    motion: ndarray, scan: ndarray, samples: ndarray, across: ndarray, tree: cKDTree
-) -> tuple[float, ndarray]:
+    motion: Array, scan: Array, samples: Array, across: Array, tree: cKDTree
+) -> tuple[float, Array]:
     """Return the mean distance of the nearest points, and the motion, by tangent planes."""
     for _ in range(_PRECISE_STEPS):
         moved = apply_transform(motion, scan)
@@ -117,7 +117,7 @@ def _precise(
     return _mean_distance(motion, scan, tree), motion
 
 
-def _on_surface(motion: ndarray, scan: ndarray, points: ndarray, faces: ndarray) -> ndarray:
+def _on_surface(motion: Array, scan: Array, points: Array, faces: Triangles) -> Array:
     """Return a motion improved by distances from the surface itself."""
     normals = vertex_normals(points, faces)
     for _ in range(_SURFACE_STEPS):
@@ -133,7 +133,7 @@ def _on_surface(motion: ndarray, scan: ndarray, points: ndarray, faces: ndarray)
     return motion
 
 
-def _step_to_planes(starts: ndarray, ends: ndarray, across: ndarray, distances: ndarray) -> ndarray:
+def _step_to_planes(starts: Array, ends: Array, across: Array, distances: Array) -> Array:
     """Return the small motion that brings the nearer points nearest to planes."""
     kept = distances <= np.quantile(distances, _KEPT)
     moved, normals = starts[kept], across[kept]
@@ -145,7 +145,7 @@ def _step_to_planes(starts: ndarray, ends: ndarray, across: ndarray, distances: 
     return _about(turn, middle, middle + step[3:])
 
 
-def _mean_distance(motion: ndarray, scan: ndarray, tree: cKDTree) -> float:
+def _mean_distance(motion: Array, scan: Array, tree: cKDTree) -> float:
     """Return the mean distance of the nearest points of a scan after a motion."""
     distances = np.sort(tree.query(apply_transform(motion, scan))[0])
     return float(distances[: max(1, int(_KEPT * len(distances)))].mean())

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.kernels.compilation import FUSED, compiled
@@ -25,16 +26,16 @@ from riemhuman.registration._even_points import thin_points
 class ModelSamples(NamedTuple):
     """Points of a model's surface and its joints, in the rest pose and with zero betas."""
 
-    numbers: np.ndarray  # (n,) vertices of the model; -1 for a joint
-    rest: np.ndarray  # (n, 3) positions, metres
-    normals: np.ndarray  # (n, 3) unit normals; 0 for joints
-    areas: np.ndarray  # (n,) shares of the surface, which sum to one; 0 for joints
-    shapedirs: np.ndarray  # (n, 3, B)
-    posedirs: np.ndarray  # (n, 3, P); P is 0 for a model without posedirs
-    weights: np.ndarray  # (n, J) skinning weights
+    numbers: Integers  # (n,) vertices of the model; -1 for a joint
+    rest: Array  # (n, 3) positions, metres
+    normals: Array  # (n, 3) unit normals; 0 for joints
+    areas: Array  # (n,) shares of the surface, which sum to one; 0 for joints
+    shapedirs: Array  # (n, 3, B)
+    posedirs: Array  # (n, 3, P); P is 0 for a model without posedirs
+    weights: Array  # (n, J) skinning weights
     skeleton: Skeleton
 
-    def only(self, chosen: np.ndarray) -> ModelSamples:
+    def only(self, chosen: Booleans | Integers) -> ModelSamples:
         """Return some of the points."""
         points = {name: value for name, value in self._asdict().items() if name != "skeleton"}
         return self._replace(**{name: value[chosen] for name, value in points.items()})
@@ -76,19 +77,19 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
 class Pose(NamedTuple):
     """Parameters of a body."""
 
-    local: np.ndarray  # (J, 3, 3) rotation of each joint relative to its parent
-    betas: np.ndarray  # (B,) coefficients of shape, then of hands
-    trans: np.ndarray  # (3,) metres
+    local: Array  # (J, 3, 3) rotation of each joint relative to its parent
+    betas: Array  # (B,) coefficients of shape, then of hands
+    trans: Array  # (3,) metres
 
 
 class PosedBody(NamedTuple):
     """Points of a posed body, and what their derivatives need."""
 
-    points: np.ndarray  # (n, 3)
-    normals: np.ndarray  # (n, 3)
+    points: Array  # (n, 3)
+    normals: Array  # (n, 3)
     pose: Pose
-    shaped: np.ndarray  # (n, 3) points with shape and pose offsets, before the joints rotate
-    blended: np.ndarray  # (n, 3, 3) rotation part of the skinning of each point
+    shaped: Array  # (n, 3) points with shape and pose offsets, before the joints rotate
+    blended: Array  # (n, 3, 3) rotation part of the skinning of each point
     motions: JointMotions  # before the translation
     body: ModelSamples
 
@@ -104,29 +105,30 @@ def pose_body(body: ModelSamples, pose: Pose) -> PosedBody:
 class Prior(NamedTuple):
     """A normal prior of pose and shape."""
 
-    local: np.ndarray  # (J, 3, 3) mean rotations of the joints
+    local: Array  # (J, 3, 3) mean rotations of the joints
     # (J,) inverse variances, inverse squared radians; 0 for the root, as for the translation
-    precisions: np.ndarray
-    betas: np.ndarray  # (B,) mean
-    betas_precisions: np.ndarray  # (B,) inverse variances
+    precisions: Array
+    betas: Array  # (B,) mean
+    betas_precisions: Array  # (B,) inverse variances
 
 
-def _rotation_vectors(rotations: np.ndarray) -> np.ndarray:
+def _rotation_vectors(rotations: Array) -> Array:
     """Return axis-angle vectors; 0 for half turns, whose axis has no unique sign."""
     sines = axial(rotations)
     sine = np.linalg.norm(sines, axis=1, keepdims=True)
     cosine = 0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0)
     angles = np.arctan2(sine, cosine[:, np.newaxis])
-    return sines * angles / np.maximum(sine, np.finfo(float).tiny)
+    vectors: Array = sines * angles / np.maximum(sine, np.finfo(float).tiny)
+    return vectors
 
 
 def take_step(
     posed: PosedBody,
     prior: Prior,
     prior_weight: float,
-    shares: np.ndarray,
-    gaps: np.ndarray,
-    directions: np.ndarray,
+    shares: Array,
+    gaps: Array,
+    directions: Array,
     along: float,
     longest: float,
 ) -> Pose:
@@ -145,7 +147,7 @@ def take_step(
         body.skeleton.below,
         real=np.float32,
     )
-    sides = np.empty((len(rows), 3), np.float32)
+    sides = np.empty((len(rows), 3), rows.dtype)
     _weigh(rows, sides, shares, gaps, directions, along)
     rows = rows.reshape(-1, rows.shape[2])
     matrix = (rows.T @ rows).astype(float)
@@ -171,11 +173,11 @@ def take_step(
 
 @compiled(fastmath=FUSED)
 def _weigh(
-    rows: np.ndarray,
-    sides: np.ndarray,
-    shares: np.ndarray,
-    gaps: np.ndarray,
-    directions: np.ndarray,
+    rows: Array,
+    sides: Array,
+    shares: Array,
+    gaps: Array,
+    directions: Array,
     along: float,
 ) -> None:
     """Multiply each point's rows and gap by the root of its share, less along the surface."""

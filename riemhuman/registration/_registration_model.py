@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions
 from riemhuman.errors import ArgumentError
@@ -22,12 +23,12 @@ from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettin
 class End(NamedTuple):
     """A plane beyond which a scan shows nothing of a body."""
 
-    direction: np.ndarray  # (3,) away from the scan
+    direction: Array  # (3,) away from the scan
     height: float  # along the direction, metres
 
-    def shows(self, points: np.ndarray, distance: float = 0.0) -> np.ndarray:
+    def shows(self, points: Array, distance: float = 0.0) -> Booleans:
         """Return which points are at least this far before the plane, metres."""
-        shown: np.ndarray = points @ self.direction <= self.height - distance
+        shown: Booleans = points @ self.direction <= self.height - distance
         return shown
 
 
@@ -48,7 +49,7 @@ class RegistrationModel:
         return int(np.flatnonzero(self.model.parents < 0)[0])
 
     @cached_property
-    def arms(self) -> list[np.ndarray]:
+    def arms(self) -> list[Integers]:
         """The joints of the arms for which other poses are tried."""
         return self.parts.arms if self.settings.search.tries_arms else []
 
@@ -59,7 +60,7 @@ class RegistrationModel:
         return [make_arm_surface(parts, joints, skin, few, settings) for joints in self.arms]
 
     @cached_property
-    def poses(self) -> dict[str, np.ndarray]:
+    def poses(self) -> dict[str, Array]:
         """The start poses, rotations of the joints."""
         poses, chosen = start_poses(self.model), self.settings.search.poses
         unknown = [] if chosen is None else [name for name in chosen if name not in poses]
@@ -70,12 +71,12 @@ class RegistrationModel:
         return poses if chosen is None else {name: poses[name] for name in chosen}
 
     @cached_property
-    def precisions(self) -> np.ndarray:
+    def precisions(self) -> Array:
         """Inverse variances of the joints' rotations from a start pose."""
         return joint_precisions(self.model)
 
     @cached_property
-    def betas_precisions(self) -> np.ndarray:
+    def betas_precisions(self) -> Array:
         """Inverse variances of the coefficients; hands stay relaxed until the dense fit."""
         counts = [self.model.n_betas, self.model.hand_directions.shape[2]]
         return np.repeat([1.0, self.settings.search.still_hands], counts)
@@ -85,7 +86,7 @@ class RegistrationModel:
         return ElasticMetric(AlignedSurfaces(self.model.template), a=1.0, lam=1.0, c=1.0)
 
     @cached_property
-    def _shown(self) -> np.ndarray:
+    def _shown(self) -> Booleans:
         """Which vertices belong to the body, without its legs if they are cut off."""
         if self.cut < 0:
             return ~self.parts.halves[0]
@@ -103,7 +104,7 @@ class RegistrationModel:
             self._samples[n_samples] = samples._replace(areas=areas / areas.sum())
         return self._samples[n_samples]
 
-    def surface(self, pose: Pose) -> np.ndarray:
+    def surface(self, pose: Pose) -> Array:
         return pose_body(self.samples(None), pose).points[: self.model.n_vertices]
 
     def joint_motions(self, pose: Pose) -> JointMotions:
@@ -114,12 +115,12 @@ class RegistrationModel:
         """Return the prior of a search around a pose."""
         return Prior(pose.local, self.precisions, pose.betas, self.betas_precisions)
 
-    def end_of(self, scan: np.ndarray, up: np.ndarray) -> End | None:
+    def end_of(self, scan: Array, up: Array) -> End | None:
         """Return where a scan of a part of a body ends."""
         direction = self.cut * up
         return End(direction, float((scan @ direction).max())) if self.cut else None
 
-    def find_visible(self, surface: np.ndarray, scan: np.ndarray, up: np.ndarray) -> np.ndarray:
+    def find_visible(self, surface: Array, scan: Array, up: Array) -> Booleans:
         """Return which vertices a scan can show."""
         end = self.end_of(scan, up)
         return self._shown if end is None else self._shown & end.shows(surface)

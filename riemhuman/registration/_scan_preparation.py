@@ -15,6 +15,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import ConvexHull, cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -41,41 +42,41 @@ _MEDIAN = 0.6745
 class Matches(NamedTuple):
     """The points of a scan that match the points of a body."""
 
-    gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
-    normals: np.ndarray  # (n, 3) normals of the scan at the matches
-    weights: np.ndarray  # (n,) weights of the matches in a fit, between 0 and 1
+    gaps: Array  # (n, 3) vectors from the points of the body to their matches, metres
+    normals: Array  # (n, 3) normals of the scan at the matches
+    weights: Array  # (n,) weights of the matches in a fit, between 0 and 1
     # (n,) lengths of the gaps beyond what the spacing of the scan explains, metres
-    distances: np.ndarray
-    reliable: np.ndarray  # (n,) what the weights would be at these distances
+    distances: Array
+    reliable: Array  # (n,) what the weights would be at these distances
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedScan:
     """Evenly spread points of a scan, ready for registration."""
 
-    points: np.ndarray
-    normals: np.ndarray
-    background: np.ndarray  # (N,) which points of the whole scan are floor or strays
+    points: Array
+    normals: Array
+    background: Booleans  # (N,) which points of the whole scan are floor or strays
     whole: Scan
-    up: np.ndarray | None = None  # direction up, if it is known
-    floor: tuple[np.ndarray, float] | None = None  # its upward normal, and its height along this
-    other_ups: tuple[np.ndarray, ...] = ()  # normals of more planes on which the body may rest
+    up: Array | None = None  # direction up, if it is known
+    floor: tuple[Array, float] | None = None  # its upward normal, and its height along this
+    other_ups: tuple[Array, ...] = ()  # normals of more planes on which the body may rest
     estimated: bool = False  # whether the normals were estimated from the points alone
-    parts: np.ndarray | None = None  # (n,) connected parts of a mesh that has several
+    parts: Integers | None = None  # (n,) connected parts of a mesh that has several
     signed: bool = True  # whether the signs of the normals are known
-    landmarks: Mapping[int, np.ndarray] = field(default_factory=dict)  # positions of joints
+    landmarks: Mapping[int, Array] = field(default_factory=dict)  # positions of joints
     settings: RegistrationSettings = DEFAULT_SETTINGS
 
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self._places(self.points, self.normals))
 
-    def _places(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def _places(self, points: Array, normals: Array) -> Array:
         """Return points with six coordinates, so that distances include normals."""
         return np.concatenate([points, self.settings.matching.normal_metres * normals], axis=1)
 
     @cached_property
-    def spacing(self) -> np.ndarray:
+    def spacing(self) -> Array:
         """The distance within which every point has neighbours on all sides, metres."""
         return point_spacing(self.points, self.settings.preparation)
 
@@ -94,9 +95,9 @@ class PreparedScan:
         chords = self.points[near] - self.points[chosen, np.newaxis]
         means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
         heights = np.einsum("nkx,nkx->nk", chords, means)
-        return float(np.median(np.abs(heights))) / (_MEDIAN * np.sqrt(2.0))
+        return float(np.median(np.abs(heights)) / (_MEDIAN * np.sqrt(2.0)))
 
-    def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
+    def match(self, points: Array, normals: Array, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
         places = self._places(points, normals)
         count = self.settings.matching.n_matched
@@ -121,9 +122,7 @@ class PreparedScan:
             weights[below], reliable[below], distances[below] = 1.0, 1.0, depths[below]
         return Matches(gaps, mean_normals, weights, distances, reliable)
 
-    def _allowed_along(
-        self, places: np.ndarray, nearest: np.ndarray, normals: np.ndarray
-    ) -> np.ndarray:
+    def _allowed_along(self, places: Array, nearest: Integers, normals: Array) -> Array:
         """Return how far along the surface matches may be: between sparse points, all are far.
 
         Beyond the border of what the scan shows, its points are on one side only, and matches
@@ -159,12 +158,12 @@ def _n_workers(n_points: int) -> int:
 class _LoosePoints:
     """Evenly spread points of a scan with its surroundings."""
 
-    everything: np.ndarray  # (M, 3) vertices, of triangles that are split
-    faces: np.ndarray | None
-    numbers: np.ndarray  # (n,) those that are kept
-    normals: np.ndarray  # (n, 3) of these
+    everything: Array  # (M, 3) vertices, of triangles that are split
+    faces: Triangles | None
+    numbers: Integers  # (n,) those that are kept
+    normals: Array  # (n, 3) of these
     estimated: bool  # whether normals were estimated from the points alone
-    background: np.ndarray  # (M,) points far away
+    background: Booleans  # (M,) points far away
 
 
 def prepare_scan(
@@ -172,8 +171,8 @@ def prepare_scan(
     settings: RegistrationSettings = DEFAULT_SETTINGS,
     *,
     surroundings: bool = True,
-    up: np.ndarray | None = None,
-    landmarks: Mapping[int, np.ndarray] | None = None,
+    up: Array | None = None,
+    landmarks: Mapping[int, Array] | None = None,
 ) -> PreparedScan:
     """Return evenly spread points of the body with normals, and what the user says about it."""
     rng = np.random.default_rng(0)
@@ -265,8 +264,8 @@ def _without_surroundings(
 
 
 def _outward_fine_mesh(
-    points: np.ndarray, faces: np.ndarray, settings: PreparationSettings
-) -> tuple[np.ndarray, np.ndarray]:
+    points: Array, faces: Triangles, settings: PreparationSettings
+) -> tuple[Array, Triangles]:
     """Return a mesh whose triangles face outward, and its large triangles split."""
     inward = find_inward_triangles(points, faces)
     faces = np.where(inward[:, np.newaxis], faces[:, ::-1], faces)
@@ -281,7 +280,7 @@ def _outward_fine_mesh(
     return points, faces
 
 
-def split_triangles(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def split_triangles(points: Array, faces: Triangles) -> tuple[Array, Triangles]:
     """Return the surface with every triangle cut into four."""
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, numbers, _ = distinct_pairs(sides)
@@ -295,14 +294,14 @@ def split_triangles(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
 class Plane(NamedTuple):
     """A plane beside the body: a floor or a wall."""
 
-    normal: np.ndarray  # (3,) towards the body
+    normal: Array  # (3,) towards the body
     height: float  # along the normal, metres
     resting: float  # share of the other points that are near to it
 
 
 def find_planes(
-    points: np.ndarray,
-    normals: np.ndarray,
+    points: Array,
+    normals: Array,
     rng: np.random.Generator,
     settings: PreparationSettings,
 ) -> list[Plane]:
@@ -319,8 +318,8 @@ def find_planes(
 
 
 def _find_plane(
-    points: np.ndarray,
-    normals: np.ndarray,
+    points: Array,
+    normals: Array,
     rng: np.random.Generator,
     settings: PreparationSettings,
 ) -> Plane | None:
@@ -345,14 +344,14 @@ def _find_plane(
 
 
 def _near_plane(
-    points: np.ndarray, normals: np.ndarray, start: int, settings: PreparationSettings
-) -> np.ndarray:
+    points: Array, normals: Array, start: int, settings: PreparationSettings
+) -> Booleans:
     """Return which points are in the plane across the normal of one of them."""
-    near: np.ndarray = np.abs((points - points[start]) @ normals[start]) < settings.floor_metres
+    near: Booleans = np.abs((points - points[start]) @ normals[start]) < settings.floor_metres
     return near
 
 
-def _as_plane(points: np.ndarray, near: np.ndarray, settings: PreparationSettings) -> Plane | None:
+def _as_plane(points: Array, near: Booleans, settings: PreparationSettings) -> Plane | None:
     """Return the plane of the points near to it, if it is a floor or a wall."""
     centre = points[near].mean(axis=0)
     axes = np.linalg.svd(points[near] - centre, full_matrices=False)[2]
@@ -370,7 +369,7 @@ def _as_plane(points: np.ndarray, near: np.ndarray, settings: PreparationSetting
     return Plane(sign * axes[2], float(centre @ (sign * axes[2])), resting)
 
 
-def _share_outside(points: np.ndarray, others: np.ndarray, settings: PreparationSettings) -> float:
+def _share_outside(points: Array, others: Array, settings: PreparationSettings) -> float:
     """Return the share of points in the plane, (n, 2), outside the convex outline of others."""
     low, high = np.percentile(others, [0.5, 99.5], axis=0)
     inside = ((others >= low) & (others <= high)).all(axis=1)  # without strays
@@ -379,28 +378,26 @@ def _share_outside(points: np.ndarray, others: np.ndarray, settings: Preparation
     return float(np.mean(distances.max(axis=1) > settings.outline_metres))
 
 
-def point_spacing(points: np.ndarray, settings: PreparationSettings) -> np.ndarray:
+def point_spacing(points: Array, settings: PreparationSettings) -> Array:
     """Return the distance of each point to its sixth neighbour, metres."""
     count = min(settings.n_close + 1, len(points))
-    distances: np.ndarray = cKDTree(points).query(points, k=[count])[0][:, 0]
+    distances: Array = cKDTree(points).query(points, k=[count])[0][:, 0]
     return distances
 
 
-def _areas(spacing: np.ndarray, settings: PreparationSettings) -> np.ndarray:
+def _areas(spacing: Array, settings: PreparationSettings) -> Array:
     """Return the areas that points represent, up to a factor, from their spacing."""
     return np.minimum(spacing, settings.widest_spacing) ** 2
 
 
-def _quantile_over_area(spacing: np.ndarray, share: float, settings: PreparationSettings) -> float:
+def _quantile_over_area(spacing: Array, share: float, settings: PreparationSettings) -> float:
     """Return the spacing that a share of the area stays below."""
     order = np.argsort(spacing)
     below = np.cumsum(_areas(spacing[order], settings))
     return float(spacing[order[np.searchsorted(below, share * below[-1])]])
 
 
-def _find_sparse_points(
-    points: np.ndarray, wanted: np.ndarray, settings: PreparationSettings
-) -> np.ndarray:
+def _find_sparse_points(points: Array, wanted: Booleans, settings: PreparationSettings) -> Booleans:
     """Return which loose points are remnants of floors and stands, far from their neighbours."""
     sparse_points = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
@@ -417,8 +414,8 @@ def _find_sparse_points(
 
 
 def _find_sparse_floor(
-    points: np.ndarray, is_sparse: np.ndarray, settings: PreparationSettings
-) -> np.ndarray:
+    points: Array, is_sparse: Booleans, settings: PreparationSettings
+) -> Booleans:
     """Return which sparse points are in one plane that has nearly all points on one side."""
     rng, numbers = np.random.default_rng(0), np.flatnonzero(is_sparse)
     best, most = np.zeros(len(points)), int(settings.in_plane * len(numbers))
@@ -435,9 +432,7 @@ def _find_sparse_floor(
     return in_plane if is_floor else np.zeros_like(in_plane)
 
 
-def _find_strays(
-    points: np.ndarray, wanted: np.ndarray, settings: PreparationSettings
-) -> np.ndarray:
+def _find_strays(points: Array, wanted: Booleans, settings: PreparationSettings) -> Booleans:
     """Return which points belong to small separate parts."""
     from scipy.ndimage import label  # takes long to import
 
@@ -467,7 +462,7 @@ def _find_strays(
     return strays
 
 
-def estimate_normals(points: np.ndarray, settings: PreparationSettings) -> np.ndarray:
+def estimate_normals(points: Array, settings: PreparationSettings) -> Array:
     """Return outward normals of loose points on a surface."""
     n = len(points)
     tree = cKDTree(points)
@@ -500,19 +495,18 @@ def estimate_normals(points: np.ndarray, settings: PreparationSettings) -> np.nd
     counts = np.bincount(part)
     means = np.stack([np.bincount(part, x) / counts for x in points.T], axis=1)
     outward = np.bincount(part, np.einsum("nx,nx->n", points - means[part], normals))
-    return np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
+    oriented: Array = np.where(outward < 0, -1.0, 1.0)[part][:, np.newaxis] * normals
+    return oriented
 
 
-def _normals_of(groups: np.ndarray, settings: PreparationSettings) -> tuple[np.ndarray, np.ndarray]:
+def _normals_of(groups: Array, settings: PreparationSettings) -> tuple[Array, Booleans]:
     """Return the normals of groups of points, (n, k, 3), and whether these are nearly on a line."""
     around = groups - groups.mean(axis=1, keepdims=True)
     variances, axes = np.linalg.eigh(np.einsum("nkx,nky->nxy", around, around))
     return axes[:, :, 0], variances[:, 1] < settings.on_line * variances[:, 2]
 
 
-def smooth_normals(
-    points: np.ndarray, normals: np.ndarray, settings: PreparationSettings
-) -> np.ndarray:
+def smooth_normals(points: Array, normals: Array, settings: PreparationSettings) -> Array:
     """Return normals averaged over neighbours with similar normals."""
     places = np.concatenate([points, settings.normal_metres * normals], axis=1)
     neighbours = cKDTree(places).query(places, k=min(settings.n_neighbours, len(points)))[1]

@@ -13,6 +13,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._body_parts import BodyParts
@@ -35,11 +36,11 @@ _FOLDING = (
 class ShownParts:
     """What is known about the vertices of a registered body, (V,) each."""
 
-    visible: np.ndarray  # such a scan can show them
-    matched: np.ndarray  # they have counterparts in the scan
-    overlaps: np.ndarray  # they lie where another matched part does
-    lost: np.ndarray  # they belong to limbs that the scan does not show
-    seen: np.ndarray  # they are matched, or near those that are
+    visible: Booleans  # such a scan can show them
+    matched: Booleans  # they have counterparts in the scan
+    overlaps: Booleans  # they lie where another matched part does
+    lost: Booleans  # they belong to limbs that the scan does not show
+    seen: Booleans  # they are matched, or near those that are
 
 
 def find_shown_parts(fitted: BodyFit, scan: PreparedScan) -> ShownParts:
@@ -61,11 +62,11 @@ def find_shown_parts(fitted: BodyFit, scan: PreparedScan) -> ShownParts:
 
 def find_seen(
     template: Template,
-    points: np.ndarray,
-    matched: np.ndarray,
+    points: Array,
+    matched: Booleans,
     scan: PreparedScan,
     settings: TrustSettings,
-) -> np.ndarray:
+) -> Booleans:
     """Return which vertices are matched or near those that are, along the surface."""
     if not matched.any():
         return matched
@@ -82,7 +83,7 @@ def find_seen(
     )
     nearest = cKDTree(scan.points).query(points)[1]
     heights = np.einsum("nx,nx->n", points - scan.points[nearest], scan.normals[nearest])
-    seen: np.ndarray = matched | (np.isfinite(distances) & (heights < settings.outside_metres))
+    seen: Booleans = matched | (np.isfinite(distances) & (heights < settings.outside_metres))
     return seen
 
 
@@ -93,12 +94,12 @@ class Overlaps(NamedTuple):
     one limb is fitted to the scan of another, it is all around.
     """
 
-    near: np.ndarray
-    around: np.ndarray
+    near: Booleans
+    around: Booleans
 
 
 def find_overlaps(
-    template: Template, points: np.ndarray, matched: np.ndarray, settings: TrustSettings
+    template: Template, points: Array, matched: Booleans, settings: TrustSettings
 ) -> Overlaps:
     """Return which matched vertices lie in the same place as another matched part of the body."""
     overlaps = Overlaps(*np.zeros((2, len(points)), dtype=bool))
@@ -137,11 +138,11 @@ def find_overlaps(
 
 def find_lost_limbs(
     parts: BodyParts,
-    points: np.ndarray,
-    matched: np.ndarray,
-    overlaps: np.ndarray,
+    points: Array,
+    matched: Booleans,
+    overlaps: Booleans,
     settings: TrustSettings,
-) -> np.ndarray:
+) -> Booleans:
     """Return which vertices belong to limbs that match little of the scan."""
     # The model always has all limbs. A limb that the scan does not show is fitted to points of
     # other parts: most of what it matches is matched by another part of the body too, or it is

@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._even_points import even_points
@@ -37,15 +38,15 @@ KAPPA, OUTLIERS = 2.0, 0.05
 # More than eight arguments, because a compiled loop takes plain arrays.
 @compiled(fastmath=SUM)
 def assign(
-    points: np.ndarray,
-    normals: np.ndarray,
-    areas: np.ndarray,
-    scan: np.ndarray,
-    scan_normals: np.ndarray,
+    points: Array,
+    normals: Array,
+    areas: Array,
+    scan: Array,
+    scan_normals: Array,
     sigma: float,
     signed: bool,
-    masses: np.ndarray,
-    targets: np.ndarray,
+    masses: Array,
+    targets: Array,
 ) -> float:
     """Fill masses and targets of the body's points, and return the mean log-likelihood."""
     # Masses are the expected numbers of scan points that belong to each point of the body, targets
@@ -90,7 +91,13 @@ def assign(
             target_x[i] += t * x
             target_y[i] += t * y
             target_z[i] += t * z
-    return likelihood / scan.shape[0] - math.log(volume)
+    mean: float = likelihood / scan.shape[0]
+    return mean - math.log(volume)
+
+
+def _single(values: Array) -> Array:
+    """Return numbers in single precision, for which compiled loops have the same type."""
+    return values.astype(np.float32)
 
 
 def anneal(
@@ -98,15 +105,15 @@ def anneal(
     pose: Pose,
     prior: Prior,
     scan: PreparedScan,
-    sigmas: np.ndarray,
+    sigmas: Array,
     end: End | None,
 ) -> tuple[Pose, float]:
     """Fit a body to a scan by a step for each deviation but the last, that of the likelihood."""
     settings = scan.settings.assignment
     n, n_joints = body.weights.shape
-    areas = body.areas.astype(np.float32)
-    points, scan_normals = scan.points.astype(np.float32), scan.normals.astype(np.float32)
-    masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
+    areas = _single(body.areas)
+    points, scan_normals = _single(scan.points), _single(scan.normals)
+    masses, targets = _single(np.empty(n)), _single(np.empty((3, n)))
     landmarks = np.full((n, 3), np.nan)
     for joint, position in scan.landmarks.items():
         landmarks[n - n_joints + joint] = position
@@ -115,10 +122,10 @@ def anneal(
         posed = pose_body(body, pose)
         if end is not None:
             shown = body.areas * end.shows(posed.points)
-            areas = (shown / max(shown.sum(), settings.least_shown)).astype(np.float32)
+            areas = _single(shown / max(shown.sum(), settings.least_shown))
         likelihood = assign(
-            np.ascontiguousarray(posed.points.T, np.float32),
-            np.ascontiguousarray(posed.normals.T, np.float32),
+            np.ascontiguousarray(_single(posed.points.T)),
+            np.ascontiguousarray(_single(posed.normals.T)),
             areas,
             points,
             scan_normals,
@@ -145,7 +152,7 @@ def anneal(
 
 
 def landmark_cost(
-    joints: np.ndarray, landmarks: Mapping[int, np.ndarray], settings: AssignmentSettings
+    joints: Array, landmarks: Mapping[int, Array], settings: AssignmentSettings
 ) -> float:
     """Return how much landmarks far from their joints lower the log-likelihood."""
     misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
@@ -179,8 +186,8 @@ def _fit_start(
     body: RegistrationModel,
     samples: ModelSamples,
     few: PreparedScan,
-    sigmas: np.ndarray,
-    points: np.ndarray,
+    sigmas: Array,
+    points: Array,
     start: Candidate,
 ) -> Candidate:
     """Return one candidate after the steps of a round; `points` are all of the scan."""
@@ -194,7 +201,7 @@ def _different(
 ) -> list[Candidate]:
     """Return the best candidates that are not close to a better one."""
     different: list[Candidate] = []
-    surfaces: list[np.ndarray] = []
+    surfaces: list[Array] = []
     for candidate in candidates:
         if len(different) == n_best:
             break
@@ -206,7 +213,7 @@ def _different(
 
 
 def find_likelihoods(
-    body: RegistrationModel, poses: Iterable[Pose], scan: PreparedScan, up: np.ndarray
+    body: RegistrationModel, poses: Iterable[Pose], scan: PreparedScan, up: Array
 ) -> list[float]:
     """Return mean log-likelihoods of a scan with the last deviation of the last round."""
     last = body.settings.search.rounds[-1]
@@ -220,8 +227,8 @@ def find_likelihood_of_area(
     body: RegistrationModel,
     pose: Pose,
     scan: PreparedScan,
-    up: np.ndarray,
-    visible: np.ndarray | None = None,
+    up: Array,
+    visible: Booleans | None = None,
 ) -> float:
     """Return the log-likelihood for a body of the standard area."""
     model = body.model

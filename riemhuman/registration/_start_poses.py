@@ -10,10 +10,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers, JSONValue
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.bodies.skinning import usual_joint_names
 from riemhuman.datasets import joint_rotations, pose_vectors
@@ -32,7 +32,7 @@ _DEGREES = _TABLE["degrees"]
 _OTHER_DEGREES = 15.0
 
 
-def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
+def start_poses(model: BodyModel) -> dict[str, Array]:
     """Return the poses to start from, as rotations of the joints."""
     names = usual_joint_names(model)
     if "left_shoulder" not in names:
@@ -54,16 +54,16 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
     return dict(zip(written, np.ascontiguousarray(rotation_matrix(vectors)), strict=True))
 
 
-def joint_precisions(model: BodyModel) -> np.ndarray:
+def joint_precisions(model: BodyModel) -> Array:
     """Return inverse variances of the joints' rotations from a start pose, 0 for the root."""
     joints = [name.split("_")[-1] for name in usual_joint_names(model)]
     deviations = np.radians([_DEGREES.get(joint, _OTHER_DEGREES) for joint in joints])
     return np.where(model.parents < 0, 0.0, deviations**-2.0)
 
 
-def _mirror_pose(angles: dict[str, Any]) -> dict[str, Any]:
+def _mirror_pose(angles: dict[str, JSONValue]) -> dict[str, JSONValue]:
     """Return angles with left and right exchanged."""
-    mirrored: dict[str, Any] = {}
+    mirrored: dict[str, JSONValue] = {}
     for name, joint_angles in angles.items():
         side, _, joint = name.partition("_")
         mirrored_name = {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side)
@@ -90,8 +90,8 @@ def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
 
 
 def other_arms(
-    arm: np.ndarray, current: np.ndarray, poses: dict[str, np.ndarray], same: float
-) -> Iterator[np.ndarray]:
+    arm: Integers, current: Array, poses: dict[str, Array], same: float
+) -> Iterator[Array]:
     """Yield the rotations of an arm's joints in some poses, without duplicates."""
     seen = [current[arm]]
     for pose in poses.values():

@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
@@ -43,7 +44,7 @@ class KnownBody:
     """A body found in a scan of the same person a moment before."""
 
     pose: Pose
-    up: np.ndarray
+    up: Array
     likelihood: float
 
 
@@ -88,7 +89,7 @@ def _search_near(
     return search_starts(body, scan, again=again, quick=quick)
 
 
-def search_from(body: RegistrationModel, scan: PreparedScan, pose: Pose, up: np.ndarray) -> Search:
+def search_from(body: RegistrationModel, scan: PreparedScan, pose: Pose, up: Array) -> Search:
     """Return the search from one known start, the body a moment before."""
     settings = body.settings.search
     precisions = settings.warm_betas_precision * body.betas_precisions
@@ -124,7 +125,7 @@ def search_starts(
 
 def _likely_ups(
     body: RegistrationModel, scan: PreparedScan, rounds: Sequence[SearchRound], offset: float
-) -> np.ndarray:
+) -> Array:
     """Return the directions up of a scan or, if they are unknown, the likeliest axes."""
     if scan.up is not None:
         return np.stack([scan.up, *scan.other_ups])
@@ -164,7 +165,7 @@ def with_likeliest_arms(search: Search) -> Search:
 
 
 def _with_likeliest_arm(
-    body: RegistrationModel, best: Candidate, arm: np.ndarray, scan: PreparedScan
+    body: RegistrationModel, best: Candidate, arm: Integers, scan: PreparedScan
 ) -> Candidate:
     """Return a body with one arm as in a start pose, if that is likelier."""
     settings = body.settings.search
@@ -183,9 +184,7 @@ def _with_likeliest_arm(
     return likeliest if likeliest.likelihood > current.likelihood + settings.arm_gain else best
 
 
-def orient_normals(
-    body: RegistrationModel, scan: PreparedScan, pose: Pose
-) -> tuple[np.ndarray, float]:
+def orient_normals(body: RegistrationModel, scan: PreparedScan, pose: Pose) -> tuple[Array, float]:
     """Return normals oriented like the body's, and the share that already were."""
     samples = body.samples(body.settings.dense.n_samples)
     posed, skin = pose_body(samples, pose), samples.numbers >= 0

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import rotation_matrix
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import Pose, Prior, pose_body
@@ -27,7 +28,7 @@ class Candidate:
     pose: Pose
     prior: Prior
     likelihood: float  # mean log-likelihood of the scan points in the last round
-    up: np.ndarray  # direction up of its start
+    up: Array  # direction up of its start
     number: int = 0  # of its start
     known: bool = False  # whether it started from the body a moment before
 
@@ -36,7 +37,7 @@ def make_starts(
     body: RegistrationModel,
     scan: PreparedScan,
     names: Iterable[str],
-    ups: Iterable[np.ndarray],
+    ups: Iterable[Array],
     offset: float,
 ) -> list[Candidate]:
     """Return starts of some poses with all headings, which begin at an offset, in steps."""
@@ -61,13 +62,13 @@ def make_starts(
 
 
 def _shift_to(
-    body: RegistrationModel, scan: PreparedScan, pose: Pose, centre: np.ndarray, up: np.ndarray
-) -> np.ndarray:
+    body: RegistrationModel, scan: PreparedScan, pose: Pose, centre: Array, up: Array
+) -> Array:
     """Return the translation that brings what a scan shows of a body to the centre of the scan."""
     settings = body.settings.search
     samples, end = body.samples(settings.rounds[0].n_model), body.end_of(scan.points, up)
     points = pose_body(samples, pose).points
-    shift: np.ndarray = centre - samples.areas @ points
+    shift: Array = centre - samples.areas @ points
     if end is not None:
         for _ in range(settings.n_shifts):
             shown = samples.areas * end.shows(points + shift)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.bodies import BodyModel
 
 # People that weights are learned from; more made no difference.
@@ -32,7 +33,7 @@ _DETAIL = 5e-4
 _N_TOGETHER = 512
 
 
-def example_people(model: BodyModel) -> np.ndarray:
+def example_people(model: BodyModel) -> Array:
     """Return people of a model in random poses, shape (n, V, 3)."""
     rng = np.random.default_rng(_SEED)
     n_hands = model.hand_directions.shape[2]
@@ -47,8 +48,8 @@ def example_people(model: BodyModel) -> np.ndarray:
 
 
 def combined_vertices(
-    target: np.ndarray, source: np.ndarray, corners: np.ndarray, usable: np.ndarray
-) -> np.ndarray:
+    target: Array, source: Array, corners: Integers, usable: Booleans
+) -> Integers:
     """Return the source's vertices to combine for each vertex of the target, shape (n, k).
 
     The first three are the corners of its triangle, shape (n, 3); the others are nearest to it in a
@@ -62,20 +63,20 @@ def combined_vertices(
 class MirroredColumns:
     """Vertices to combine on symmetric meshes: those of opposite rows are opposite, in order."""
 
-    columns: np.ndarray  # (n, k) vertices of the source
-    barycentric: np.ndarray  # (n, k) weights to start from
-    rows: np.ndarray  # (m,) vertices of the target on one side
-    opposite: np.ndarray  # (m,) those on the other side
-    middle: np.ndarray  # vertices of the target that are opposite themselves
+    columns: Integers  # (n, k) vertices of the source
+    barycentric: Array  # (n, k) weights to start from
+    rows: Integers  # (m,) vertices of the target on one side
+    opposite: Integers  # (m,) those on the other side
+    middle: Integers  # vertices of the target that are opposite themselves
 
     @classmethod
     def choose(
         cls,
-        surfaces: tuple[np.ndarray, np.ndarray],
-        images: tuple[np.ndarray, np.ndarray],
-        corners: np.ndarray,
-        barycentric: np.ndarray,
-        usable: np.ndarray,
+        surfaces: tuple[Array, Array],
+        images: tuple[Integers, Integers],
+        corners: Integers,
+        barycentric: Array,
+        usable: Booleans,
     ) -> MirroredColumns:
         """Return what to combine; `surfaces` and `images` are of the target and of the source.
 
@@ -104,7 +105,7 @@ class MirroredColumns:
         start[middle, :3] = start[middle, 3:6] = 0.5 * barycentric[middle]
         return cls(columns, start, rows, opposite, middle)
 
-    def averaged(self, weights: np.ndarray) -> np.ndarray:
+    def averaged(self, weights: Array) -> Array:
         """Return weights that are the same on both sides, from those of each side."""
         result = weights.copy()
         result[self.rows] = 0.5 * (weights[self.rows] + weights[self.opposite])
@@ -115,20 +116,14 @@ class MirroredColumns:
         return result
 
 
-def _nearest(
-    target: np.ndarray, source: np.ndarray, candidates: np.ndarray, count: int
-) -> np.ndarray:
+def _nearest(target: Array, source: Array, candidates: Integers, count: int) -> Integers:
     """Return the candidates nearest each point of the target, shape (n, count)."""
     count = min(count, len(candidates))
-    near: np.ndarray = candidates[
-        cKDTree(source[candidates]).query(target, k=range(1, count + 1))[1]
-    ]
+    near: Integers = candidates[cKDTree(source[candidates]).query(target, k=range(1, count + 1))[1]]
     return near
 
 
-def learned_weights(
-    sources: np.ndarray, targets: np.ndarray, columns: np.ndarray, start: np.ndarray
-) -> np.ndarray:
+def learned_weights(sources: Array, targets: Array, columns: Integers, start: Array) -> Array:
     r"""Return weights, shape (n, k), of the vertices that are combined for each target vertex.
 
     Minimises :math:`\sum_p \|y_p - \sum_k w_k x_{pk}\|^2 + 3 n \sigma^2 \|w - b\|^2` over weights

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._messages import LANDMARKS_DECIDE
@@ -22,7 +23,7 @@ _LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
 _LEAST_POINTS = 20
 
 
-def find_facet_heights(parts: BodyParts, template: Template, points: np.ndarray) -> np.ndarray:
+def find_facet_heights(parts: BodyParts, template: Template, points: Array) -> Array:
     """Return how far the middles of edges are from the smooth surface, by joint, metres."""
     first, second = template.edges.T
     normals = vertex_normals(points, template.faces)
@@ -31,17 +32,17 @@ def find_facet_heights(parts: BodyParts, template: Template, points: np.ndarray)
     heights = np.abs(np.einsum("ex,ex->e", along, turned)) / 8.0
     owners, n_joints = parts.owners[first], len(parts.names)
     sums, counts = (np.bincount(owners, weights, n_joints) for weights in (heights, None))
-    means: np.ndarray = sums / np.maximum(counts, 1)
+    means: Array = sums / np.maximum(counts, 1)
     return means
 
 
 def find_excess(
     parts: BodyParts,
-    owners: np.ndarray,
-    distances: np.ndarray,
-    facets: np.ndarray,
+    owners: Integers,
+    distances: Array,
+    facets: Array,
     settings: RivalSettings,
-) -> np.ndarray:
+) -> Array:
     """Return by which factor a scan is farther from each limb than from the rest of the body.
 
     Noise, clothes and what the model cannot show of a person are in both distances. Joints that

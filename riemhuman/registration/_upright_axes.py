@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from riemhuman.arrays import Array
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
@@ -16,16 +17,14 @@ _SIDES = ("left", "right")
 _LEAST_LEVEL = 0.3
 
 
-def find_up(
-    body: RegistrationModel, pose: Pose, scan: PreparedScan, start_up: np.ndarray
-) -> np.ndarray:
+def find_up(body: RegistrationModel, pose: Pose, scan: PreparedScan, start_up: Array) -> Array:
     """Return the direction up of a body in a scan: that of its start, or a better one."""
     if scan.up is None:
         return _standing_up(body, pose, start_up)
     return _upright_plane(body, pose, scan.up, scan.other_ups) if scan.other_ups else start_up
 
 
-def _standing_up(body: RegistrationModel, pose: Pose, up: np.ndarray) -> np.ndarray:
+def _standing_up(body: RegistrationModel, pose: Pose, up: Array) -> Array:
     """Return an axis or, if feet and trunk both lean away from it, the direction up of the feet."""
     names, settings = body.parts.names, body.settings.trust
     if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
@@ -39,15 +38,15 @@ def _standing_up(body: RegistrationModel, pose: Pose, up: np.ndarray) -> np.ndar
 
 
 def _upright_plane(
-    body: RegistrationModel, pose: Pose, up: np.ndarray, other_ups: tuple[np.ndarray, ...]
-) -> np.ndarray:
+    body: RegistrationModel, pose: Pose, up: Array, other_ups: tuple[Array, ...]
+) -> Array:
     """Return the plane's normal along which the trunk is upright, or else `up`."""
     root = body.joint_motions(pose).rotations[body.root]
     best = max((up, *other_ups), key=lambda normal: float(root[:, 1] @ normal))
     return best if root[:, 1] @ best > body.settings.trust.leaning else up
 
 
-def upright_transform(points: np.ndarray, root: np.ndarray, up: np.ndarray) -> np.ndarray:
+def upright_transform(points: Array, root: Array, up: Array) -> Array:
     """Return the rigid motion to y up, facing z, of a body with this rotation of its pelvis."""
     # The left side stays level in people who bend forward; models have x to the left, z forward.
     left = root[:, 0] - (root[:, 0] @ up) * up

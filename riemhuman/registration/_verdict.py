@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from riemhuman.arrays import Array, Booleans
 from riemhuman.checks import UNITS, likely_units
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._dense_fit import find_hair
@@ -40,14 +41,14 @@ class Verdict:
     """Which parts of a registered scan are trusted."""
 
     trusted: bool
-    trusted_vertices: np.ndarray  # (V,)
+    trusted_vertices: Booleans  # (V,)
     message: str
     likelihood: float
-    matched: np.ndarray  # (V,)
+    matched: Booleans  # (V,)
     correspondence: SurfacePoints  # of all points of the scan
-    distances: np.ndarray  # (N,)
-    background: np.ndarray  # (N,)
-    excess: np.ndarray  # (J,) how many times farther the scan is from a limb than from the rest
+    distances: Array  # (N,)
+    background: Booleans  # (N,)
+    excess: Array  # (J,) how many times farther the scan is from a limb than from the rest
 
 
 def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_known: bool) -> Verdict:
@@ -100,11 +101,11 @@ def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_know
 
 def _find_excess(
     search: Search,
-    points: np.ndarray,
+    points: Array,
     places: SurfacePoints,
-    distances: np.ndarray,
-    background: np.ndarray,
-) -> np.ndarray:
+    distances: Array,
+    background: Booleans,
+) -> Array:
     """Return how many times farther a scan is from each limb than from the rest of the body."""
     body = search.body
     facets = find_facet_heights(body.parts, body.model.template, points)
@@ -159,7 +160,7 @@ def find_margin(search: Search) -> float:
 
 
 def _landmark_doubts(
-    body: RegistrationModel, pose: Pose, landmarks: Mapping[int, np.ndarray]
+    body: RegistrationModel, pose: Pose, landmarks: Mapping[int, Array]
 ) -> list[str]:
     joints = body.joint_motions(pose).positions + pose.trans
     misses = {k: np.linalg.norm(joints[k] - place) for k, place in landmarks.items()}
@@ -181,7 +182,7 @@ def _unseen_parts(body: RegistrationModel, vertices: ShownParts, *, up_is_known:
     return [say_unseen(unseen, share, guessed_up=guessed_up)]
 
 
-def _other_units(scan: Scan, background: np.ndarray) -> list[str]:
+def _other_units(scan: Scan, background: Booleans) -> list[str]:
     """Return a message if the scan, in another unit, would also have the size of a body."""
     extent = float(np.ptp(scan.points[~background], axis=0).max())
     others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]

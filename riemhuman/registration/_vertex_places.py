@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.io.mesh_seams import find_seams
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -43,8 +44,8 @@ class FilledPart:
     """A part of a mesh without counterpart, which moves with its surroundings."""
 
     name: str
-    vertices: np.ndarray  # (n,)
-    anchors: np.ndarray  # (k,) vertices with counterpart around it
+    vertices: Integers  # (n,)
+    anchors: Integers  # (k,) vertices with counterpart around it
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +59,16 @@ class VertexPlaces:
     Where weights were learned, as from a coarser source, they take the place of the offset.
     """
 
-    faces: np.ndarray  # (F, 3) of the source
+    faces: Triangles  # (F, 3) of the source
     n_source: int
     places: SurfacePoints  # of the target's vertices
-    heights: np.ndarray  # (n,) metres, in the reference
-    source: np.ndarray  # (n_source, 3) the reference surface of the source
-    target: np.ndarray  # (n, 3) that of the target, in the same pose
-    target_faces: np.ndarray
+    heights: Array  # (n,) metres, in the reference
+    source: Array  # (n_source, 3) the reference surface of the source
+    target: Array  # (n, 3) that of the target, in the same pose
+    target_faces: Triangles
     parts: tuple[FilledPart, ...]
-    columns: np.ndarray | None = None  # (n, k) vertices of the source that are combined
-    weights: np.ndarray | None = None  # (n, k)
+    columns: Integers | None = None  # (n, k) vertices of the source that are combined
+    weights: Array | None = None  # (n, k)
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
@@ -90,11 +91,11 @@ class VertexPlaces:
         return sparse.csr_array(entries, shape=(len(self.columns), self.n_source))
 
     @cached_property
-    def _sizes(self) -> np.ndarray:
+    def _sizes(self) -> Array:
         return self._local_sizes(self.source)
 
     @cached_property
-    def _normals(self) -> np.ndarray:
+    def _normals(self) -> Array:
         return vertex_normals(self.source, self.faces)[:, np.newaxis, :]
 
     @cached_property
@@ -110,9 +111,9 @@ class VertexPlaces:
     def _fillings(self) -> list[_Filling]:
         return [_make_filling(self.target, self.target_faces, part) for part in self.parts]
 
-    def apply(self, surface: np.ndarray) -> np.ndarray:
+    def apply(self, surface: Array) -> Array:
         """Return the target's vertices for a surface of the source, shape (n_source, 3)."""
-        points: np.ndarray
+        points: Array
         if self.reconstruction is None:
             points = self._carried(surface)
         else:
@@ -121,7 +122,7 @@ class VertexPlaces:
             points[filling.vertices] = filling.fill(points)
         return points
 
-    def _carried(self, surface: np.ndarray) -> np.ndarray:
+    def _carried(self, surface: Array) -> Array:
         """Return the target's vertices above their places."""
         # An offset is carried by the rotations of the corners: where the source bends, the height
         # along the normal alone would not follow the curve between its vertices.
@@ -130,7 +131,7 @@ class VertexPlaces:
         carried = np.einsum("nxy,ny->nx", rotations, self.source)
         offsets = np.einsum("nxy,ny->nx", blended, self.target) - self.matrix @ carried
         factors = self._local_sizes(surface) / self._sizes
-        points: np.ndarray = self.matrix @ surface + factors[:, np.newaxis] * offsets
+        points: Array = self.matrix @ surface + factors[:, np.newaxis] * offsets
         return points
 
     @cached_property
@@ -140,7 +141,7 @@ class VertexPlaces:
         links = sparse.csr_array((np.ones(len(ends)), ends.T), shape=(self.n_source,) * 2)
         return ((links + links.T) > 0).astype(float).tocsr()
 
-    def _vertex_rotations(self, surface: np.ndarray) -> np.ndarray:
+    def _vertex_rotations(self, surface: Array) -> Array:
         """Return rotations around the vertices from the reference, shape (n_source, 3, 3)."""
         links, before, after = self._sides, self.source, surface
         products = after[:, :, np.newaxis] * before[:, np.newaxis, :]
@@ -154,9 +155,9 @@ class VertexPlaces:
         size = np.linalg.norm(spread.reshape(-1, 9), axis=1)
         return nearest_rotations(spread + size[:, np.newaxis, np.newaxis] * normals)
 
-    def _local_sizes(self, surface: np.ndarray) -> np.ndarray:
+    def _local_sizes(self, surface: Array) -> Array:
         areas = self._around @ triangle_areas(surface, self.faces)
-        sizes: np.ndarray = np.sqrt(np.maximum(areas, np.finfo(float).tiny))
+        sizes: Array = np.sqrt(np.maximum(areas, np.finfo(float).tiny))
         return sizes
 
 
@@ -164,16 +165,16 @@ class VertexPlaces:
 class _Filling:
     """A part that moves by the similarity of its anchors, and elastically where it is attached."""
 
-    vertices: np.ndarray  # (n,) of the part
-    anchors: np.ndarray  # (k,) vertices with counterpart around it
-    ring: np.ndarray  # (r,) vertices next to it
-    extension: np.ndarray  # (n, r) matrix that extends values on the ring into the part
+    vertices: Integers  # (n,) of the part
+    anchors: Integers  # (k,) vertices with counterpart around it
+    ring: Integers  # (r,) vertices next to it
+    extension: Array  # (n, r) matrix that extends values on the ring into the part
     # In the reference:
-    part_points: np.ndarray  # (n, 3)
-    anchor_points: np.ndarray  # (k, 3)
-    ring_points: np.ndarray  # (r, 3)
+    part_points: Array  # (n, 3)
+    anchor_points: Array  # (k, 3)
+    ring_points: Array  # (r, 3)
 
-    def fill(self, points: np.ndarray) -> np.ndarray:
+    def fill(self, points: Array) -> Array:
         """Return the positions of the part, (n, 3), from those of the vertices around it."""
         moved = points[self.anchors]
         before, after = self.anchor_points.mean(axis=0), moved.mean(axis=0)
@@ -181,11 +182,12 @@ class _Filling:
         rotation = nearest_rotations(moved.T @ centred)
         scale = np.linalg.norm(moved) / max(float(np.linalg.norm(centred)), np.finfo(float).tiny)
         ring = scale * (self.ring_points - before) @ rotation.T + after
-        part: np.ndarray = scale * (self.part_points - before) @ rotation.T + after
-        return part + self.extension @ (points[self.ring] - ring)
+        part: Array = scale * (self.part_points - before) @ rotation.T + after
+        filled: Array = part + self.extension @ (points[self.ring] - ring)
+        return filled
 
 
-def _make_filling(target: np.ndarray, faces: np.ndarray, part: FilledPart) -> _Filling:
+def _make_filling(target: Array, faces: Triangles, part: FilledPart) -> _Filling:
     """Return how a part of a target mesh follows its surroundings."""
     ring, extension = _harmonic_extension(target, faces, part.vertices)
     return _Filling(
@@ -200,8 +202,8 @@ def _make_filling(target: np.ndarray, faces: np.ndarray, part: FilledPart) -> _F
 
 
 def _harmonic_extension(
-    target: np.ndarray, faces: np.ndarray, vertices: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    target: Array, faces: Triangles, vertices: Integers
+) -> tuple[Integers, Array]:
     """Return the vertices around a part, and the matrix that extends values there into it."""
     inside = np.zeros(len(target), dtype=bool)
     inside[vertices] = True
@@ -220,17 +222,17 @@ def _harmonic_extension(
     # A vertex of no triangle is linked to nothing, and is carried by the anchors alone.
     degrees = links.sum(axis=1) + 1e-9 * weights.max()
     inner = sparse.diags_array(degrees) - links[:, vertices]
-    extension: np.ndarray = splu(inner.tocsc()).solve(links[:, ring].toarray())
+    extension: Array = splu(inner.tocsc()).solve(links[:, ring].toarray())
     return ring, extension
 
 
 def place_vertices(
-    target: np.ndarray,
-    target_faces: np.ndarray,
-    source: np.ndarray,
-    faces: np.ndarray,
-    usable: np.ndarray,
-) -> tuple[SurfacePoints, np.ndarray, np.ndarray]:
+    target: Array,
+    target_faces: Triangles,
+    source: Array,
+    faces: Triangles,
+    usable: Booleans,
+) -> tuple[SurfacePoints, Array, Array]:
     """Return places, heights and distances of a mesh's vertices on another that shares its pose.
 
     Triangles with a corner that is not usable, shape (n_source,), are no places. Each vertex lies
@@ -244,7 +246,7 @@ def place_vertices(
     tree = cKDTree(np.concatenate([source[used], _NORMAL_METRES * normals[used]], axis=1))
     count = min(_N_NEAR, len(used))
 
-    def nearest(queries: np.ndarray) -> tuple[SurfacePoints, np.ndarray]:
+    def nearest(queries: Array) -> tuple[SurfacePoints, Array]:
         both = np.concatenate([queries, _NORMAL_METRES * target_normals], axis=1)
         near = used[tree.query(both, k=range(1, count + 1))[1]]
         return nearest_points_around(queries, near, source, allowed)
@@ -266,8 +268,8 @@ def place_vertices(
 
 
 def mean_surface(
-    points: np.ndarray, faces: np.ndarray, surfaces: Sequence[np.ndarray], model_faces: np.ndarray
-) -> np.ndarray:
+    points: Array, faces: Triangles, surfaces: Sequence[Array], model_faces: Triangles
+) -> Array:
     """Return the model's surface on the first body: the mean of its places on all bodies."""
     first = surfaces[0]
     if len(surfaces) == 1:
@@ -289,13 +291,11 @@ def mean_surface(
     chosen = np.nan_to_num(gaps, nan=np.inf) < _FARTHEST_ESTIMATE
     chosen[0] |= ~chosen.any(axis=0)
     weights = chosen / chosen.sum(axis=0)
-    mean: np.ndarray = np.einsum("kn,knx->nx", weights, np.nan_to_num(stacked))
+    mean: Array = np.einsum("kn,knx->nx", weights, np.nan_to_num(stacked))
     return mean
 
 
-def find_without_counterpart(
-    vertices: np.ndarray, faces: np.ndarray, distances: np.ndarray
-) -> np.ndarray:
+def find_without_counterpart(vertices: Array, faces: Triangles, distances: Array) -> Booleans:
     """Return which vertices of a mesh have no counterpart at these distances, shape (V,)."""
     far = distances > FARTHEST
     component = joined_components(vertices, faces)
@@ -306,26 +306,26 @@ def find_without_counterpart(
     # Eyeballs are near the lids in front; what hardly belongs to a surface is not part of it.
     inner = (areas < _SMALL_PART * areas.sum()) & (shares > 0.4)
     loose = ~np.isin(np.arange(len(vertices)), faces)
-    without: np.ndarray = far | inner[component] | loose
+    without: Booleans = far | inner[component] | loose
     return without
 
 
-def joined_components(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def joined_components(vertices: Array, faces: Triangles) -> Integers:
     """Return the part of every vertex; those on both sides of a seam are in one."""
     seams = find_seams(vertices, faces)
     if not seams:
         return vertex_components(faces, len(vertices))
-    joined: np.ndarray = vertex_components(seams.faces, len(seams.originals))[seams.joined_vertices]
+    joined: Integers = vertex_components(seams.faces, len(seams.originals))[seams.joined_vertices]
     return joined
 
 
 def filled_parts(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    without: np.ndarray,
-    owners: np.ndarray,
+    vertices: Array,
+    faces: Triangles,
+    without: Booleans,
+    owners: Integers,
     joint_names: Sequence[str],
-    leftward: np.ndarray,
+    leftward: Array,
 ) -> tuple[FilledPart, ...]:
     """Return the connected parts of a mesh without counterpart, the largest first.
 
@@ -359,7 +359,7 @@ def filled_parts(
     return tuple(parts)
 
 
-def _part_name(points: np.ndarray, joint: str, separate: bool, left: float) -> str:
+def _part_name(points: Array, joint: str, separate: bool, left: float) -> str:
     """Return the name of a part: an eyeball is a sphere in the head."""
     radii = np.linalg.norm(points - points.mean(axis=0), axis=1)
     is_ball = len(points) > 20 and np.std(radii) < 0.15 * np.mean(radii)

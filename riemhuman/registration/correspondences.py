@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from riemhuman.checks import integer_array, refuse_type
+from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
+from riemhuman.checks import check_instance, integer_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.kernels.surface import vertex_normals
@@ -62,18 +62,18 @@ class ScanCorrespondence:
     True
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray | None
-    barycentric: np.ndarray | None
-    points: np.ndarray
+    vertices: Integers
+    triangles: Triangles | None
+    barycentric: Array | None
+    points: Array
 
     def __len__(self) -> int:
         return len(self.vertices)
 
     @property
-    def seen(self) -> np.ndarray:
+    def seen(self) -> Booleans:
         """Which vertices have a place on the other scan; shape (N,)."""
-        seen: np.ndarray = self.vertices >= 0
+        seen: Booleans = self.vertices >= 0
         return seen
 
 
@@ -104,10 +104,8 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
     >>> results = [registration.solve(f"{name}.ply") for name in "ab"]  # doctest: +SKIP
     >>> rh.registration.correspondence(*results).vertices  # doctest: +SKIP
     """
-    for name, given in (("result_a", result_a), ("result_b", result_b)):
-        result: Any = given
-        if not isinstance(result, RegisteredScan):
-            refuse_type(result, name, "a RegisteredScan")
+    for name, result in (("result_a", result_a), ("result_b", result_b)):
+        check_instance(result, name, RegisteredScan)
         if not result.trusted_vertices.any():
             raise ArgumentError(f"no part of {name} is trusted: {result.message}")
     faces = result_a.faces
@@ -147,7 +145,7 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
 
 
 def _only_seen(
-    vertices: np.ndarray, surface: SurfacePoints | None, points: np.ndarray, seen: np.ndarray
+    vertices: Integers, surface: SurfacePoints | None, points: Array, seen: Booleans
 ) -> ScanCorrespondence:
     missing = seen[:, np.newaxis]
     return ScanCorrespondence(
@@ -158,24 +156,24 @@ def _only_seen(
     )
 
 
-def _on_body(result: RegisteredScan) -> np.ndarray:
+def _on_body(result: RegisteredScan) -> Booleans:
     """Return which vertices of a scan lie on its registered body."""
     size = np.linalg.norm(np.ptp(result.points, axis=0))
-    near: np.ndarray = ~result.background & (result.distances < _FARTHEST * size)
+    near: Booleans = ~result.background & (result.distances < _FARTHEST * size)
     if result.scan.faces is not None:
         near &= np.isin(np.arange(len(near)), result.scan.faces)
     return near
 
 
-def _nearest_vertices(queries: np.ndarray, known: np.ndarray, usable: np.ndarray) -> np.ndarray:
+def _nearest_vertices(queries: Array, known: Array, usable: Booleans) -> Integers:
     """Return the nearest usable vertices, (N, k), by place and normal, (n, 6)."""
     chosen = np.flatnonzero(usable)
     count = min(_N_NEAR, len(chosen))
-    near: np.ndarray = chosen[cKDTree(known[chosen]).query(queries, k=range(1, count + 1))[1]]
+    near: Integers = chosen[cKDTree(known[chosen]).query(queries, k=range(1, count + 1))[1]]
     return near
 
 
-def _scan_normals(result: RegisteredScan) -> np.ndarray:
+def _scan_normals(result: RegisteredScan) -> Array:
     """Return outward normals of a scan's vertices; those of the body for loose points."""
     scan = result.scan
     if scan.faces is not None:
@@ -184,19 +182,21 @@ def _scan_normals(result: RegisteredScan) -> np.ndarray:
         return vertex_normals(scan.points, faces)
     normals = vertex_normals(result.points, result.faces)
     places = result.correspondence
-    sums: np.ndarray = np.einsum(
+    sums: Array = np.einsum(
         "nk,nkx->nx", places.barycentric, normals[result.faces[places.triangles]]
     )
     return sums
 
 
-def _local_spacing(scan: Scan, vertices: np.ndarray) -> np.ndarray:
+def _local_spacing(scan: Scan, vertices: Integers) -> Array:
     """Return the distance of some of a scan's vertices to their neighbours, metres."""
-    distances: np.ndarray = cKDTree(scan.points).query(scan.points[vertices], k=[4])[0][:, 0]
+    distances: Array = cKDTree(scan.points).query(scan.points[vertices], k=[4])[0][:, 0]
     return distances
 
 
-def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.ndarray:
+def geodesic_errors(
+    vertices: ArrayLike, faces: ArrayLike, found: ArrayLike, truth: ArrayLike
+) -> Array:
     """Return the distances between found and true vertices along the surface.
 
     Lengths are divided by the square root of the area, as in benchmarks of matching. Paths run
@@ -245,11 +245,11 @@ def geodesic_errors(vertices: Any, faces: Any, found: Any, truth: Any) -> np.nda
         if not len(rest):
             break
     errors[rest] = np.linalg.norm(points[reached[rest]] - points[expected[rest]], axis=1)
-    scaled: np.ndarray = errors / np.sqrt(area)
+    scaled: Array = errors / np.sqrt(area)
     return scaled
 
 
-def _shortcut_graph(points: np.ndarray, faces: np.ndarray) -> sparse.csr_array:
+def _shortcut_graph(points: Array, faces: Triangles) -> sparse.csr_array:
     """Return a graph of the lengths of edges, and of those across pairs of adjacent triangles."""
     pairs, edges = adjacent_triangles(faces)
     opposite = [

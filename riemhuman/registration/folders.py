@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Values
 from riemhuman.checks import check_instance, flag, real_array
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError, warn
@@ -87,7 +88,7 @@ class ScanRecord:
     likelihood: float
     median_distance: float
     matched_share: float
-    arrays: dict[str, np.ndarray]
+    arrays: dict[str, Values]
 
     def result(self, scan: Scan) -> RegisteredScan:
         """Return the registration of the scan from which the record was made, without a model fit.
@@ -297,7 +298,9 @@ def _record(name: str, result: RegisteredScan, scan: Scan) -> ScanRecord:
     }
     fit = result.fit
     if fit is not None:
-        arrays |= {"betas": fit.betas, "pose": fit.pose, "trans": fit.trans, "hands": fit.hands}
+        arrays |= {"betas": fit.betas, "pose": fit.pose, "trans": fit.trans}
+        if fit.hands is not None:
+            arrays["hands"] = fit.hands
     return ScanRecord(
         name=name,
         trusted=result.trusted,
@@ -359,7 +362,7 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
     return complete
 
 
-def _write(folder: Path, record: ScanRecord, key: str, transform: np.ndarray | None) -> None:
+def _write(folder: Path, record: ScanRecord, key: str, transform: Array | None) -> None:
     """Write the body, moved by a transform or its own, and then its record, which completes it."""
     for place in (folder, folder / PARTIAL, folder / UNTRUSTED):
         (place / f"{record.name}.ply").unlink(missing_ok=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from riemhuman.arrays import Array, Booleans, Triangles
 from riemhuman.bodies import ModelFit
 from riemhuman.provided import View, notebook_pictures
 from riemhuman.registration.registration_traces import RegistrationTrace
@@ -69,25 +70,25 @@ class RegisteredScan:
     (True, (1202, 3))
     """
 
-    points: np.ndarray
+    points: Array
     trusted: bool
-    trusted_vertices: np.ndarray
+    trusted_vertices: Booleans
     message: str
     likelihood: float
     fit: ModelFit | None
-    distances: np.ndarray
-    matched: np.ndarray
+    distances: Array
+    matched: Booleans
     correspondence: SurfacePoints
-    background: np.ndarray
-    up: np.ndarray
-    transform: np.ndarray
+    background: Booleans
+    up: Array
+    transform: Array
     unit: str
-    faces: np.ndarray
+    faces: Triangles
     scan: Scan
     trace: RegistrationTrace | None = None
 
     @property
-    def upright_points(self) -> np.ndarray:
+    def upright_points(self) -> Array:
         """The registered surface in upright axes, facing z, on the ground; shape (V, 3), metres."""
         return apply_transform(self.transform, self.points)
 
@@ -108,7 +109,7 @@ class RegisteredScan:
         )
 
 
-def apply_transform(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
+def apply_transform(transform: Array, points: Array) -> Array:
     """Return points, shape (n, 3), after a rigid motion, shape (4, 4)."""
-    moved: np.ndarray = points @ transform[:3, :3].T + transform[:3, 3]
+    moved: Array = points @ transform[:3, :3].T + transform[:3, 3]
     return moved

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from riemhuman.arrays import Array
 from riemhuman.registration._arms_and_hands import ArmsFit
 from riemhuman.registration._dense_fit import DenseFit
 from riemhuman.registration._elastic_step import ElasticFit
@@ -56,10 +55,10 @@ class RegistrationTrace:
     arms: ArmsFit
     elastic: ElasticFit
     verdict: Verdict
-    up: np.ndarray
+    up: Array
     seconds: dict[str, float]
 
-    def surfaces(self) -> dict[str, np.ndarray]:
+    def surfaces(self) -> dict[str, Array]:
         """Return the likeliest body after each stage, shape (V, 3), metres.
 
         The first is the start that led to it, the last the surface that left the model.

@@ -6,21 +6,13 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel, ModelFit
-from riemhuman.checks import (
-    UNITS,
-    check_instance,
-    flag,
-    items_of,
-    one_of,
-    real_array,
-    refuse_type,
-)
+from riemhuman.checks import UNITS, check_instance, flag, items_of, one_of, real_array
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
@@ -84,22 +76,19 @@ class ScanRegistration:
     settings: RegistrationSettings = DEFAULT_SETTINGS
 
     def __post_init__(self) -> None:
-        model: Any = self.model
-        if not isinstance(model, BodyModel):
-            refuse_type(model, "model", "a BodyModel")
+        check_instance(self.model, "model", BodyModel)
         one_of(self.unit, "unit", (None, *UNITS))
         one_of(self.up, "up", (None, *_UP))
-        if not isinstance(self.settings, RegistrationSettings):
-            refuse_type(self.settings, "settings", "RegistrationSettings")
+        check_instance(self.settings, "settings", RegistrationSettings)
 
     @enough_memory(
         "the registration of this scan", "reduce its number of points, or use a coarser model"
     )
     def solve(
         self,
-        scan: Any,
+        scan: object,
         *,
-        landmarks: Mapping[str, Any] | None = None,
+        landmarks: Mapping[str, ArrayLike] | None = None,
         start: RegisteredScan | None = None,
         trace: bool = False,
     ) -> RegisteredScan:
@@ -151,7 +140,7 @@ class ScanRegistration:
         return _moved(result_of(stages, trace=trace), offset)
 
     def solve_sequence(
-        self, scans: Iterable[Any], *, progress: bool = False
+        self, scans: Iterable[object], *, progress: bool = False
     ) -> list[RegisteredScan]:
         """Register scans of one person in motion, each starting from the previous one.
 
@@ -183,12 +172,11 @@ class ScanRegistration:
         )
 
     def _landmark_positions(
-        self, landmarks: Any, centre: np.ndarray, unit: str
-    ) -> dict[int, np.ndarray]:
+        self, landmarks: Mapping[str, ArrayLike], centre: Array, unit: str
+    ) -> dict[int, Array]:
         """Return the positions of joints by number, metres."""
-        if not isinstance(landmarks, Mapping):
-            expected = "a mapping of joints to positions, {'left_wrist': [x, y, z]}"
-            refuse_type(landmarks, "landmarks", expected)
+        expected = "a mapping of joints to positions, {'left_wrist': [x, y, z]}"
+        check_instance(landmarks, "landmarks", Mapping, expected)
         names = self._models.whole.parts.names
         positions = {}
         for name, given in landmarks.items():
@@ -249,12 +237,12 @@ def result_of(stages: RegistrationTrace, *, trace: bool) -> RegisteredScan:
     )
 
 
-def _offset(centre: np.ndarray) -> np.ndarray:
+def _offset(centre: Array) -> Array:
     """Return the place of a scan so far away that single precision would not do, else zeros."""
     return np.round(centre) if np.abs(centre).max() > _FAR_METRES_AWAY else np.zeros(3)
 
 
-def _moved(result: RegisteredScan, offset: np.ndarray) -> RegisteredScan:
+def _moved(result: RegisteredScan, offset: Array) -> RegisteredScan:
     """Return the registration of a scan that is translated."""
     if not offset.any():
         return result

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from riemhuman.arrays import Array, Triangles
 from riemhuman.checks import UNITS, check_resolution, is_human_size, one_of, real_array
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.files import file_path
@@ -46,9 +46,9 @@ class Scan:
     (1202, 'metres')
     """
 
-    points: np.ndarray
-    faces: np.ndarray | None = None
-    normals: np.ndarray | None = None
+    points: Array
+    faces: Triangles | None = None
+    normals: Array | None = None
     unit: str = "metres"
 
     def __post_init__(self) -> None:
@@ -103,7 +103,7 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     return _in_metres(*load_points(path), unit, os.fspath(path))
 
 
-def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+def load_landmarks(path: str | os.PathLike[str]) -> dict[str, Array]:
     """Read landmarks of a scan, shape (3,) each, for `ScanRegistration.solve`.
 
     Parameters
@@ -129,7 +129,7 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     return dict(zip(rows, positions, strict=True))
 
 
-def as_scan(scan: Any, unit: str | None = None) -> Scan:
+def as_scan(scan: object, unit: str | None = None) -> Scan:
     """Return a scan in metres."""
     if isinstance(scan, Scan):
         return scan
@@ -151,9 +151,9 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
 
 
 def _in_metres(
-    points: np.ndarray,
-    faces: np.ndarray | None,
-    normals: np.ndarray | None,
+    points: Array,
+    faces: Triangles | None,
+    normals: Array | None,
     unit: str | None,
     name: str = "scan",
 ) -> Scan:

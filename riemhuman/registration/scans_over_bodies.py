@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.checks import mask, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
@@ -57,14 +56,14 @@ class ScanOverBody:
     See `lay_over_body`.
     """
 
-    scan_points: ndarray
-    scan_faces: ndarray | None
-    distances: ndarray
-    normals: ndarray
-    background: ndarray
-    points: ndarray
-    faces: ndarray
-    seen: ndarray
+    scan_points: Array
+    scan_faces: Triangles | None
+    distances: Array
+    normals: Array
+    background: Booleans
+    points: Array
+    faces: Triangles
+    seen: Booleans
     n_points: int
 
     def __repr__(self) -> str:
@@ -75,7 +74,7 @@ class ScanOverBody:
             f"{100 * self.seen.mean():.0f} % of the vertices seen>"
         )
 
-    def chosen(self, kept: ndarray) -> ScanOverBody:
+    def chosen(self, kept: Booleans) -> ScanOverBody:
         """Return the scan with some of its points, and the triangles between them.
 
         Parameters
@@ -109,7 +108,7 @@ class ScanOverBody:
             triangles = _different_corners(nearest[self.scan_faces])
         return self._with_points(kept, triangles)
 
-    def _with_points(self, kept: ndarray, triangles: ndarray | None) -> ScanOverBody:
+    def _with_points(self, kept: Integers, triangles: Triangles | None) -> ScanOverBody:
         return replace(
             self,
             scan_points=self.scan_points[kept],
@@ -120,16 +119,21 @@ class ScanOverBody:
         )
 
 
-def _different_corners(triangles: ndarray) -> ndarray:
+def _different_corners(triangles: Triangles) -> Triangles:
     """Return triangles with three different corners, each once."""
     a, b, c = triangles.T
     proper = triangles[(a != b) & (b != c) & (c != a)]
     _, first = np.unique(np.sort(proper, axis=1), axis=0, return_index=True)
-    return proper[np.sort(first)]
+    distinct: Triangles = proper[np.sort(first)]
+    return distinct
 
 
 def lay_over_body(
-    scan: Any, points: Any = None, faces: Any = None, *, unit: str | None = None
+    scan: object,
+    points: object = None,
+    faces: object = None,
+    *,
+    unit: str | None = None,
 ) -> ScanOverBody:
     r"""Lay a scan over its body, and measure the distances between them.
 
@@ -205,11 +209,11 @@ def _of_record(record: ScanRecord) -> ScanOverBody:
 
 
 def _laid(
-    scan: tuple[ndarray, ndarray | None],
-    body: tuple[ndarray, ndarray],
+    scan: tuple[Array, Triangles | None],
+    body: tuple[Array, Triangles],
     places: SurfacePoints,
-    background: ndarray,
-    seen: ndarray,
+    background: Booleans,
+    seen: Booleans,
 ) -> ScanOverBody:
     """Return a scan over its body from the places that are nearest to its points."""
     (moved, scan_faces), (points, faces) = scan, body
@@ -231,7 +235,7 @@ def _laid(
     )
 
 
-def _seen(moved: ndarray, scan_faces: ndarray | None, points: ndarray) -> ndarray:
+def _seen(moved: Array, scan_faces: Triangles | None, points: Array) -> Booleans:
     """Return the vertices of a body near to its scan: to its surface, or to one of its points."""
     if scan_faces is not None and len(scan_faces):
         return np.asarray(nearest_points(points, moved, scan_faces)[1] < _SEEN_METRES)

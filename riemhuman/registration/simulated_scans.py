@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
 from riemhuman.checks import (
     MOST_REPEATS,
     Rng,
@@ -54,20 +54,20 @@ class SimulatedScan:
     ((1202, 3), True)
     """
 
-    points: np.ndarray
-    faces: np.ndarray | None
-    body: np.ndarray
+    points: Array
+    faces: Triangles | None
+    body: Array
 
     @property
-    def surface(self) -> Any:
+    def surface(self) -> Array | tuple[Array, Triangles]:
         """The scan as an argument of `ScanRegistration.solve`: points, or vertices and faces."""
         return self.points if self.faces is None else (self.points, self.faces)
 
 
 # More than eight arguments, because each keyword is one fault of scanners.
 def simulated_scan(
-    points: Any,
-    faces: Any,
+    points: ArrayLike,
+    faces: ArrayLike,
     rng: Rng = None,
     *,
     n_points: int = 20_000,
@@ -76,7 +76,7 @@ def simulated_scan(
     missing: float = 0.0,
     rotate: bool = True,
     clothing: float = 0.0,
-    view: Any = None,
+    view: ArrayLike | None = None,
     floor: bool = False,
 ) -> SimulatedScan:
     """Return a simulated scan of a body.
@@ -145,7 +145,7 @@ def simulated_scan(
     else:
         new_faces = new_faces[keep[new_faces].all(axis=1)]
         used, corners = np.unique(new_faces, return_inverse=True)
-        scan, new_faces = scan[used], corners.reshape(-1, 3)
+        scan, new_faces = scan[used], np.asarray(corners.reshape(-1, 3), np.int64)
     scan = scan + noise * random.standard_normal(scan.shape)
     if floor:
         scan = np.concatenate([scan, _floor_below(vertices, random)])
@@ -156,7 +156,7 @@ def simulated_scan(
     return SimulatedScan(scan, new_faces, vertices)
 
 
-def _direction(view: Any, vertices: np.ndarray) -> np.ndarray:
+def _direction(view: ArrayLike, vertices: Array) -> Array:
     """Return the unit vector to a scanner, of a body that is not too wide for its pixels."""
     vector = real_array(view, "view", (3,), batched=False)
     size = np.abs(vector).max()
@@ -168,14 +168,14 @@ def _direction(view: Any, vertices: np.ndarray) -> np.ndarray:
             f"points must be in metres to be seen by a scanner; found {extent:.4g} m from end to "
             "end"
         )
-    scaled: np.ndarray = vector / size  # its square might be 0
-    unit: np.ndarray = scaled / np.linalg.norm(scaled)
+    scaled: Array = vector / size  # its square might be 0
+    unit: Array = scaled / np.linalg.norm(scaled)
     return unit
 
 
 def remesh(
-    points: np.ndarray, faces: np.ndarray, n_vertices: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+    points: Array, faces: Triangles, n_vertices: int, rng: np.random.Generator
+) -> tuple[Array, Triangles]:
     """Return the surface with about a given number of random vertices and new triangles."""
     fine, triangles = points, faces
     while len(fine) < 8 * n_vertices:
@@ -200,9 +200,7 @@ def remesh(
     return fine[chosen], met[np.sort(once)]
 
 
-def _spread_apart(
-    fine: np.ndarray, sampled: np.ndarray, n_vertices: int, area: float
-) -> np.ndarray:
+def _spread_apart(fine: Array, sampled: Integers, n_vertices: int, area: float) -> Integers:
     """Return about a given number of the points, no two of them close together."""
     radius = 0.75 * np.sqrt(area / n_vertices)
     close = cKDTree(fine[sampled]).query_pairs(radius, output_type="ndarray")
@@ -214,9 +212,7 @@ def _spread_apart(
     return sampled[~dropped]
 
 
-def _sample(
-    points: np.ndarray, faces: np.ndarray, n_points: int, rng: np.random.Generator
-) -> np.ndarray:
+def _sample(points: Array, faces: Triangles, n_points: int, rng: np.random.Generator) -> Array:
     """Return points distributed uniformly over the surface."""
     corners = points[faces]
     areas = triangle_areas(points, faces)
@@ -225,44 +221,43 @@ def _sample(
     beyond = first + second > 1.0
     first, second = (np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second))
     a, b, c = corners[sampled].transpose(1, 0, 2)
-    return a + first * (b - a) + second * (c - a)
+    sampled_points: Array = a + first * (b - a) + second * (c - a)
+    return sampled_points
 
 
-def _add_clothes(
-    points: np.ndarray, faces: np.ndarray, size: float, rng: np.random.Generator
-) -> np.ndarray:
+def _add_clothes(points: Array, faces: Triangles, size: float, rng: np.random.Generator) -> Array:
     """Return the surface moved outward by varying distances up to a size."""
     waves = rng.standard_normal((8, 3))
     waves *= 2.0 * np.pi / 0.4 / np.linalg.norm(waves, axis=1, keepdims=True)
     depth = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 8)).sum(axis=1) / 4.0
     depth = size * np.clip(0.5 + 0.5 * depth, 0.0, 1.0)
-    moved: np.ndarray = points + depth[:, np.newaxis] * vertex_normals(points, faces)
+    moved: Array = points + depth[:, np.newaxis] * vertex_normals(points, faces)
     return moved
 
 
 def _visible(
-    scan: np.ndarray,
-    points: np.ndarray,
-    faces: np.ndarray,
-    view: np.ndarray,
+    scan: Array,
+    points: Array,
+    faces: Triangles,
+    view: Array,
     rng: np.random.Generator,
-) -> np.ndarray:
+) -> Booleans:
     """Return which points are visible to a distant scanner."""
     across = np.linalg.svd(view[np.newaxis])[2][1:]
     dense = _sample(points, faces, 200_000, rng)
     low = (dense @ across.T).min(axis=0) - _PIXEL_METRES
 
-    def pixels(points: np.ndarray) -> tuple[np.ndarray, ...]:
+    def pixels(points: Array) -> tuple[Integers, ...]:
         return tuple(((points @ across.T - low) / _PIXEL_METRES).astype(np.int64).T)
 
     dense_pixels = pixels(dense)
     nearest = np.full([axis_pixels.max() + 2 for axis_pixels in dense_pixels], -np.inf)
     np.maximum.at(nearest, dense_pixels, dense @ view)
-    visible: np.ndarray = nearest[pixels(scan)] - scan @ view <= _DEPTH_METRES
+    visible: Booleans = nearest[pixels(scan)] - scan @ view <= _DEPTH_METRES
     return visible
 
 
-def _floor_below(body: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _floor_below(body: Array, rng: np.random.Generator) -> Array:
     low, high = body.min(axis=0), body.max(axis=0)
     count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
     places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from riemhuman.checks import real_array, refuse_type
+from riemhuman.arrays import Array, ArrayLike
+from riemhuman.checks import check_instance, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import vertex_normals
@@ -57,16 +57,15 @@ class TemplateRegistration:
     template: Template
 
     def __post_init__(self) -> None:
-        template: Any = self.template
-        if not isinstance(template, Template):
-            refuse_type(template, "template", "a Template")
+        check_instance(self.template, "template", Template)
+        template = self.template
         if template.seams:
             raise ArgumentError(
                 f"template has {template.seams.n_copies} duplicated vertices along seams, where "
                 "it would tear; join them with template.join_seams()"
             )
 
-    def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
+    def solve(self, scan: object, *, start: ArrayLike | None = None) -> RegisteredScan:
         """Register a scan, without a likelihood and a fit in the result.
 
         Parameters
@@ -98,7 +97,7 @@ class TemplateRegistration:
         scaled = Template(self.template.vertices * self._factor, self.template.faces)
         return ElasticMetric(AlignedSurfaces(scaled), a=1.0, lam=1.0, c=1.0)
 
-    def _fit(self, whole: Scan, prepared: PreparedScan, points: np.ndarray) -> RegisteredScan:
+    def _fit(self, whole: Scan, prepared: PreparedScan, points: Array) -> RegisteredScan:
         faces = self.template.faces
         for scale in _RIGID_SCALES:
             matches = prepared.match(points, vertex_normals(points, faces), scale)

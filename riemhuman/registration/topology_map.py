@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles, Values
 from riemhuman.bodies import BodyModel, ModelFit
 from riemhuman.checks import (
     check_instance,
@@ -137,7 +138,7 @@ class TopologyMap:
     """
 
     model: BodyModel
-    template_faces: np.ndarray
+    template_faces: Triangles
     message: str
     model_places: VertexPlaces
     template_places: VertexPlaces
@@ -145,10 +146,10 @@ class TopologyMap:
     @classmethod
     def fit(
         cls,
-        template: Any,
+        template: object,
         model: BodyModel | None = None,
         *,
-        faces: Any = None,
+        faces: ArrayLike | None = None,
         up: str | None = None,
     ) -> TopologyMap:
         """Compute a map from bodies of the other topology.
@@ -180,9 +181,10 @@ class TopologyMap:
             refuse_type(model, "model", "a BodyModel")
         one_of(up, "up", (None, *AXES))
         points, triangles = _bodies_and_faces(template, faces)
-        is_file = isinstance(template, (str, os.PathLike))
-        name = os.fspath(template) if is_file else "template"
-        error = FileFormatError if is_file else ArgumentError
+        name = "template"
+        error: type[Exception] = ArgumentError
+        if isinstance(template, (str, os.PathLike)):
+            name, error = os.fspath(template), FileFormatError
         _check_bodies(
             points[0] if len(points) == 1 else points,
             points[0],
@@ -218,9 +220,9 @@ class TopologyMap:
     def _from_surfaces(
         cls,
         model: BodyModel,
-        reference: np.ndarray,
-        triangles: np.ndarray,
-        registered: np.ndarray,
+        reference: Array,
+        triangles: Triangles,
+        registered: Array,
         message: str,
         images: MirrorImages | None = None,
     ) -> TopologyMap:
@@ -275,7 +277,7 @@ class TopologyMap:
         return rest._with_learned_weights(self, np.arange(model.n_vertices), images)
 
     def _with_learned_weights(
-        self, fine: TopologyMap, kept: np.ndarray, images: MirrorImages | None = None
+        self, fine: TopologyMap, kept: Integers, images: MirrorImages | None = None
     ) -> TopologyMap:
         """Return the map with weights that are learned from people of the model.
 
@@ -307,12 +309,12 @@ class TopologyMap:
         return self.model_places.n_source
 
     @property
-    def template_parts(self) -> dict[str, np.ndarray]:
+    def template_parts(self) -> dict[str, Integers]:
         """Vertices of the other topology without counterpart on the model, by part."""
         return {part.name: part.vertices for part in self.template_places.parts}
 
     @property
-    def model_parts(self) -> dict[str, np.ndarray]:
+    def model_parts(self) -> dict[str, Integers]:
         """Vertices of the model without counterpart on the other topology, by part."""
         return {part.name: part.vertices for part in self.model_places.parts}
 
@@ -326,17 +328,17 @@ class TopologyMap:
 
     @overload
     def to_model(
-        self, points: Any, *, fit: Literal[False] = False, up: str | None = None
-    ) -> np.ndarray: ...
+        self, points: object, *, fit: Literal[False] = False, up: str | None = None
+    ) -> Array: ...
 
     @overload
     def to_model(
-        self, points: Any, *, fit: Literal[True], up: str | None = None
-    ) -> tuple[np.ndarray, ModelFit]: ...
+        self, points: object, *, fit: Literal[True], up: str | None = None
+    ) -> tuple[Array, ModelFit]: ...
 
     def to_model(
-        self, points: Any, *, fit: bool = False, up: str | None = None
-    ) -> np.ndarray | tuple[np.ndarray, ModelFit]:
+        self, points: object, *, fit: bool = False, up: str | None = None
+    ) -> Array | tuple[Array, ModelFit]:
         """Return bodies of the other topology as bodies of the model.
 
         Parameters
@@ -362,7 +364,7 @@ class TopologyMap:
         return mapped, self.model.fit(mapped, betas_prior=1e-7, sequence=mapped.ndim == 3)
 
     def to_motion(
-        self, points: Any, frames_per_second: float, *, name: str = "", up: str | None = None
+        self, points: object, frames_per_second: float, *, name: str = "", up: str | None = None
     ) -> ArrayMotion:
         """Return bodies of the other topology, the frames of one person's motion, as a motion.
 
@@ -398,7 +400,7 @@ class TopologyMap:
         warn_of_varying_betas(spread, name)
         return ArrayMotion(("", name), rate, self.model, person, fit.pose, fit.trans)
 
-    def to_template(self, points: Any, *, up: str | None = None) -> np.ndarray:
+    def to_template(self, points: object, *, up: str | None = None) -> Array:
         """Return bodies of the model as bodies of the other topology.
 
         Parameters
@@ -415,7 +417,7 @@ class TopologyMap:
         surfaces = self._checked(points, self.template_places, "points", up)
         return _applied(self.template_places, surfaces)
 
-    def _checked(self, points: Any, places: VertexPlaces, name: str, up: str | None) -> np.ndarray:
+    def _checked(self, points: object, places: VertexPlaces, name: str, up: str | None) -> Array:
         """Return surfaces of the source of a map, y up."""
         one_of(up, "up", (None, *AXES))
         expected = f"{places.n_source:,} vertices, as the map has"
@@ -439,7 +441,7 @@ class TopologyMap:
         return surfaces
 
     def _refuse_upside_down(
-        self, surfaces: np.ndarray, places: VertexPlaces, name: str, error: type[Exception]
+        self, surfaces: Array, places: VertexPlaces, name: str, error: type[Exception]
     ) -> None:
         names = list(self.model.joint_names)
         if not {"head", "left_ankle", "right_ankle"} <= {*names}:
@@ -532,28 +534,28 @@ class TopologyMap:
 
 
 def nearest_like(
-    queries: np.ndarray,
-    query_faces: np.ndarray,
-    points: np.ndarray,
-    faces: np.ndarray,
-    usable: np.ndarray | None = None,
-) -> np.ndarray:
+    queries: Array,
+    query_faces: Triangles,
+    points: Array,
+    faces: Triangles,
+    usable: Booleans | None = None,
+) -> Array:
     """Return the distances of a mesh's vertices from another that faces the same way."""
     allowed = np.ones(len(points), dtype=bool) if usable is None else usable
     return place_vertices(queries, query_faces, points, faces, allowed)[2]
 
 
-def _rounded(points: np.ndarray) -> np.ndarray:
+def _rounded(points: Array) -> Array:
     """Return points rounded as in files, so that a map read back equals the one written."""
     return points.astype(np.float32).astype(np.float64)
 
 
 def _vertex_places(
-    placed: tuple[SurfacePoints, np.ndarray],
-    source: np.ndarray,
-    faces: np.ndarray,
-    target: np.ndarray,
-    target_faces: np.ndarray,
+    placed: tuple[SurfacePoints, Array],
+    source: Array,
+    faces: Triangles,
+    target: Array,
+    target_faces: Triangles,
     parts: tuple[FilledPart, ...],
 ) -> VertexPlaces:
     places, heights = placed
@@ -574,9 +576,9 @@ def _vertex_places(
 def _learned(
     places: VertexPlaces,
     lacking: Sequence[FilledPart],
-    sources: Sequence[np.ndarray],
-    targets: np.ndarray,
-    images: tuple[np.ndarray, np.ndarray] | None,
+    sources: Sequence[Array],
+    targets: Array,
+    images: tuple[Integers, Integers] | None,
 ) -> VertexPlaces:
     """Return places with weights, learned from the same people on both surfaces.
 
@@ -601,7 +603,7 @@ def _learned(
     return _with_weights(places, columns, weights)
 
 
-def _with_weights(places: VertexPlaces, columns: np.ndarray, weights: np.ndarray) -> VertexPlaces:
+def _with_weights(places: VertexPlaces, columns: Integers, weights: Array) -> VertexPlaces:
     """Return places with weights as a file holds them, whose rows sum to one."""
     rounded = _rounded(weights)
     # Shared by all, so that symmetry is preserved.
@@ -609,14 +611,14 @@ def _with_weights(places: VertexPlaces, columns: np.ndarray, weights: np.ndarray
     return replace(places, columns=columns, weights=rounded)
 
 
-def _applied(places: VertexPlaces, surfaces: np.ndarray) -> np.ndarray:
+def _applied(places: VertexPlaces, surfaces: Array) -> Array:
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():
         mapped = [places.apply(surfaces[index]) for index in np.ndindex(lead)]
     return np.array(mapped).reshape(*lead, len(places.heights), 3)
 
 
-def _bodies_and_faces(template: Any, faces: Any) -> tuple[np.ndarray, np.ndarray]:
+def _bodies_and_faces(template: object, faces: ArrayLike | None) -> tuple[Array, Triangles]:
     """Return bodies, shape (n, V, 3), and their triangles."""
     if isinstance(template, (str, os.PathLike)):
         points, triangles = load_mesh(template)
@@ -635,11 +637,11 @@ def _bodies_and_faces(template: Any, faces: Any) -> tuple[np.ndarray, np.ndarray
 
 
 def _check_bodies(
-    surfaces: np.ndarray,
-    reference: np.ndarray,
-    faces: np.ndarray,
+    surfaces: Array,
+    reference: Array,
+    faces: Triangles,
     name: str,
-    known: np.ndarray,
+    known: Array,
     error: type[Exception] = ArgumentError,
 ) -> None:
     """Refuse other units and mirrored bodies."""
@@ -661,7 +663,7 @@ def _check_bodies(
         )
 
 
-def _dense_model(model: BodyModel) -> tuple[BodyModel, np.ndarray]:
+def _dense_model(model: BodyModel) -> tuple[BodyModel, Integers]:
     """Return the model to register, and its vertices that are the model's."""
     coarse = load_open_model("coarse")
     # The coarse model's vertices are a subset of the full model's, which fits hands far better.
@@ -673,7 +675,7 @@ def _dense_model(model: BodyModel) -> tuple[BodyModel, np.ndarray]:
     return model, np.arange(model.n_vertices)
 
 
-def _register(body: np.ndarray, faces: np.ndarray, model: BodyModel) -> RegisteredScan:
+def _register(body: Array, faces: Triangles, model: BodyModel) -> RegisteredScan:
     component = joined_components(body, faces)
     areas = np.bincount(component[faces[:, 0]], triangle_areas(body, faces))
     large = faces[areas[component[faces[:, 0]]] > _SMALL_PART * areas.sum()]
@@ -685,8 +687,8 @@ def _register(body: np.ndarray, faces: np.ndarray, model: BodyModel) -> Register
 
 
 def _registered_bodies(
-    points: np.ndarray,
-    faces: np.ndarray,
+    points: Array,
+    faces: Triangles,
     model: BodyModel,
     name: str,
     error: type[Exception],
@@ -705,7 +707,7 @@ def _registered_bodies(
     return results
 
 
-def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> np.ndarray:
+def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> Array:
     """Return the registered surface, moved along itself halfway to the model's.
 
     The elastic surface lies on the scan, and slides along it; the model's misses it, and slides
@@ -719,11 +721,11 @@ def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> np.ndarray:
     gaps -= np.einsum("nx,nx->n", gaps, normals)[:, np.newaxis] * normals
     lengths = np.linalg.norm(gaps, axis=1, keepdims=True)
     gaps *= np.minimum(1.0, _LONGEST_SLIDE / np.maximum(lengths, np.finfo(float).tiny))
-    moved: np.ndarray = surface + 0.5 * gaps
+    moved: Array = surface + 0.5 * gaps
     return moved
 
 
-def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> BodyModel:
+def _model_with(model: BodyModel | None, faces: Triangles, n_vertices: int) -> BodyModel:
     candidates = [load_open_model(resolution) for resolution in ("full", "coarse")]
     for candidate in candidates if model is None else [model]:
         if candidate.n_vertices == n_vertices and np.array_equal(candidate.faces, faces):
@@ -735,7 +737,7 @@ def _model_with(model: BodyModel | None, faces: np.ndarray, n_vertices: int) -> 
     )
 
 
-def _stored_places(name: str, places: VertexPlaces) -> dict[str, np.ndarray]:
+def _stored_places(name: str, places: VertexPlaces) -> dict[str, Values]:
     stored = {
         f"{name}_triangles": places.places.triangles.astype(np.int32),
         f"{name}_barycentric": places.places.barycentric.astype(np.float32),
@@ -748,8 +750,8 @@ def _stored_places(name: str, places: VertexPlaces) -> dict[str, np.ndarray]:
 
 
 def _read_places(
-    name: str, arrays: Mapping[str, np.ndarray], n_points: int, n_faces: int
-) -> tuple[SurfacePoints, np.ndarray]:
+    name: str, arrays: Mapping[str, Values], n_points: int, n_faces: int
+) -> tuple[SurfacePoints, Array]:
     triangles = arrays[f"{name}_triangles"].astype(np.int64)
     barycentric = real_array(
         arrays[f"{name}_barycentric"], f"{name}_barycentric", (n_points, 3), batched=False
@@ -763,7 +765,7 @@ def _read_places(
 
 
 def _with_read_weights(
-    name: str, arrays: Mapping[str, np.ndarray], places: VertexPlaces
+    name: str, arrays: Mapping[str, Values], places: VertexPlaces
 ) -> VertexPlaces:
     """Return places with the weights in a file, if it has any."""
     if f"{name}_weights" not in arrays or f"{name}_columns" not in arrays:
@@ -780,7 +782,7 @@ def _with_read_weights(
     return _with_weights(places, columns, np.asarray(weights, dtype=float))
 
 
-def _stored_parts(name: str, parts: Sequence[FilledPart]) -> dict[str, np.ndarray]:
+def _stored_parts(name: str, parts: Sequence[FilledPart]) -> dict[str, Values]:
     """Return names of parts, and a table of part, vertex, and whether it is an anchor."""
     rows = [np.zeros((0, 3), dtype=np.int32)]
     for number, part in enumerate(parts):
@@ -791,9 +793,7 @@ def _stored_parts(name: str, parts: Sequence[FilledPart]) -> dict[str, np.ndarra
     return {f"{name}_part_names": names, f"{name}_part_numbers": np.concatenate(rows)}
 
 
-def _read_parts(
-    name: str, arrays: Mapping[str, np.ndarray], n_vertices: int
-) -> tuple[FilledPart, ...]:
+def _read_parts(name: str, arrays: Mapping[str, Values], n_vertices: int) -> tuple[FilledPart, ...]:
     rows = arrays[f"{name}_part_numbers"].astype(np.int64)
     if rows.ndim != 2 or rows.shape[1] != 3 or np.any(rows < 0) or np.any(rows[:, 1] >= n_vertices):
         raise ArgumentError(f"{name}_part_numbers must hold indices of vertices below {n_vertices}")

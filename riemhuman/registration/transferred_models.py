@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.checks import check_instance
@@ -73,7 +74,9 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     blended = np.einsum("vj,jxy->vxy", weights, motions.rotations)
     moved = vertices - fit.trans - weights @ motions.shifts
     rest = np.linalg.solve(blended, moved[..., None])[..., 0]
-    rest = rest - shapedirs @ fit.betas - hand_directions @ fit.hands
+    rest = rest - shapedirs @ fit.betas
+    if fit.hands is not None:
+        rest = rest - hand_directions @ fit.hands
     if posedirs is not None:
         rest = rest - posedirs @ motions.pose_feature
     return BodyModel(
@@ -91,7 +94,7 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     )
 
 
-def _combined(combination: sparse.sparray, directions: np.ndarray) -> np.ndarray:
+def _combined(combination: sparse.sparray, directions: Array) -> Array:
     """Return directions of points from those of vertices, shape (V, 3, B)."""
     flat = combination @ directions.reshape(len(directions), -1)
     return np.asarray(flat).reshape(len(flat), *directions.shape[1:])

@@ -147,7 +147,7 @@ def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:
     faces = record.arrays["faces"]
     view = View()
     window = window_around(np.concatenate([body, scan]), view)
-    is_matched = record.arrays["matched"][faces].any(axis=1)
+    is_matched = np.any(record.arrays["matched"][faces], axis=1)
     colors = np.where(is_matched[:, np.newaxis], _MATCHED, _UNMATCHED)
     errors = value_colors(record.arrays["shown_distances"], _LARGEST_METRES)
     surface = render(body, faces, height=_HEIGHT, view=view, window=window, color=colors)
