@@ -126,8 +126,7 @@ def matched(tmp_path_factory, bodies):
             rh.save_mesh(folder / f"{name}.ply", 100.0 * seen.points, seen.faces)
         scan = rh.registration.load_scan(next(folder.glob(f"{name}.*")))
         result = registration(bodies.template).solve(scan, start=bodies.points[number])
-        fit = {part: np.zeros(3) for part in ("betas", "pose", "trans", "hands")}
-        _write(folder / "bodies", _record(name, result, scan, fit), "key", None)
+        _write(folder / "bodies", _record(name, result, scan), "key", None)
     return folder
 
 
