@@ -20,6 +20,7 @@ from riemhuman.arrays import Array, ArrayLike, Booleans, DType, Integers, Labels
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
+    FrameIndexError,
     PrecisionWarning,
     shown,
     warn,
@@ -45,11 +46,11 @@ class SpaceOfPoints(Protocol):
 # Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 # Fourth powers of lengths, and what weights make of them, stay within double precision.
-_LARGEST_WEIGHT = _LONGEST_LENGTH = 1e60
+_LARGEST_WEIGHT = LONGEST_LENGTH = 1e60
 _SHORTEST_LENGTH = 1e-60
 
 # Sums of squares of larger numbers overflow; what is larger has no meaning in any unit.
-_LARGEST_NUMBER = 1e150
+LARGEST_NUMBER = 1e150
 # Sums of squares of larger distances overflow; d(i, j) and d(j, i) differ by rounding, relative to
 # the largest distance.
 _LARGEST_DISTANCE, _ASYMMETRY = 1e150, 1e-6
@@ -151,7 +152,7 @@ def real_array(
     finite: bool = True,
     rows: bool = False,
     lengths: bool = False,
-    maximum: float = _LARGEST_NUMBER,
+    maximum: float = LARGEST_NUMBER,
 ) -> Array:
     """Return `array` as a float64 array after checking its shape and finiteness.
 
@@ -178,7 +179,7 @@ def real_array(
     if finite and checked.size:
         # NaN is the largest and the smallest number, if there is one.
         largest = max(abs(float(checked.max())), abs(float(checked.min())))
-        if not largest <= (_LONGEST_LENGTH if lengths else maximum):
+        if not largest <= (LONGEST_LENGTH if lengths else maximum):
             _refuse_size(checked, name, largest, maximum, lengths)
         # Nearly always, the first vertex of a surface tells that it is not too small.
         if lengths and np.abs(checked[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH:
@@ -215,7 +216,7 @@ def _check_shortest(values: Array, name: str) -> None:
 
 def _refuse_length(name: str, length: float) -> NoReturn:
     raise ArgumentError(
-        f"{name} must have coordinates between {_SHORTEST_LENGTH:g} and {_LONGEST_LENGTH:g} in "
+        f"{name} must have coordinates between {_SHORTEST_LENGTH:g} and {LONGEST_LENGTH:g} in "
         f"absolute value; the largest coordinate of one item is {length:g}: choose another unit"
     )
 
@@ -242,7 +243,7 @@ def check_shape(
 
 def joint_shape(**stacks: ArrayLike) -> tuple[int, ...]:
     """Return the shape that stacks of points or vectors broadcast to; there must be one."""
-    shapes = [np.shape(stack) for stack in stacks.values()]
+    shapes = [np.shape(values_of(stack, name)) for name, stack in stacks.items()]
     try:
         return np.broadcast_shapes(*shapes)
     except ValueError as error:
@@ -288,6 +289,31 @@ def distance_matrix(distances: ArrayLike, name: str, *, symmetric: bool = True) 
     if gap > _ASYMMETRY * matrix.max():
         raise ArgumentError(f"{name} must be symmetric; it differs from its transpose by {gap:.3g}")
     return 0.5 * (matrix + matrix.T)
+
+
+def numbers_at(
+    index: SupportsIndex | slice[int | None, int | None, int | None],
+    count: int,
+    owner: str,
+    item: str,
+) -> int | range:
+    """Return the number, or the numbers, that an index or a slice chooses among `count` items."""
+    try:
+        return range(count)[index]
+    except IndexError as error:
+        raise FrameIndexError(f"{owner} has no {item} {shown(index)}") from error
+    except (TypeError, ValueError) as error:
+        raise ArgumentTypeError(
+            f"{owner} is indexed by a whole number or a slice; found {shown(index)}"
+        ) from error
+
+
+def number_of_item(index: SupportsIndex, count: int, item: str) -> int:
+    """Return the number, from 0, that an index chooses among `count` items."""
+    number = whole_number(index, f"the number of a {item}")
+    if not -count <= number < count:
+        raise FrameIndexError(f"there are {count} of them, and no {item} {shown(index)}")
+    return number % count
 
 
 def length_of(points: object, name: str) -> int:
@@ -441,7 +467,7 @@ def real_number(
     *,
     minimum: float = -np.inf,
     strict: bool = False,
-    maximum: float = _LARGEST_NUMBER,
+    maximum: float = LARGEST_NUMBER,
 ) -> float:
     """Return `value` as a finite float between bounds (if `strict`, above the lower one)."""
     try:
@@ -698,7 +724,7 @@ def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ..
     expected = f"a sequence of texts, one for each of the {count} {items}"
     if isinstance(values, Set) or not isinstance(values, Iterable):
         refuse_type(values, name, expected)
-    names = [_name(value, name) for value in items_of(values, name, expected)]
+    names = [_writable(_name(value, name), name) for value in items_of(values, name, expected)]
     if len(names) != count:
         raise ArgumentError(f"{name} must name each of the {count} {items}; found {len(names)}")
     return tuple(names)
@@ -709,7 +735,7 @@ def _name(value: object, name: str) -> str:
         return whole_text(int(value))
     if not isinstance(value, str):
         raise ArgumentTypeError(f"{name} must hold texts; found {shown(value)} among them")
-    return _writable(value, name)
+    return str(value)
 
 
 def _writable(value: str, name: str) -> str:
@@ -721,7 +747,7 @@ def _writable(value: str, name: str) -> str:
 
 
 def texts_or_numbers(values: Iterable[object], name: str) -> tuple[str, ...]:
-    """Return names, texts or whole numbers, as Python texts."""
+    """Return names, texts of any characters or whole numbers, as Python texts."""
     return tuple(_name(item, name) for item in items_of(values, name, "a list of names"))
 
 

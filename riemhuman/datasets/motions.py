@@ -16,6 +16,7 @@ from riemhuman.checks import (
     check_instance,
     checked_rate,
     items_of,
+    numbers_at,
     real_array,
     texts_of,
     whole_number,
@@ -32,14 +33,7 @@ from riemhuman.datasets.registered_meshes import (
     existing_folder,
     find_meshes,
 )
-from riemhuman.errors import (
-    ArgumentError,
-    ArgumentTypeError,
-    FileError,
-    FrameIndexError,
-    NotDefinedError,
-    shown,
-)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, NotDefinedError, shown
 from riemhuman.io import save_glb
 from riemhuman.io.files import file_path, natural_key, suffix_of, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
@@ -111,14 +105,7 @@ class Motion:
             yield from self[first : first + _FRAMES_AT_A_TIME]
 
     def __getitem__(self, index: int | slice[int | None, int | None, int | None]) -> Array:
-        try:
-            numbers = range(len(self))[index]
-        except IndexError as error:
-            raise FrameIndexError(f"{self} has no frame {shown(index)}") from error
-        except TypeError as error:
-            raise ArgumentTypeError(
-                f"a motion is indexed by a whole number or a slice; found {shown(index)}"
-            ) from error
+        numbers = numbers_at(index, len(self), repr(self), "frame")
         if isinstance(numbers, range):
             return self._frames(numbers)
         frame: Array = self._frames(range(numbers, numbers + 1))[0]

@@ -18,6 +18,7 @@ from riemhuman.checks import (
     flag,
     is_missing_label,
     items_of,
+    numbers_at,
     one_of,
     texts_of,
 )
@@ -127,9 +128,10 @@ class RegisteredMeshes:
         return len(self.files)
 
     def __getitem__(self, index: int | slice[int | None, int | None, int | None]) -> Array:
-        if not isinstance(index, slice):
-            return self._read(self.files[index])
-        surfaces = [self._read(file) for file in self.files[index]]
+        numbers = numbers_at(index, len(self), "a set of registered meshes", "mesh")
+        if isinstance(numbers, int):
+            return self._read(self.files[numbers])
+        surfaces = [self._read(self.files[number]) for number in numbers]
         return np.array(surfaces).reshape(-1, *self.reference.shape)
 
     def _join_seams(self) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, Triangles
-from riemhuman.checks import real_number
+from riemhuman.checks import number_of_item, real_number
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     existing_folder,
@@ -57,7 +57,7 @@ class LabelledMeshes(Record):
         return len(self.files)
 
     def __getitem__(self, index: int) -> tuple[Array, Triangles]:
-        vertices, faces = load_mesh(self.files[index])
+        vertices, faces = load_mesh(self.files[number_of_item(index, len(self), "mesh")])
         return self.scale * vertices, faces
 
 

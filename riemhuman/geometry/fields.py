@@ -144,7 +144,12 @@ class FieldMetric(RiemannianMetric):
         a = self._vectors(a, "tangent_vec_a")
         b = self._vectors(b, "tangent_vec_b")
         joint_shape(tangent_vec_a=a, tangent_vec_b=b, base_point=point)
-        values = self._integral(of_triangles(a, b, point))
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = self._integral(of_triangles(a, b, point))
+        if not np.all(np.isfinite(values_of(values))):
+            raise ArgumentError(
+                "tangent_vec_a and tangent_vec_b are too long at base_point for double precision"
+            )
         return values + np.zeros(point.shape[: -self.space.point_ndim])
 
     @property

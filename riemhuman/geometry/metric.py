@@ -371,11 +371,6 @@ class RiemannianMetric(MetricTensor):
             results.append(solve(*(array[index] for array in arrays)))
         return np.reshape(np.array(results), shape)
 
-    def _vectors(self, vectors: object, name: str) -> Array:
-        """Return tangent vectors as float64 arrays, whose squares stay within double precision."""
-        lengths = self.space.is_surface_space
-        return real_array(vectors, name, self.space.shape, lengths=lengths)
-
     def _times(self, t: ArrayLike) -> Array:
         """Return times followed by the axes of a point."""
         times = np.atleast_1d(real_array(t, "t", maximum=_LATEST))

@@ -16,7 +16,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.arrays import Array, Integers, Points, PointsLike, TangentVectors
-from riemhuman.checks import check_shape, one_of, path_array, real_array
+from riemhuman.checks import check_shape, joint_shape, one_of, path_array, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.pairwise import (
     MEMORY,
@@ -128,8 +128,11 @@ class MetricTensor(Unchanging, ABC):
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
+        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
+        base_point = self.space.check_point(base_point, "base_point")
+        shape = joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         if self.has_inner_product:
-            zero = np.zeros(np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point)))
+            zero = np.zeros(shape)
             pairing = elementwise_grad(
                 lambda w: np.sum(self.inner_product(tangent_vec, w, base_point))
             )
@@ -142,6 +145,11 @@ class MetricTensor(Unchanging, ABC):
         ahead = slope(base_point + step * tangent_vec)
         behind = slope(base_point - step * tangent_vec)
         return (ahead - behind) / (4.0 * step)
+
+    def _vectors(self, vectors: object, name: str) -> Array:
+        """Return tangent vectors as float64 arrays, whose squares stay within double precision."""
+        lengths = self.space.is_surface_space
+        return real_array(vectors, name, self.space.shape, lengths=lengths)
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         r"""Return the inner products of all pairs of vectors, averaged over points, shape (K, K).

@@ -113,7 +113,7 @@ def anneal(
     n, n_joints = body.weights.shape
     areas = _single(body.areas)
     points, scan_normals = _single(scan.points), _single(scan.normals)
-    masses, targets = _single(np.empty(n)), _single(np.empty((3, n)))
+    masses, targets = _single(np.zeros(n)), _single(np.zeros((3, n)))
     landmarks = np.full((n, 3), np.nan)
     for joint, position in scan.landmarks.items():
         landmarks[n - n_joints + joint] = position

@@ -10,6 +10,7 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Points
 from riemhuman.checks import (
     Rng,
+    check_function,
     check_strategy,
     generator,
     one_of,
@@ -320,7 +321,9 @@ class TangentPCA(ImageEstimator, Transformer):
         self._require_fit("components_")
         n_samples = sample_count(n_samples, self._metric.space.shape)
         rng = generator(rng)
-        accept = accept or self._is_sound
+        if accept is None:
+            accept = self._is_sound
+        check_function(accept, "accept")
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[Array] = []
         n_drawn = 0
