@@ -55,8 +55,8 @@ class Bulk(Protocol):
     and images by the tables of their factors (`SumOfFactors`). What only sums of terms on surfaces
     have, such as energies of paths, is another protocol there, `SumOnSurfaces`.
 
-    A bulk is an object, rather than methods of the metric, so that a product can ask its factors
-    for tables without checking points again, and a table goes to the loops directly.
+    A bulk is an object, rather than methods of the metric: products and images are made of the
+    bulks of other metrics, and a table goes from here to the loops over terms directly.
     """
 
     n_arrays: int

@@ -192,8 +192,6 @@ class LearnedMetric(Transformer):
     def _coordinates(self, X: ArrayLike) -> Array:
         check_metric(self.metric)
         points = self.metric.check_points(X, "X")
-        if not len(points):
-            raise ArgumentError("X must hold at least two points; found none")
         return in_blocks(self.metric.lower_bound_coordinates, points)
 
     def _whitening(self, coordinates: Array, classes: Integers) -> tuple[Array, float]:
@@ -239,5 +237,7 @@ def _whitened(metric: RiemannianMetric, mean: Array, components: Array, points: 
 
 def _principal(coordinates: Array) -> tuple[Array, Array, Array]:
     """Return the mean, the principal directions, and the coordinates along these."""
+    if not len(coordinates):
+        raise ArgumentError("X must hold at least two points; found none")
     mean, directions = principal_components(coordinates)
     return mean, directions, (coordinates - mean) @ directions.T

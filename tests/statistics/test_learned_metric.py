@@ -164,6 +164,8 @@ def test_agrees_with_scikit_learn(bodies, metrics):
 
 
 def test_refusals(bodies, metrics):
+    with pytest.raises(ArgumentError, match="X must hold at least two points; found none"):
+        rh.LearnedMetric(metrics["pose"]).fit(bodies.points[:0], [])
     points, labels = bodies.points[:20], bodies.pose[:20]
     learned = rh.LearnedMetric(metrics["pose"])
     with pytest.raises(ArgumentError, match="must be fitted first"):
