@@ -283,9 +283,10 @@ def test_many_triangles_at_one_place(kind):
         ),
     }[kind]
     loose = np.random.default_rng(0).standard_normal((3 * count, 3))
-    times = []
-    for points in (loose, piled):
-        start = time.process_time()
-        find_seams(points, faces)
-        times.append(time.process_time() - start)
+    times = [np.inf, np.inf]  # of the processor, the least of three
+    for _ in range(3):
+        for number, points in enumerate((loose, piled)):
+            start = time.process_time()
+            find_seams(points, faces)
+            times[number] = min(times[number], time.process_time() - start)
     assert times[1] < 10 * times[0]
