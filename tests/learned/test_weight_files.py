@@ -26,13 +26,15 @@ def test_shipped_files_are_small_and_written_again_the_same(name, tmp_path):
     codes = KINDS[name](file)
     codes.save(tmp_path / "again.npz")
     assert entries(tmp_path / "again.npz") == entries(file)
+    # Releases of zlib, and libraries in its place, compress a little better or worse.
+    assert (tmp_path / "again.npz").stat().st_size < 1.1 * file.stat().st_size
 
 
 def entries(file):
-    """Return what a file holds, bit by bit; Python 3.11.4 writes other headers than 3.11.3."""
+    """Return what a file holds, bit by bit, however small and with what headers."""
     with zipfile.ZipFile(file) as archive:
         return [
-            (entry.filename, entry.date_time, entry.compress_size, archive.read(entry))
+            (entry.filename, entry.date_time, entry.compress_type, archive.read(entry))
             for entry in archive.infolist()
         ]
 
