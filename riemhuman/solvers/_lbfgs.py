@@ -36,6 +36,10 @@ _MEMORY = 10
 _DECREASE = 1e-4
 _SLOPE_LEFT = 0.9
 _MOST_TRIALS = 20
+# A step is taken although the slope is still steep if it is at least this share of one that is too
+# long. The value may jump between them, as where a triangle loses its area and its normal turns
+# over. After a step right up to the jump, every further one would be tiny.
+_NEAR = 0.9
 
 # Along directions that no step has explored the inverse Hessian is often larger than the operator:
 # on geodesics of bodies, what was still to gain was three times a Newton step's in the median, and
@@ -280,6 +284,7 @@ def _line_search(
     objective: Objective, x: Array, direction: TangentVectors, value: float, slope: float
 ) -> _Trial:
     """Return a step that satisfies Wolfe's weak conditions, or the best that lowers the value."""
+    # The first condition holds at `low` and fails at `high`.
     low, high, step = 0.0, np.inf, 1.0
     best = _Trial(0.0, value, x, 0)
     for count in range(1, _MOST_TRIALS + 1):
@@ -300,6 +305,8 @@ def _line_search(
                 break
             low = step
             step = 2.0 * step if high == np.inf else 0.5 * (low + high)
+        if low >= _NEAR * high:
+            break
     return best
 
 

@@ -79,11 +79,20 @@ def test_steps_double_while_the_slope_is_steep():
     assert (tried, step) == ([1.0, 2.0, 4.0], 4.0)
 
 
-def test_between_steps_too_short_and_too_long_there_is_another():
-    """A steep descent to a wall."""
-    tried, step = steps_tried(lambda t: -t if t < 2.5 else 10.0, lambda t: -1.0)
-    np.testing.assert_allclose(tried[:5], [1.0, 2.0, 4.0, 2.2, 3.1])
-    assert 2.49 < step < 2.5
+@pytest.mark.parametrize("beyond", [10.0, np.inf])
+def test_between_steps_too_short_and_too_long_there_is_another(beyond):
+    """A steep descent to a wall, which is not approached by more than nine tenths."""
+    tried, step = steps_tried(lambda t: -t if t < 2.5 else beyond, lambda t: -1.0)
+    assert tried[:3] == [1.0, 2.0, 4.0]
+    assert len(tried) < 10
+    assert 0.9 * 2.5 <= step < 2.5
+
+
+def test_a_wall_far_ahead_of_the_first_step_is_kept_away_from():
+    """The first trial lies 1,000 times too far: the step still ends short of the wall."""
+    tried, step = steps_tried(lambda t: -t if t < 1e-3 else 1.0, lambda t: -1.0)
+    assert len(tried) < 15
+    assert 0.9e-3 <= step < 1e-3
 
 
 def test_the_domain_is_not_left():
