@@ -373,16 +373,18 @@ def stacked_derivatives(frames: Array) -> Array:
     return np.concatenate([frames[..., 0], frames[..., 1]], axis=-2)
 
 
-def cotangent_laplacian(f: Points, faces: Triangles) -> csr_array:
+def cotangent_laplacian(f: Points, faces: Triangles, areas: Array | None = None) -> csr_array:
     r"""Return the matrix L of the Dirichlet energy hᵀL h of functions linear on every triangle.
 
-    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)`; open and non-manifold meshes have it as well.
+    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)` with the areas w of the triangles, or other ones;
+    open and non-manifold meshes have it as well.
     """
     corners = f[faces]
     # Half the cotangents of the angles are inner products of the edges opposite them, over 4 areas.
     edges = onp.roll(corners, -1, axis=1) - onp.roll(corners, 1, axis=1)
     double_areas = onp.linalg.norm(onp.cross(edges[:, 0], edges[:, 1]), axis=1)
-    entries = edges @ onp.swapaxes(edges, 1, 2) / (2.0 * double_areas)[:, None, None]
+    factors = 0.5 / double_areas if areas is None else areas / double_areas**2
+    entries = edges @ onp.swapaxes(edges, 1, 2) * factors[:, None, None]
     places = onp.repeat(faces, 3, axis=1).ravel(), onp.tile(faces, 3).ravel()
     return csr_array((entries.ravel(), places), shape=(len(f), len(f)))
 

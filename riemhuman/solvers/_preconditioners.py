@@ -27,6 +27,7 @@ from riemhuman.kernels.elimination import (
 )
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.kernels.threads import slices
+from riemhuman.surfaces.template import Template
 
 _INDEFINITE = (
     "the matrix of the metric is not positive semidefinite, or not finite; "
@@ -237,13 +238,20 @@ def metric_factor(
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)
         if stiffness > 0 and holds_surfaces(metric.space):
-            template = metric.space.template
-            laplacian = cotangent_laplacian(template.vertices, template.faces)
+            laplacian = _mean_laplacian(points, metric.space.template)
             share = matrix.diagonal().mean() / laplacian.diagonal().mean()
             dirichlet = sparse.kron(laplacian, sparse.eye_array(3), format="csr")
             matrix = matrix + stiffness * share * dirichlet
         return SparseCholeskyFactor(matrix / scale, ridge)
     return BlockCholeskyFactor(_block_norms(metric, points) / scale)
+
+
+def _mean_laplacian(surfaces: Points, template: Template) -> sparse.csr_array:
+    """Return the mean of the surfaces' Laplacians, by the areas of the template's triangles."""
+    # It sees changes relative to a triangle's height, also of its area, which metrics of normals
+    # ignore: steps are short where a triangle loses its area, and only there.
+    faces, areas = template.faces, template.face_areas
+    return sum(cotangent_laplacian(surface, faces, areas) for surface in surfaces) / len(surfaces)
 
 
 def _block_norms(metric: RiemannianMetric, points: Points) -> Array:

@@ -129,6 +129,17 @@ def test_entries_are_cotangents(template):
     )
 
 
+def test_areas_weigh_triangles():
+    """By those of a template, the energy does not depend on the size of the surface."""
+    template = open_template()
+    vertices, faces, areas = template.vertices, template.faces, template.face_areas
+    plain = cotangent_laplacian(vertices, faces).toarray()
+    weighed = cotangent_laplacian(3.0 * vertices, faces, areas).toarray()
+    np.testing.assert_allclose(weighed, plain / 9.0, atol=1e-12)
+    alone = cotangent_laplacian(vertices, faces, areas * (np.arange(len(faces)) == 0)).toarray()
+    assert set(np.flatnonzero(alone.any(axis=0))) == set(faces[0])
+
+
 def test_gradients_of_a_linear_map_are_the_map_along_the_surface():
     template = sphere_template()
     matrix = np.eye(3) + 0.3 * np.random.default_rng(0).standard_normal((3, 3))

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from cases import CASES, HalfPlane, cases_that, name_of
+from cases import CASES, HalfPlane, cases_that, name_of, sphere_template
 from scipy import sparse
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
 from riemhuman.solvers import _preconditioners
 from riemhuman.solvers._preconditioners import (
     BlockCholeskyFactor,
@@ -126,6 +126,33 @@ def test_surface_metrics_give_their_matrix(name):
     assert values.max() < 1.0
     seen = np.linalg.eigvalsh(matrix.toarray()) > 0.05 * matrix.diagonal().mean()
     assert np.sum(values > 0.97) >= np.sum(seen) > 0
+
+
+def test_steps_are_short_where_a_triangle_is_nearly_flat():
+    """Also those that flatten it, which a metric of normals does not see; elsewhere they are not.
+
+    Of the same pulls at a corner of the triangle and at the vertex farthest away.
+    """
+    template = sphere_template()
+    metric = ElasticMetric(AlignedSurfaces(template, equip=False), a=0.0, lam=0.0, c=1.0)
+    corner, *edge = template.faces[0]
+    middle = template.vertices[edge].mean(axis=0)
+    inward = middle - template.vertices[corner]
+    farthest = np.argmax(np.linalg.norm(template.vertices - middle, axis=1))
+
+    def ratio_of_steps(height):
+        surface = template.vertices.copy()
+        surface[corner] = middle - height * inward
+        factor = metric_factor(metric, surface[None], stiffness=0.2)
+        steps = []
+        for vertex in (corner, farthest):
+            pull = np.zeros_like(surface)
+            pull[vertex] = inward
+            steps.append(factor(pull.ravel()).reshape(-1, 3)[vertex] @ inward)
+        return steps[0] / steps[1]
+
+    assert ratio_of_steps(1.0) == pytest.approx(1.0, rel=0.1)
+    assert ratio_of_steps(1e-3) < 0.1
 
 
 def dense_matrix(metric, point):
