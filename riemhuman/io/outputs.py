@@ -124,7 +124,6 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
         with _locked_neighbour(path) as temporary:
             # Under its name in a hidden folder, so that any process can put it back.
             hidden = temporary.with_name(temporary.name + _REPLACED)
-            replaced = hidden / path.name
             try:
                 temporary.mkdir()
                 yield temporary
@@ -132,14 +131,11 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
                     _check_content(path, content)
                     keep_permissions(path, temporary)
                     hidden.mkdir()
-                    os.rename(path, replaced)
-                try:
-                    os.rename(temporary, path)
-                except BaseException:  # an interruption, too, leaves the folder that was there
-                    if replaced.exists():
-                        os.rename(replaced, path)
-                    raise
+                    os.rename(path, hidden / path.name)
+                os.rename(temporary, path)
             finally:
+                # After an error or an interruption, the folder that was there.
+                _put_back(hidden, path.parent)
                 for folder in (temporary, hidden):
                     shutil.rmtree(folder, ignore_errors=True)
 

@@ -223,6 +223,24 @@ def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path, monkeypatch, oth
     assert (copy / path.name / "time_0").read_text() == "old"
 
 
+def test_an_interruption_between_two_renames_leaves_the_old_folder(tmp_path, monkeypatch):
+    path = tmp_path / "path"
+    path.mkdir()
+    (path / "time_0").write_text("old")
+    rename = os.rename
+
+    def interrupted(source, target):
+        rename(source, target)
+        if source == path:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), atomic_folder(path, CONTENT) as temporary:
+        (temporary / "time_0").write_text("new")
+    assert [place.name for place in tmp_path.iterdir()] == ["path"]
+    assert (path / "time_0").read_text() == "old"
+
+
 def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "path"
     path.mkdir()
