@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import rel_entr
 
 from riemhuman.arrays import Array, Booleans, Triangles
-from riemhuman.checks import real_number, whole_number
+from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, histograms, pairwise, positive_numbers
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
@@ -155,7 +155,12 @@ class AreaProjectionTransform(Descriptor):
         return histograms(values, volumes, (0.0, self.largest), self.n_bins)
 
     def distances(self, vectors: ArrayLike) -> Array:
-        return pairwise(vectors, _jeffrey)
+        shares = real_array(vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
+        if shares.min(initial=0.0) < 0.0:
+            raise ArgumentError(
+                f"vectors must hold volumes, of at least 0; the smallest is {shares.min():g}"
+            )
+        return pairwise(shares, _jeffrey)
 
 
 def _samples(points: Array, faces: Triangles) -> tuple[Array, Array, Array]:

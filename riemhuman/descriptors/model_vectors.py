@@ -140,7 +140,9 @@ class ModelPoseVectors(_ModelVectors):
             raise ArgumentError(
                 f"vectors must hold 3 numbers for each joint; found {rows.shape[1]} in all"
             )
-        quaternions = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat().reshape(len(rows), -1, 4)
+        n_joints = rows.shape[1] // 3
+        quaternions = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat()
+        quaternions = quaternions.reshape(len(rows), n_joints, 4)
         total = np.zeros((len(rows), len(rows)))
         for joint in np.swapaxes(quaternions, 0, 1):
             # Angle of unit quaternions, with the nearer of ±q: atan2 is accurate for small angles.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array
-from riemhuman.checks import flag, one_of, real_array, real_number, whole_number
+from riemhuman.checks import check_instance, flag, one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import (
     Descriptor,
     Surfaces,
@@ -106,6 +106,7 @@ class ShapeDNA(SpectralDescriptor):
     n_eigenvalues: int = 50
 
     def of_spectrum(self, modes: Spectrum) -> Array:
+        check_instance(modes, "modes", Spectrum)
         values = modes.eigenvalues[: self.n_eigenvalues]
         return values / np.arange(1, len(values) + 1)
 
@@ -136,6 +137,7 @@ class KernelSignature(SpectralDescriptor):
         return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
 
     def of_spectrum(self, modes: Spectrum) -> Array:
+        check_instance(modes, "modes", Spectrum)
         modes = modes.first(self.n_eigenvalues)
         used = modes.areas > 0
         values = self._pooled(self._of(modes)[:, used])

@@ -17,7 +17,15 @@ import autograd.numpy as np
 from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, JSONRecord, JSONValue
-from riemhuman.checks import flag, items_of, one_of, real_number, texts_of, values_of
+from riemhuman.checks import (
+    check_instance,
+    flag,
+    items_of,
+    one_of,
+    real_number,
+    texts_of,
+    values_of,
+)
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
 from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
@@ -603,6 +611,7 @@ def nearest_name(name: str, what: str, names: Sequence[str] | Mapping[str, objec
 
     `what` says what has the name, in the message.
     """
+    check_instance(name, f"the name of a {what}", str, "a text")
     if name in names:
         return name
     matches = get_close_matches(str(name), list(names), n=3, cutoff=0.5)

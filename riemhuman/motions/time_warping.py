@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import checked_rate, flag, real_number, whole_number
+from riemhuman.checks import checked_rate, flag, real_array, real_number, whole_number
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
@@ -66,6 +66,7 @@ class Warp:
 
         Where several times were matched with one, this is their mean; in between it is linear.
         """
+        times = real_array(times, "times")
         moments, places = np.unique(self.first, return_inverse=True)
         means = np.bincount(places, weights=self.second) / np.bincount(places)
         return np.asarray(np.interp(times, moments, means))

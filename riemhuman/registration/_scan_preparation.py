@@ -212,6 +212,10 @@ def _spread_points(
     distances = np.abs(everything - np.median(scan.points, axis=0)).max(axis=1)
     background = distances > settings.far_metres
     numbers = numbers[~background[numbers]]
+    if not len(numbers):
+        raise ArgumentError(
+            f"scan has no point within {settings.far_metres:g} m of its middle; is it in metres?"
+        )
     numbers = numbers[thin_points(everything[numbers], settings.most_points, rng)]
     points = everything[numbers]
     if all_normals is None or estimated:

@@ -79,7 +79,7 @@ class ScanRegistration:
         check_instance(self.model, "model", BodyModel)
         one_of(self.unit, "unit", (None, *UNITS))
         one_of(self.up, "up", (None, *_UP))
-        check_instance(self.settings, "settings", RegistrationSettings)
+        check_instance(self.settings, "settings", RegistrationSettings, "RegistrationSettings")
 
     @enough_memory(
         "the registration of this scan", "reduce its number of points, or use a coarser model"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -629,7 +630,7 @@ def _bodies_and_faces(template: object, faces: ArrayLike | None) -> tuple[Array,
         points, triangles = as_arrays(template)
         return points[np.newaxis], triangles
     surfaces = real_array(template, "template", ("n_vertices", 3), lengths=True)
-    surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
+    surfaces = surfaces.reshape(math.prod(surfaces.shape[:-2]), *surfaces.shape[-2:])
     if not len(surfaces):
         raise ArgumentError("template must hold at least one body; found none")
     _, triangles = check_mesh(surfaces[0], faces)

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, PointsLike
-from riemhuman.checks import integer_array, length_of, one_of, whole_number
+from riemhuman.checks import flag, integer_array, length_of, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
@@ -159,6 +159,7 @@ class NearestNeighbors(Estimator):
         """
         if not hasattr(self, "_rows"):
             raise ArgumentError("kneighbors needs points: call fit first")
+        return_distance = flag(return_distance, "return_distance")
         n_points = self.n_samples_fit_
         n_others = n_points - (X is None)
         k = whole_number(self.n_neighbors if n_neighbors is None else n_neighbors, "n_neighbors")

@@ -14,6 +14,7 @@ from riemhuman.checks import (
     check_function,
     check_strategy,
     flag,
+    one_of,
     real_number,
     values_of,
     whole_number,
@@ -167,6 +168,7 @@ class BasisMean(MeanSolver):
             the companion metric; for medians they are mean distances.
         """
         check_metric(metric)
+        one_of(exponent, "exponent", (1, 2))
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
         is_given = initial_point is not None
@@ -355,6 +357,7 @@ class GradientDescentMean(MeanSolver):
         iterate, an OutsideManifoldError is raised.
         """
         check_metric(metric)
+        one_of(exponent, "exponent", (1, 2))
         if metric.log_solver is None and not metric.has_closed_form_geodesic:
             raise NotDefinedError(
                 "GradientDescentMean needs a closed form of log, or a log_solver; "

@@ -9,14 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points, TangentVectors
-from riemhuman.checks import (
-    MOST_REPEATS,
-    check_basis,
-    check_strategy,
-    real_array,
-    real_number,
-    whole_number,
-)
+from riemhuman.checks import MOST_REPEATS, check_basis, check_strategy, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -150,11 +143,12 @@ class PoleLadder(TransportSolver):
         n_given = (direction is not None) + (end_point is not None) + (path is not None)
         if n_given != 1:
             raise ArgumentError("solve needs exactly one of direction, end_point and path")
-        vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
+        vector = vector_of(tangent_vec, "tangent_vec", metric)
         if path is not None:
             return self._climb(metric, vector, check_path_from(metric, path, base_point))
         if direction is not None:
             direction = vector_of(direction, "direction", metric)
+            base_point, _ = check_end_points(metric, base_point, base_point)
             times = np.linspace(0.0, 1.0, self.n_rungs + 1)
             path = metric.geodesic(base_point, initial_tangent_vec=direction)(times)
             start, end = path[0], path[-1]

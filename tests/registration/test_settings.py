@@ -55,7 +55,7 @@ def test_every_number_is_checked(part):
     ("part", "change", "message"),
     [
         (SearchSettings, {"n_headings": 0}, "n_headings must be a whole number of at least 1"),
-        (SearchSettings, {"headings": (6,)}, "headings must be numbers from 0 to 5"),
+        (SearchSettings, {"headings": (6,)}, r"headings\[0\] must be a whole number of at most 5"),
         (SearchSettings, {"poses": ()}, "poses must name at least one start pose"),
         (DenseFitSettings, {"scales": ()}, "scales must be a tuple of numbers"),
         (ElasticSettings, {"along": 1.5}, "along must be a number between 0 and 1"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from riemhuman.checks import MOST_REPEATS, flag, refuse_type, whole_number
+from riemhuman.checks import MOST_REPEATS, flag, items_of, refuse_type, texts_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.registration.settings._checks import check_amounts, check_counts
 
@@ -133,15 +133,15 @@ class SearchSettings:
             raise ArgumentError(f"arm_rounds must be two; found {len(self.arm_rounds)}")
         _check_rounds(self.warm_rounds, "warm_rounds", least=1)
         _check_rounds((self.fine_round,), "fine_round", least=1)
-        if self.poses is not None and not self.poses:
+        if self.poses is not None and not texts_of(self.poses, "poses"):
             raise ArgumentError("poses must name at least one start pose, or be None; found none")
         if self.headings is not None:
-            numbers = range(self.n_headings)
-            if not self.headings or any(number not in numbers for number in self.headings):
-                raise ArgumentError(
-                    f"headings must be numbers from 0 to {self.n_headings - 1}; found "
-                    f"{self.headings!r}"
-                )
+            headings = items_of(self.headings, "headings", "a tuple of whole numbers")
+            for place, heading in enumerate(headings):
+                last = self.n_headings - 1
+                whole_number(heading, f"headings[{place}]", minimum=0, maximum=last)
+            if not headings:
+                raise ArgumentError("headings must hold at least one, or be None; found none")
 
 
 def _check_rounds(rounds: tuple[SearchRound, ...], name: str, least: int) -> None:
