@@ -28,7 +28,8 @@ FOLDER = Path(__file__).parent
 _FOUND = find_spec("riemhuman")
 LIBRARY = Path(_FOUND.origin).parents[1] if _FOUND else FOLDER.parent
 VIEWER = "application/vnd.riemhuman.viewer+html"
-SECONDS_A_CELL = 240
+# Of whatever hangs; on a busy machine, a cell may take many times as long as on an idle one.
+SECONDS_A_CELL, SECONDS_TO_START = 1200, 300
 
 
 def executed(path: Path) -> NotebookNode:
@@ -48,6 +49,7 @@ def executed(path: Path) -> NotebookNode:
         nbclient.NotebookClient(
             notebook,
             timeout=SECONDS_A_CELL,
+            startup_timeout=SECONDS_TO_START,
             kernel_name="python3",
             resources={"metadata": {"path": folder}},
         ).execute()

@@ -31,7 +31,7 @@ def test_shipped_files_are_small_and_written_again_the_same(name, tmp_path):
 
 
 def entries(file):
-    """Return what a file holds, bit by bit, however small and with what headers."""
+    """Return what a file holds, bit by bit; Python and zlib write it in more or fewer bytes."""
     with zipfile.ZipFile(file) as archive:
         return [
             (entry.filename, entry.date_time, entry.compress_type, archive.read(entry))
