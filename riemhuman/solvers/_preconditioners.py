@@ -249,7 +249,7 @@ def metric_factor(
 def _mean_laplacian(surfaces: Points, template: Template) -> sparse.csr_array:
     """Return the mean of the surfaces' Laplacians, by the areas of the template's triangles."""
     # It sees changes relative to a triangle's height, also of its area, which metrics of normals
-    # ignore: steps are short where a triangle loses its area, and only there.
+    # ignore: where a triangle loses its area, steps are far shorter than elsewhere.
     faces, areas = template.faces, template.face_areas
     return sum(cotangent_laplacian(surface, faces, areas) for surface in surfaces) / len(surfaces)
 
