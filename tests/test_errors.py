@@ -109,6 +109,8 @@ def doors():
     measurements = rh.measurements.Measurements(bodies.model)
     measures, solve = rh.measurements, rh.solvers.LinearPath(3)
     person = bodies[0], bodies.template.faces
+    measured = measurements.measure(bodies.points[:1])
+    motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
     return {
         "AreaMetric": rh.AreaMetric,
         "RotationMetric": rh.RotationMetric,
@@ -221,6 +223,19 @@ def doors():
         "NormalFields projection": rh.NormalFields(template).projection,
         "RotationFields projection": rh.RotationFields(template).projection,
         "Interrupted": rh.solvers.Interrupted,
+        "AreaProjectionTransform distances": rh.descriptors.AreaProjectionTransform().distances,
+        "ShapeDNA of_spectrum": rh.descriptors.ShapeDNA(3).of_spectrum,
+        "ModelPoseVectors distances": rh.descriptors.ModelPoseVectors(
+            bodies.model, "rotation"
+        ).distances,
+        "SearchSettings poses": lambda odd: rh.registration.SearchSettings(poses=odd),
+        "SearchSettings headings": lambda odd: rh.registration.SearchSettings(headings=odd),
+        "BodySizes": lambda odd: measured[odd],
+        "motion index": lambda odd: motion[odd],
+        "covector": lambda odd: space.metric.covector(odd, points[0]),
+        "median exponent": lambda odd: rh.solvers.GradientDescentMean(max_iter=1).solve(
+            rh.VectorSpace((2,)).metric, np.eye(2), exponent=odd
+        ),
         "save_glb name": lambda odd: rh.save_glb("p.glb", points, template.faces, name=odd),
         "load_pickled_arrays": lambda odd: rh.io.load_pickled_arrays("missing.pkl", odd),
         "load_arrays": lambda odd: rh.io.load_arrays("missing.npz", odd),
@@ -381,6 +396,12 @@ def test_there_is_nothing_to_view_of_no_bodies(shape):
         for none in ([], ()):
             with pytest.raises(errors.ArgumentError, match="points must hold at least one mesh"):
                 door(none)
+
+
+def test_a_motion_without_frames_says_what_to_define():
+    motion = rh.datasets.Motion("anna", "walk", 30.0, 3, [[0, 1, 2]])
+    with pytest.raises(errors.NotDefinedError, match="must define _frames"):
+        motion[0]
 
 
 PARENTS = {
