@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, SupportsIndex, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riemhuman.arrays import Array, Booleans, Integers, JSONRecord
+from riemhuman.arrays import Array, Booleans, Integers, Labels, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import (
     check_instance,
@@ -34,8 +34,18 @@ Rows: TypeAlias = "slice[int | None, int | None, int | None]"
 
 _FORMAT_VERSION = 1
 _SEXES = ("woman", "man")
-_NAMES = ("subject_names", "pose_names", "ids")
-_STORED = ("points", "subject", "pose", "betas", "pose_vectors", "translations")
+_REQUIRED = (
+    "format_version",
+    "template_vertices",
+    "template_faces",
+    "points",
+    "subject",
+    "pose",
+    "subject_names",
+    "pose_names",
+    "ids",
+)
+_OPTIONAL = ("betas", "pose_vectors", "translations")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,29 +104,30 @@ class Bodies:
             check_instance(self.model, "model", BodyModel)
         shape = ("n_bodies", self.template.n_vertices, 3)
         points = real_array(self.points, "points", shape, batched=False, lengths=True)
-        values: dict[str, object] = {"points": points}
-        for name in ("subject", "pose"):
-            labels = class_indices(getattr(self, name), name, len(points))
-            names = texts_or_numbers(getattr(self, f"{name}_names"), f"{name}_names")
-            if labels.size and not 0 <= labels.min() <= labels.max() < len(names):
-                raise ArgumentError(
-                    f"{name} holds labels from {labels.min()} to {labels.max()}; {name}_names "
-                    f"has only {len(names)} names"
-                )
-            values |= {name: labels, f"{name}_names": names}
-        trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
-        for name, row in trailing.items():
-            value = getattr(self, name)
-            if value is not None:
-                values[name] = real_array(value, name, (len(points), *row), batched=False)
-        ids = texts_or_numbers(self.ids, "ids") or tuple(map(str, range(len(points))))
-        if len(ids) != len(points) or len(set(ids)) < len(ids):
+        n = len(points)
+        subject_names = texts_or_numbers(self.subject_names, "subject_names")
+        subject = _checked_labels(self.subject, "subject", n, subject_names)
+        pose_names = texts_or_numbers(self.pose_names, "pose_names")
+        pose = _checked_labels(self.pose, "pose", n, pose_names)
+        betas = _checked_rows(self.betas, "betas", n, "n_betas")
+        pose_vectors = _checked_rows(self.pose_vectors, "pose_vectors", n, "n_joints", 3)
+        translations = _checked_rows(self.translations, "translations", n, 3)
+        ids = texts_or_numbers(self.ids, "ids") or tuple(map(str, range(n)))
+        if len(ids) != n or len(set(ids)) < n:
             raise ArgumentError(
-                f"ids must hold a different name for each of the {len(points)} surfaces; found "
+                f"ids must hold a different name for each of the {n} surfaces; found "
                 f"{len(ids)} names, {len(set(ids))} of them different"
             )
-        # As the class is frozen; what was checked takes the place of what was given.
-        vars(self).update(values, ids=ids)
+        # What was checked takes the place of what was given; the class is frozen.
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "ids", ids)
+        object.__setattr__(self, "subject_names", subject_names)
+        object.__setattr__(self, "pose_names", pose_names)
+        object.__setattr__(self, "subject", subject)
+        object.__setattr__(self, "pose", pose)
+        object.__setattr__(self, "betas", betas)
+        object.__setattr__(self, "pose_vectors", pose_vectors)
+        object.__setattr__(self, "translations", translations)
 
     def __len__(self) -> int:
         """Return the number of surfaces."""
@@ -228,16 +239,24 @@ class Bodies:
         path : path_like
             The file, with its suffix; an existing file is replaced.
         """
-        arrays = {
+        arrays: dict[str, Values] = {
             "format_version": np.array(_FORMAT_VERSION),
             "template_vertices": self.template.vertices,
             "template_faces": self.template.faces,
+            "points": self.points,
+            "subject": self.subject,
+            "pose": self.pose,
+            # An empty list of names would be an array of numbers.
+            "subject_names": np.array(self.subject_names, dtype=np.str_),
+            "pose_names": np.array(self.pose_names, dtype=np.str_),
+            "ids": np.array(self.ids, dtype=np.str_),
         }
-        for name in _STORED:
-            if getattr(self, name) is not None:
-                arrays[name] = np.asarray(getattr(self, name))
-        # An empty list of names would be an array of numbers.
-        arrays |= {name: np.array(getattr(self, name), dtype=np.str_) for name in _NAMES}
+        if self.betas is not None:
+            arrays["betas"] = self.betas
+        if self.pose_vectors is not None:
+            arrays["pose_vectors"] = self.pose_vectors
+        if self.translations is not None:
+            arrays["translations"] = self.translations
         save_arrays(path, arrays)
 
     @classmethod
@@ -248,8 +267,7 @@ class Bodies:
         ----------
         path : path_like
         """
-        required = ("format_version", "template_vertices", "template_faces", "points")
-        arrays = load_arrays(path, required, (*_STORED, *_NAMES))
+        arrays = load_arrays(path, _REQUIRED, _OPTIONAL)
         version = arrays["format_version"].tolist()
         if version != _FORMAT_VERSION:
             raise FileFormatError(
@@ -258,9 +276,18 @@ class Bodies:
             )
         with format_errors(file_path(path), "a file of bodies"):
             template = Template(arrays["template_vertices"], arrays["template_faces"])
-            values: JSONRecord = {name: arrays[name] for name in _STORED if name in arrays}
-            values |= {name: tuple(arrays[name].tolist()) for name in _NAMES if name in arrays}
-            return cls(template=template, **values)
+            return cls(
+                arrays["points"],
+                arrays["subject"],
+                arrays["pose"],
+                template,
+                subject_names=tuple(arrays["subject_names"].tolist()),
+                pose_names=tuple(arrays["pose_names"].tolist()),
+                betas=arrays.get("betas"),
+                pose_vectors=arrays.get("pose_vectors"),
+                translations=arrays.get("translations"),
+                ids=tuple(arrays["ids"].tolist()),
+            )
 
     def __repr__(self) -> str:
         people, poses = len(np.unique(self.subject)), len(np.unique(self.pose))
@@ -275,12 +302,38 @@ class Bodies:
         return notebook_pictures().surfaces_html(self.points, self.template.faces, caption)
 
     def _choose(self, numbers: Integers) -> Bodies:
-        arrays: JSONRecord = {
-            name: getattr(self, name)[numbers]
-            for name in _STORED
-            if getattr(self, name) is not None
-        }
-        return replace(self, **arrays, ids=tuple(self.ids[number] for number in numbers))
+        return replace(
+            self,
+            points=self.points[numbers],
+            subject=self.subject[numbers],
+            pose=self.pose[numbers],
+            betas=_rows_of(self.betas, numbers),
+            pose_vectors=_rows_of(self.pose_vectors, numbers),
+            translations=_rows_of(self.translations, numbers),
+            ids=tuple(self.ids[number] for number in numbers),
+        )
+
+
+def _checked_labels(labels: Labels, name: str, n_bodies: int, names: Sequence[str]) -> Integers:
+    """Return the class of each surface, an index into names."""
+    numbers = class_indices(labels, name, n_bodies)
+    if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(names):
+        raise ArgumentError(
+            f"{name} holds labels from {numbers.min()} to {numbers.max()}; {name}_names has only "
+            f"{len(names)} names"
+        )
+    return numbers
+
+
+def _checked_rows(values: object | None, name: str, n_bodies: int, *row: int | str) -> Array | None:
+    """Return parameters, a row for each surface, if there are some."""
+    if values is None:
+        return None
+    return real_array(values, name, (n_bodies, *row), batched=False)
+
+
+def _rows_of(values: Array | None, numbers: Integers) -> Array | None:
+    return None if values is None else values[numbers]
 
 
 def _labels(
