@@ -41,11 +41,16 @@ class MidpointMetric(MetricOfTerms):
         super().__init__(space, **solvers)
         self.terms = checked_terms(terms, QuadraticTerm)
         self._sum = SumOfQuadraticTerms(self.terms, space.template)
-        self.is_translation_invariant = all(term.is_translation_invariant for term in self.terms)
-        self.is_stretch_invariant = all(term.is_stretch_invariant for term in self.terms)
-        self.is_reparametrization_invariant = all(
-            term.is_reparametrization_invariant for term in self.terms
-        )
+
+    # Properties, which attributes of subclasses replace, as those of the base class.
+
+    @property
+    def is_translation_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.is_translation_invariant for term in self.terms)
+
+    @property
+    def is_reparametrization_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.is_reparametrization_invariant for term in self.terms)
 
 
 class SobolevMetric(MidpointMetric):

@@ -51,6 +51,10 @@ class MetricOfTerms(RiemannianMetric):
     terms: tuple[Term, ...] | tuple[QuadraticTerm, ...]
     _sum: SumOnSurfaces
 
+    @property
+    def is_stretch_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.is_stretch_invariant for term in self.terms)
+
     def inner_product(
         self,
         tangent_vec_a: TangentVectors,
@@ -162,9 +166,16 @@ class SurfaceMetric(MetricOfTerms):
         super().__init__(space, **solvers)
         self.terms = checked_terms(terms, Term)
         self._sum = SumOfTerms(self.terms, space.template)
-        self.is_rotation_invariant = all(term.is_rotation_invariant for term in self.terms)
-        self.is_stretch_invariant = all(term.is_stretch_invariant for term in self.terms)
-        self.has_target_metric = all(term.has_target_space for term in self.terms)
+
+    # Properties, which attributes of subclasses replace, as those of the base class.
+
+    @property
+    def is_rotation_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.is_rotation_invariant for term in self.terms)
+
+    @property
+    def has_target_metric(self) -> bool:  # type: ignore[override]  # read only
+        return all(term.has_target_space for term in self.terms)
 
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         """Return the sum of the squared distances of fields (equation 5)."""
