@@ -11,6 +11,7 @@ import operator
 import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence, Set, Sized
 from contextlib import suppress
+from pathlib import PurePath
 from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 
 import numpy as np
@@ -717,7 +718,7 @@ def text(value: object, name: str) -> str:
 
 
 def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ...]:
-    """Return `count` names of items as texts; whole numbers are names as well.
+    """Return `count` names of items as texts; numbers and paths are names as well.
 
     `items` says what they are the names of, such as "surfaces".
     """
@@ -731,11 +732,19 @@ def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ..
 
 
 def _name(value: object, name: str) -> str:
+    text_of_value = _text_of_name(value)
+    if text_of_value is None:
+        raise ArgumentTypeError(f"{name} must hold texts; found {shown(value)} among them")
+    return text_of_value
+
+
+def _text_of_name(value: object) -> str | None:
+    """Return a text, a finite number or a path as a text, and None for anything else."""
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
         return whole_text(int(value))
-    if not isinstance(value, str):
-        raise ArgumentTypeError(f"{name} must hold texts; found {shown(value)} among them")
-    return str(value)
+    is_number = isinstance(value, (float, np.floating)) and bool(np.isfinite(value))
+    # Numbers are times or ages.
+    return str(value) if is_number or isinstance(value, (str, PurePath)) else None
 
 
 def _writable(value: str, name: str) -> str:
@@ -746,8 +755,16 @@ def _writable(value: str, name: str) -> str:
     return str(value)
 
 
+def text_or_number(value: object, name: str) -> str:
+    """Return a name, a text of any characters, a number or a path, as a text."""
+    text_of_value = value if isinstance(value, str) else _text_of_name(value)
+    if text_of_value is None:
+        refuse_type(value, name, "a text")
+    return text_of_value
+
+
 def texts_or_numbers(values: Iterable[object], name: str) -> tuple[str, ...]:
-    """Return names, texts of any characters or whole numbers, as Python texts."""
+    """Return names, texts of any characters, numbers or paths, as Python texts."""
     return tuple(_name(item, name) for item in items_of(values, name, "a list of names"))
 
 

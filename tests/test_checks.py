@@ -1,6 +1,7 @@
 """Checks say which argument was wrong, what was found and what was expected."""
 
 import re
+from pathlib import Path
 
 import autograd.numpy as anp
 import numpy as np
@@ -253,16 +254,22 @@ def test_no_number_and_no_class_has_a_length(value):
         checks.length_of(value, "points")
 
 
-def test_names_are_texts_or_whole_numbers_that_pages_can_show():
+def test_names_are_texts_numbers_or_paths_that_pages_can_show():
     named = checks.names_of(["Anna", np.str_("Ben"), 3, np.int64(4)], "names", 4, "bodies")
     assert named == ("Anna", "Ben", "3", "4")
+    times = np.linspace(0.0, 1.0, 3)
+    assert checks.names_of(times, "labels", 3, "surfaces") == ("0.0", "0.5", "1.0")
+    assert checks.texts_or_numbers([Path("a.ply"), 0.25], "ids") == ("a.ply", "0.25")
+    assert checks.text_or_number(7, "subject") == "7"
+    with pytest.raises(ArgumentTypeError, match="subject must be a text; found NoneType"):
+        checks.text_or_number(None, "subject")
     for names, message in (
         (["a"], "names must name each of the 2 bodies; found 1"),
         ("ab", "names must be a sequence of texts, one for each of the 2 bodies; found str"),
         ({"a", "b"}, "found set"),
         ({"a": 1, "b": 2}, "found dict"),
         (["a", None], "names must hold texts; found None among them"),
-        (["a", 1.5], "found 1.5 among them"),
+        (["a", np.nan], "found nan among them"),
         (["a", True], "found True among them"),
         (["a", "b\0"], "names must be a text without control characters"),
         (["a", "\ud800"], "without control characters"),

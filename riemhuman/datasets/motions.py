@@ -18,6 +18,7 @@ from riemhuman.checks import (
     items_of,
     numbers_at,
     real_array,
+    text_or_number,
     texts_of,
     whole_number,
 )
@@ -87,10 +88,8 @@ class Motion:
         n_frames: int,
         faces: Triangles,
     ) -> None:
-        check_instance(subject, "subject", str, "a text")
-        check_instance(sequence, "sequence", str, "a text")
-        self.subject = subject
-        self.sequence = sequence
+        self.subject = text_or_number(subject, "subject")
+        self.sequence = text_or_number(sequence, "sequence")
         self.frames_per_second = checked_rate(frames_per_second)
         self.n_frames = whole_number(n_frames, "n_frames", minimum=0, maximum=_MOST_FRAMES)
         checked = check_triangles(faces)

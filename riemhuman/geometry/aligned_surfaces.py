@@ -7,6 +7,7 @@ from numpy import ndarray
 
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
 from riemhuman.checks import (
+    LONGEST_LENGTH,
     SCALES,
     Rng,
     check_resolution,
@@ -205,7 +206,8 @@ class AlignedSurfaces(SurfaceSpace):
             Deformations, of any size.
         name : str, for messages
         """
-        return real_array(self.as_array(tangent_vec, name), name, self.shape, lengths=True)
+        vectors = self.as_array(tangent_vec, name)
+        return real_array(vectors, name, self.shape, maximum=LONGEST_LENGTH)
 
     def check_scale(self, point: Points, name: str = "point") -> None:
         check_resolution(point, name)
@@ -240,7 +242,7 @@ class AlignedSurfaces(SurfaceSpace):
         f : array_like, shape (..., V, 3)
         name : str, for messages
         """
-        f = self.check_tangent_vec(f, name)
+        f = real_array(self.as_array(f, name), name, self.shape, lengths=True)
         self._normals(*self.partial_derivatives(f), name)
         return f
 

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Callable
 from copy import copy
 from typing import Self, TypeGuard
 
 from riemhuman.arrays import Array, Points, TangentVectors, Triangles
-from riemhuman.checks import MOST_REPEATS, flag, real_number, refuse_type, whole_number
+from riemhuman.checks import flag, real_number, refuse_type, whole_number
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.point_space import PointSpace
-from riemhuman.memory import check_memory
+from riemhuman.geometry.point_space import PointSpace, check_room_for
 from riemhuman.surfaces.template import Template
 
 # A class of metrics, each of which has parameters of its own.
 MetricClass = Callable[..., RiemannianMetric]  # type: ignore[explicit-any]
 
 
-# For samples of more bytes than this, the memory needed is checked first.
-_MANY_BYTES = 2.0**26
 # Coordinates that are farther apart have no areas within double precision.
 _WIDEST = 1e60
 
@@ -213,10 +209,8 @@ def manifold_of(metric: RiemannianMetric) -> Manifold:
 
 def sample_count(n_samples: int, shape: tuple[int, ...]) -> int:
     """Return the number of random samples of points, at least 1, for which there is memory."""
-    count = whole_number(n_samples, "n_samples", minimum=1, maximum=MOST_REPEATS)
-    n_bytes = 8.0 * count * math.prod(shape)
-    if n_bytes > _MANY_BYTES:
-        check_memory(2.0 * n_bytes, f"{count:,} random points", "ask for fewer n_samples")
+    count = whole_number(n_samples, "n_samples", minimum=1)
+    check_room_for(count, shape)
     return count
 
 

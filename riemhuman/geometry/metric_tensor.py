@@ -16,7 +16,15 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.arrays import Array, Integers, Points, PointsLike, TangentVectors
-from riemhuman.checks import check_shape, joint_shape, one_of, path_array, real_array
+from riemhuman.checks import (
+    LARGEST_NUMBER,
+    LONGEST_LENGTH,
+    check_shape,
+    joint_shape,
+    one_of,
+    path_array,
+    real_array,
+)
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.pairwise import (
     MEMORY,
@@ -148,8 +156,18 @@ class MetricTensor(Unchanging, ABC):
 
     def _vectors(self, vectors: object, name: str) -> Array:
         """Return tangent vectors as float64 arrays, whose squares stay within double precision."""
-        lengths = self.space.is_surface_space
-        return real_array(vectors, name, self.space.shape, lengths=lengths)
+        # Vectors may be as short as they like: unlike surfaces, they have no areas.
+        longest = LONGEST_LENGTH if self.space.is_surface_space else LARGEST_NUMBER
+        return real_array(vectors, name, self.space.shape, maximum=longest)
+
+    def _rows_of_vectors(self, vectors: object) -> Array:
+        """Return tangent vectors in a row, shape (n, *shape), after checking them."""
+        name = "vectors"
+        if not isinstance(vectors, ndarray):
+            vectors = self.space.as_array(vectors, name)
+        values = real_array(vectors, name, self.space.shape, rows=True, finite=False)
+        check_shape(values, name, ("n_points", *self.space.shape), batched=False)
+        return self._vectors(values, name)
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         r"""Return the inner products of all pairs of vectors, averaged over points, shape (K, K).
@@ -160,7 +178,7 @@ class MetricTensor(Unchanging, ABC):
         base_point : array, shape (\*shape,) or (n, \*shape)
             One base point, or several to average over.
         """
-        vectors = self.check_points(vectors, "vectors")
+        vectors = self._rows_of_vectors(vectors)
         base_points = self._base_points(base_point)
         if not len(vectors):
             return np.zeros((0, 0))

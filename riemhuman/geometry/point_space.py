@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
 import autograd.numpy as np
@@ -10,7 +11,6 @@ from riemhuman.arrays import Array, Booleans, Points, TangentVectors
 from riemhuman.checks import (
     LARGEST_NUMBER,
     LONGEST_LENGTH,
-    MOST_REPEATS,
     Rng,
     generator,
     real_array,
@@ -18,10 +18,21 @@ from riemhuman.checks import (
     whole_number,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.memory import check_memory
 from riemhuman.representation import constructor_text
 from riemhuman.surfaces.template import Template
 
 __all__ = ["PointSpace"]
+
+# For samples of more bytes than this, the memory needed is checked first.
+_MANY_BYTES = 2.0**26
+
+
+def check_room_for(n_samples: int, shape: tuple[int, ...]) -> None:
+    """Raise an OutOfMemoryError if there is no room for so many random points or vectors."""
+    n_bytes = 8.0 * n_samples * math.prod(shape)
+    if n_bytes > _MANY_BYTES:
+        check_memory(2.0 * n_bytes, f"{n_samples:,} random arrays", "ask for fewer n_samples")
 
 
 class PointSpace(ABC):
@@ -123,7 +134,8 @@ class PointSpace(ABC):
             Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
         rng : int or numpy.random.Generator, optional
         """
-        n_samples = whole_number(n_samples, "n_samples", minimum=1, maximum=MOST_REPEATS)
+        n_samples = whole_number(n_samples, "n_samples", minimum=1)
+        check_room_for(n_samples, self.shape)
         shape = self.shape
         if base_point is not None:
             base_point = self.check_point(base_point, "base_point")

@@ -102,10 +102,10 @@ class ProductManifold(Manifold):
         point : array, shape (..., size)
         index : int
         """
-        if not 0 <= whole_number(index, "index") < len(self.factors):
-            raise ArgumentError(
-                f"index must be that of a factor, from 0 to {len(self.factors) - 1}; found {index}"
-            )
+        last = len(self.factors) - 1
+        if not -last - 1 <= whole_number(index, "index") <= last:
+            raise ArgumentError(f"index must be that of a factor, from 0 to {last}; found {index}")
+        index %= len(self.factors)
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
         flat = point[..., start : self._ends[index]]

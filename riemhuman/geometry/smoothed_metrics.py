@@ -63,7 +63,7 @@ class SmoothedMetric(PullbackMetric):
         return super().energy_and_gradient(path)
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
-        vectors = self.check_points(vectors, "vectors")
+        vectors = self._rows_of_vectors(vectors)
         surfaces = self._base_points(base_point)
         gram = np.zeros((len(vectors), len(vectors)))
         if not len(vectors):

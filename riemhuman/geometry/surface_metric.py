@@ -14,7 +14,7 @@ from autograd.tracer import isbox
 from scipy import sparse
 
 from riemhuman.arrays import Array, Fields, Points, TangentVectors
-from riemhuman.checks import joint_shape, metric_weight, path_array, values_of
+from riemhuman.checks import joint_shape, metric_weight, path_array, real_array, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.fields import (
     EbinMetric,
@@ -61,7 +61,7 @@ class MetricOfTerms(RiemannianMetric):
         tangent_vec_b: TangentVectors,
         base_point: Points | None = None,
     ) -> Array:
-        base_point = self.space.check_tangent_vec(base_point, "base_point")
+        base_point = self._surfaces(base_point)
         h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
         k = h
         if tangent_vec_b is not tangent_vec_a:
@@ -69,8 +69,13 @@ class MetricOfTerms(RiemannianMetric):
         joint_shape(tangent_vec_a=h, tangent_vec_b=k, base_point=base_point)
         return self._sum.inner_product(h, k, base_point)
 
+    def _surfaces(self, base_point: object) -> Array:
+        """Return surfaces of any scale and resolution, whose areas are within double precision."""
+        surfaces = self.space.as_array(base_point, "base_point")
+        return real_array(surfaces, "base_point", self.space.shape, lengths=True)
+
     def metric_matrix(self, base_point: Points) -> sparse.csr_array:
-        surfaces = self.space.check_tangent_vec(base_point, "base_point")
+        surfaces = self._surfaces(base_point)
         if surfaces.size == 0:
             raise ArgumentError("base_point must hold at least one surface; found none")
         return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
@@ -92,7 +97,7 @@ class MetricOfTerms(RiemannianMetric):
 
     def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         vectors = self.space.check_tangent_vec(tangent_vec)
-        surfaces = self.space.check_tangent_vec(base_point, "base_point")
+        surfaces = self._surfaces(base_point)
         if surfaces.ndim == 2:
             columns = vectors.reshape(-1, self.space.dim).T
             covectors: Array = self.metric_matrix(surfaces) @ columns
@@ -100,7 +105,7 @@ class MetricOfTerms(RiemannianMetric):
         return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
-        flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
+        flat = self._rows_of_vectors(vectors).reshape(len(vectors), self.space.dim)
         gram: Array = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)
 

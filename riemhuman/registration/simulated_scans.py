@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
 from riemhuman.checks import (
-    MOST_REPEATS,
     Rng,
     flag,
     generator,
@@ -28,6 +27,8 @@ from riemhuman.surfaces.measures import triangle_areas
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
 _FLOOR_METRES, _FLOOR_SPACING = 1.6, 0.012
+# More than scanners return; each takes a few hundred bytes of memory.
+_MOST_POINTS = 100_000_000
 # Thicker clothes and coarser noise are in another unit; so are wider bodies, of which a scanner
 # would see a hundred million pixels.
 _THICKEST_METRES, _WIDEST_METRES = 100.0, 50.0
@@ -119,7 +120,7 @@ def simulated_scan(
     if triangle_areas(vertices, triangles).sum() <= 0.0:
         raise DegenerateSurfaceError("points and faces have no area that could be scanned")
     random = generator(rng)
-    n_points = whole_number(n_points, "n_points", minimum=1, maximum=MOST_REPEATS)
+    n_points = whole_number(n_points, "n_points", minimum=1, maximum=_MOST_POINTS)
     noise = real_number(noise, "noise", minimum=0.0, maximum=_THICKEST_METRES)
     missing = real_number(missing, "missing", minimum=0.0)
     if missing >= 1.0:

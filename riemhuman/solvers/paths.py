@@ -13,6 +13,8 @@ from autograd import value_and_grad
 
 from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
 from riemhuman.checks import (
+    LARGEST_NUMBER,
+    LONGEST_LENGTH,
     MOST_REPEATS,
     check_strategy,
     flag,
@@ -255,8 +257,8 @@ def _end_point(metric: RiemannianMetric, point: Points, name: str) -> Array:
 
 def vector_of(vector: object, name: str, metric: RiemannianMetric) -> Array:
     """Return a single tangent vector as a float64 array after checking it."""
-    space = metric.space
-    return real_array(vector, name, space.shape, batched=False, lengths=space.is_surface_space)
+    longest = LONGEST_LENGTH if metric.space.is_surface_space else LARGEST_NUMBER
+    return real_array(vector, name, metric.space.shape, batched=False, maximum=longest)
 
 
 def check_initial_path(

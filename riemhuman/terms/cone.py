@@ -87,12 +87,20 @@ class ConeTerm(Term):
         super().__init__(weight)
         self.a, self.c = metric_weight(a, "a"), metric_weight(c, "c")
         self.b = metric_weight(b, "b", strict=True)
-        self.is_rotation_invariant = self.c == 0.0
-        self.has_target_space = self.c > 0.0
         self.n_features = 7 if self.c > 0.0 else 4
         # ψ/ℓ where the normals are the same, and ψ/φ where ĝ is the same.
         self.angle_per_length = math.sqrt(self.a / (8.0 * self.b))
         self.angle_per_turn = math.sqrt(self.c / (16.0 * self.b))
+
+    # Properties, which attributes of subclasses replace, as those of the base class.
+
+    @property
+    def is_rotation_invariant(self) -> bool:  # type: ignore[override]  # read only
+        return self.c == 0.0
+
+    @property
+    def has_target_space(self) -> bool:  # type: ignore[override]  # read only
+        return self.c > 0.0
 
     def target_space(self, spaces: FieldSpaces) -> FieldSpace:
         if self.c == 0.0:
@@ -229,7 +237,10 @@ class EbinTerm(ConeTerm):
     def __init__(self, weight: float = 1.0, lam: float = 0.5) -> None:
         self.lam = metric_weight(lam, "lam", strict=True)
         super().__init__(weight, a=1.0, b=self.lam, c=0.0)
-        self.has_target_space = True
+
+    @property
+    def has_target_space(self) -> bool:  # type: ignore[override]  # read only
+        return True
 
     def target_space(self, spaces: FieldSpaces) -> FieldSpace:
         return spaces.metric_fields(self.lam)

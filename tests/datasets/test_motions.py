@@ -1,5 +1,7 @@
 """The record of a motion, on one whose frames hold their own number."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,8 @@ N_FRAMES = 37
 class Counted(Motion):
     """A motion of four points; it remembers which frames were asked for."""
 
-    def __init__(self):
-        super().__init__("anna", "waving", 25.0, N_FRAMES, FACES)
+    def __init__(self, subject="anna", sequence="waving"):
+        super().__init__(subject, sequence, 25.0, N_FRAMES, FACES)
         self.asked = []
 
     def _frames(self, numbers):
@@ -69,3 +71,11 @@ def test_wrong_indices(motion):
         with pytest.raises(ArgumentTypeError, match="indexed by a whole number or a slice; found"):
             motion[index]
     assert motion.asked == []
+
+
+def test_people_and_sequences_may_have_numbers():
+    motion = Counted(3, np.int64(12))
+    assert (motion.subject, motion.sequence) == ("3", "12")
+    assert Counted(Path("anna"), 0.5).subject == "anna"
+    with pytest.raises(ArgumentTypeError, match="subject must be a text; found NoneType"):
+        Counted(None)

@@ -34,6 +34,15 @@ def parts(points):
     return SPACE.project_from_product(points)
 
 
+def test_the_last_factor_has_the_number_minus_one():
+    space = ProductManifold([VectorSpace((2,)), VectorSpace((3,))])
+    np.testing.assert_array_equal(space.component(np.arange(5.0), -1), [2.0, 3.0, 4.0])
+    np.testing.assert_array_equal(space.component(np.arange(5.0), np.int64(-2)), [0.0, 1.0])
+    for index in (2, -3):
+        with pytest.raises(ArgumentError, match=f"from 0 to 1; found {index}"):
+            space.component(np.arange(5.0), index)
+
+
 def test_points_are_joined_and_split():
     g, n = EBIN.random_point(3, rng=1), NORMALS.random_point(3, rng=2)
     joined = SPACE.embed_to_product([g, n])

@@ -78,3 +78,11 @@ def test_meshes_are_the_surface_in_other_triangles():
     # They face outward, too.
     normals = vertex_normals(scan.points, scan.faces)
     assert np.mean(np.einsum("nx,nx->n", normals, from_surface(scan)[1]) > 0.0) > 0.98
+
+
+def test_scans_have_millions_of_points_if_asked():
+    corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.7, 0.0], [0.5, 0.0, 0.0]])
+    scan = simulated_scan(corners, [[0, 1, 2]], 0, n_points=1_000_001)
+    assert scan.points.shape == (1_000_001, 3)
+    with pytest.raises(ArgumentError, match="n_points must be a whole number of at most"):
+        simulated_scan(corners, [[0, 1, 2]], 0, n_points=10**9)

@@ -34,6 +34,23 @@ class RootArea(FlatTerm):
         return anp.sqrt(first.areas)[..., None]
 
 
+class WithoutSpace(EbinTerm):
+    """A term that says what it ignores and whether it has a target space."""
+
+    has_target_space = False
+
+    @property
+    def is_rotation_invariant(self):
+        return False
+
+
+def test_terms_of_ones_own_say_again_what_they_ignore():
+    assert EbinTerm().is_rotation_invariant
+    assert EbinTerm().has_target_space
+    assert not WithoutSpace().is_rotation_invariant
+    assert not WithoutSpace().has_target_space
+
+
 class LogArea(Term):
     """Differences of the logarithms of areas: no compiled form at all."""
 
