@@ -49,6 +49,8 @@ _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]"
 # Fourth powers of lengths, and what weights make of them, stay within double precision.
 _LARGEST_WEIGHT = LONGEST_LENGTH = 1e60
 _SHORTEST_LENGTH = 1e-60
+# If the squares of the coordinates of up to 1e10 vertices add up to more, one is larger than that.
+_SURELY_LONG = 1e-100
 
 # Sums of squares of larger numbers overflow; what is larger has no meaning in any unit.
 LARGEST_NUMBER = 1e150
@@ -173,19 +175,33 @@ def real_array(
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
     try:
-        with np.errstate(over="ignore"):  # what double precision cannot hold is refused below
-            checked = np.asarray(values, dtype=np.float64)
+        checked = values
+        if values.dtype != np.float64:
+            with np.errstate(over="ignore"):  # what double precision cannot hold is refused below
+                checked = np.asarray(values, dtype=np.float64)
     except MemoryError as error:
         raise too_little(f"{name} of shape {values.shape} in double precision", error) from error
     if finite and checked.size:
-        # NaN is the largest and the smallest number, if there is one.
-        largest = max(abs(float(checked.max())), abs(float(checked.min())))
-        if not largest <= (LONGEST_LENGTH if lengths else maximum):
-            _refuse_size(checked, name, largest, maximum, lengths)
-        # Nearly always, the first vertex of a surface tells that it is not too small.
-        if lengths and np.abs(checked[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH:
-            _check_shortest(checked, name)
+        _check_size(checked, name, maximum, lengths)
     return array if isbox(array) else checked
+
+
+def _check_size(values: Array, name: str, maximum: float, lengths: bool) -> None:
+    """Raise an ArgumentError for numbers that are not finite, too large or, of surfaces, small."""
+    bound = LONGEST_LENGTH if lengths else maximum
+    # The sum of the squares is found fastest. Nearly always it tells that no number is large, and
+    # that a single surface is not too small.
+    square = float(np.vdot(values, values)) if values.flags.c_contiguous else np.inf
+    if not square <= bound * bound:
+        # NaN is the largest and the smallest number, if there is one.
+        largest = max(abs(float(values.max())), abs(float(values.min())))
+        if not largest <= bound:
+            _refuse_size(values, name, largest, maximum, lengths)
+    if not lengths or (values.ndim == 2 and square > _SURELY_LONG):
+        return
+    # The first vertex of a surface tells that it is not too small.
+    if np.abs(values[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH:
+        _check_shortest(values, name)
 
 
 def _refuse_size(
@@ -244,7 +260,9 @@ def check_shape(
 
 def joint_shape(**stacks: ArrayLike) -> tuple[int, ...]:
     """Return the shape that stacks of points or vectors broadcast to; there must be one."""
-    shapes = [np.shape(values_of(stack, name)) for name, stack in stacks.items()]
+    shapes = [values_of(stack, name).shape for name, stack in stacks.items()]
+    if shapes.count(shapes[0]) == len(shapes):
+        return shapes[0]
     try:
         return np.broadcast_shapes(*shapes)
     except ValueError as error:
@@ -295,7 +313,7 @@ def distance_matrix(distances: ArrayLike, name: str, *, symmetric: bool = True) 
 def numbers_at(
     index: SupportsIndex | slice[int | None, int | None, int | None],
     count: int,
-    owner: str,
+    owner: object,
     item: str,
 ) -> int | range:
     """Return the number, or the numbers, that an index or a slice chooses among `count` items."""
@@ -740,11 +758,13 @@ def _name(value: object, name: str) -> str:
 
 def _text_of_name(value: object) -> str | None:
     """Return a text, a finite number or a path as a text, and None for anything else."""
+    if isinstance(value, (str, PurePath)):
+        return str(value)
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
         return whole_text(int(value))
+    # Times or ages.
     is_number = isinstance(value, (float, np.floating)) and bool(np.isfinite(value))
-    # Numbers are times or ages.
-    return str(value) if is_number or isinstance(value, (str, PurePath)) else None
+    return str(value) if is_number else None
 
 
 def _writable(value: str, name: str) -> str:

@@ -88,6 +88,33 @@ def test_what_is_not_finite():
     assert checks.real_array(array, "f", finite=False) is array
 
 
+def test_sizes_in_any_order_of_memory():
+    """Whatever is found fastest: sums of squares, or the largest and smallest numbers."""
+    surfaces = np.random.default_rng(0).normal(size=(4, 5, 3))
+    for number, message in (
+        (np.nan, "the first at index .2, 3, 1."),
+        (-np.inf, "the first at index .2, 3, 1."),
+        (-1e61, "choose another unit"),
+    ):
+        wrong = surfaces.copy()
+        wrong[2, 3, 1] = number
+        for array in (wrong, np.asfortranarray(wrong), np.repeat(wrong, 2, axis=1)[:, ::2]):
+            with pytest.raises(ArgumentError, match=message):
+                checks.real_array(array, "points", ("n", 3), lengths=True)
+    small = surfaces.copy()
+    small[1] *= 1e-70
+    for array in (small, small[1], np.asfortranarray(small[1])):
+        with pytest.raises(ArgumentError, match="choose another unit"):
+            checks.real_array(array, "points", ("n", 3), lengths=True)
+    zeros = np.zeros((5, 3))
+    np.testing.assert_array_equal(checks.real_array(zeros, "points", ("n", 3), lengths=True), zeros)
+    # The sum of the squares is above that of the bound, and no number is.
+    ones = np.full(100, 2.0)
+    assert checks.real_array(ones, "shares", maximum=2.0) is ones
+    with pytest.raises(ArgumentError, match="entries of at most 2 in absolute value"):
+        checks.real_array(ones * 1.01, "shares", maximum=2.0)
+
+
 def test_traced_arrays_keep_their_tape():
     seen = []
 

@@ -104,7 +104,7 @@ class Motion:
             yield from self[first : first + _FRAMES_AT_A_TIME]
 
     def __getitem__(self, index: int | slice[int | None, int | None, int | None]) -> Array:
-        numbers = numbers_at(index, len(self), repr(self), "frame")
+        numbers = numbers_at(index, len(self), self, "frame")
         if isinstance(numbers, range):
             return self._frames(numbers)
         frame: Array = self._frames(range(numbers, numbers + 1))[0]

@@ -35,6 +35,8 @@ from riemhuman.terms.term import Term
 
 # Lengths that random logarithms of metrics have; exponentials of longer ones might overflow.
 _WIDEST_LOGARITHM = 50.0
+# Squares above this one, and roots of them, are as exact as those of larger numbers.
+_SMALLEST_SQUARE = 1e-200
 # The largest power of two by which numbers are multiplied, which itself must be finite.
 _LARGEST_EXPONENT = 1000
 
@@ -146,7 +148,7 @@ class FieldMetric(RiemannianMetric):
         joint_shape(tangent_vec_a=a, tangent_vec_b=b, base_point=point)
         with np.errstate(over="ignore", invalid="ignore"):
             values = self._integral(of_triangles(a, b, point))
-        if not np.all(np.isfinite(values_of(values))):
+        if not onp.isfinite(values_of(values)).all():
             raise ArgumentError(
                 "tangent_vec_a and tangent_vec_b are too long at base_point for double precision"
             )
@@ -426,6 +428,9 @@ class NormalFields(TriangleFields):
 
     def projection(self, point: Points) -> Array:
         point = real_array(point, "point", self.shape)
+        squares = dot(point, point)
+        if values_of(squares).min(initial=1.0) > _SMALLEST_SQUARE:
+            return point / np.sqrt(squares)[..., None]
         sizes = np.abs(values_of(point)).max(axis=-1)
         # By a power of two, without rounding, so that no square vanishes.
         exponents = onp.maximum(onp.frexp(sizes)[1], -_LARGEST_EXPONENT)

@@ -223,5 +223,7 @@ class PointSpace(ABC):
         if values.shape != (*leading, *self.shape):
             return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
         largest = LONGEST_LENGTH if self.is_surface_space else LARGEST_NUMBER
-        good = np.all(np.abs(values) <= largest, axis=self._point_axes)
+        top = values.max(axis=self._point_axes, initial=0.0)
+        bottom = values.min(axis=self._point_axes, initial=0.0)
+        good = (top <= largest) & (bottom >= -largest)
         return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good

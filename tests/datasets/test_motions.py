@@ -79,3 +79,11 @@ def test_people_and_sequences_may_have_numbers():
     assert Counted(Path("anna"), 0.5).subject == "anna"
     with pytest.raises(ArgumentTypeError, match="subject must be a text; found NoneType"):
         Counted(None)
+
+
+def test_frames_are_found_without_a_text_for_a_message():
+    class Silent(Counted):
+        def __repr__(self):
+            raise AssertionError
+
+    assert Silent()[3].shape == (4, 3)

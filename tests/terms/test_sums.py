@@ -1,5 +1,6 @@
 """Sums of terms: energies, features and sums over pairs are those of the definitions."""
 
+import pickle
 from functools import partial
 
 import numpy as np
@@ -30,7 +31,7 @@ from riemhuman.terms import (
     RotationTerm,
     _sums,
 )
-from riemhuman.terms._sums import SumOfFields, SumOfTerms
+from riemhuman.terms._sums import SumOfFields, SumOfTerms, TablesOfTerms
 
 COMPILED = [case for case in SURFACES if isinstance(case.metric, SurfaceMetric)]
 
@@ -407,3 +408,18 @@ def test_rounding_bounds_the_distance_to_what_is_kept(lam):
     assert np.all(gaps <= rounding * (1 + 1e-6))
     # The bound is no waste either.
     assert np.all(rounding < 1.5 * gaps)
+
+
+def test_pickles_of_metrics_of_an_earlier_version():
+    """They hold tables whose features are a method of their sum."""
+    metric = ElasticMetric(AlignedSurfaces(sphere_template()))
+    points = surfaces(sphere_template(), 3)
+    expected = metric.dist_pairwise(points)
+    total = metric.bulk
+    tables = TablesOfTerms.__new__(TablesOfTerms)
+    vars(tables).update(
+        terms=total.terms, areas=total.areas, features=total.features, n_arrays=total.n_arrays
+    )
+    vars(metric)["bulk"] = tables
+    read = pickle.loads(pickle.dumps(metric))
+    np.testing.assert_array_equal(read.dist_pairwise(points), expected)
