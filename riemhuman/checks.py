@@ -261,7 +261,7 @@ def check_shape(
 def joint_shape(**stacks: ArrayLike) -> tuple[int, ...]:
     """Return the shape that stacks of points or vectors broadcast to; there must be one."""
     shapes = [values_of(stack, name).shape for name, stack in stacks.items()]
-    if shapes.count(shapes[0]) == len(shapes):
+    if shapes and shapes.count(shapes[0]) == len(shapes):
         return shapes[0]
     try:
         return np.broadcast_shapes(*shapes)
