@@ -197,7 +197,7 @@ def _check_size(values: Array, name: str, maximum: float, lengths: bool) -> None
         largest = max(abs(float(values.max())), abs(float(values.min())))
         if not largest <= bound:
             _refuse_size(values, name, largest, maximum, lengths)
-    if not lengths or (values.ndim == 2 and square > _SURELY_LONG):
+    if not lengths or (values.ndim == 2 and _SURELY_LONG < square < np.inf):
         return
     # The first vertex of a surface tells that it is not too small.
     if np.abs(values[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH:
