@@ -182,26 +182,24 @@ def real_array(
     except MemoryError as error:
         raise too_little(f"{name} of shape {values.shape} in double precision", error) from error
     if finite and checked.size:
-        _check_size(checked, name, maximum, lengths)
+        bound = LONGEST_LENGTH if lengths else maximum
+        # The sum of the squares is found fastest. Nearly always it tells that no number is large,
+        # and that a single surface is not too small.
+        square = float(np.vdot(checked, checked)) if checked.flags.c_contiguous else np.inf
+        if not square <= bound * bound:
+            # NaN is the largest and the smallest number, if there is one.
+            largest = max(abs(float(checked.max())), abs(float(checked.min())))
+            if not largest <= bound:
+                _refuse_size(checked, name, largest, maximum, lengths)
+        is_long = checked.ndim == 2 and _SURELY_LONG < square < np.inf
+        # The first vertex of a surface nearly always tells that it is not too small.
+        if (
+            lengths
+            and not is_long
+            and np.abs(checked[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH
+        ):
+            _check_shortest(checked, name)
     return array if isbox(array) else checked
-
-
-def _check_size(values: Array, name: str, maximum: float, lengths: bool) -> None:
-    """Raise an ArgumentError for numbers that are not finite, too large or, of surfaces, small."""
-    bound = LONGEST_LENGTH if lengths else maximum
-    # The sum of the squares is found fastest. Nearly always it tells that no number is large, and
-    # that a single surface is not too small.
-    square = float(np.vdot(values, values)) if values.flags.c_contiguous else np.inf
-    if not square <= bound * bound:
-        # NaN is the largest and the smallest number, if there is one.
-        largest = max(abs(float(values.max())), abs(float(values.min())))
-        if not largest <= bound:
-            _refuse_size(values, name, largest, maximum, lengths)
-    if not lengths or (values.ndim == 2 and _SURELY_LONG < square < np.inf):
-        return
-    # The first vertex of a surface tells that it is not too small.
-    if np.abs(values[..., :1, :]).max(axis=(-2, -1)).min() < _SHORTEST_LENGTH:
-        _check_shortest(values, name)
 
 
 def _refuse_size(
