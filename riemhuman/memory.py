@@ -128,7 +128,7 @@ def size_text(n_bytes: float) -> str:
 def available_memory() -> float:
     """Return the most bytes that this process may still take; infinity if that is unknown."""
     # Addresses of the process that have no memory behind them can be used again.
-    return max(0.0, min(_free_memory(), min(_limit(), _container_limit()) - _own_memory()))
+    return max(0.0, min(_free_memory(), min(address_limit(), _container_limit()) - _own_memory()))
 
 
 def _free_memory() -> float:
@@ -155,7 +155,7 @@ def _own_memory() -> float:
     return float(os.sysconf("SC_PAGE_SIZE") * int(pages[1]))
 
 
-def _limit() -> float:
+def address_limit() -> float:
     """Return the bytes of addresses that the process may have."""
     try:
         import resource

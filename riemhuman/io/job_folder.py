@@ -48,8 +48,9 @@ class JobFolder:
     """A folder that holds one job; it must be empty or hold a job, and is made if need be."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = file_path(path, "folder", "folder").absolute()
-        with convert_errors(self.path, "cannot be used as the folder of a job"):
+        place = file_path(path, "folder", "folder")
+        with convert_errors(place, "cannot be used as the folder of a job"):
+            self.path = place.absolute()
             self.path.mkdir(parents=True, exist_ok=True)
             names = {entry.name for entry in os.scandir(self.path) if not is_of_system(entry)}
         # Beside its lock, a process killed at the start may have left an unnamed manifest.

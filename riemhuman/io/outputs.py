@@ -24,6 +24,7 @@ from riemhuman.representation import join_names
 
 _REPLACED, _LOCK = ".replaced", ".lock"
 _ATTEMPTS = 3
+_NO_WORKING_FOLDER = "cannot be written: the working folder exists no longer"
 # The lock of a hidden name by `neighbour`: .NAME.<eight hexadecimal digits>.part[.ENDING].lock
 _LOCK_NAME = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?\.lock")
 
@@ -88,12 +89,42 @@ def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
             for name, file in hidden.items():
                 text = text.replace(str(file), str(places[name]))
             raise FileError(text) from error
-        for name, file in hidden.items():
-            if file.exists():
+        written = {name: file for name, file in hidden.items() if file.exists()}
+        earlier = {}
+        for name, file in written.items():
+            if targets[name].exists():
                 with convert_errors(places[name]):
-                    if targets[name].exists():
-                        keep_permissions(targets[name], file)
+                    keep_permissions(targets[name], file)
+                    if len(written) > 1:  # a single one takes its place or does not
+                        earlier[name] = _kept(targets[name], neighbour(file))
+        # After an error or an interruption, all files that were there.
+        with ExitStack() as way_back:
+            for name, file in written.items():
+                if len(written) > 1:
+                    way_back.callback(_return, earlier.get(name), targets[name], file)
+                with convert_errors(places[name]):
                     os.replace(file, targets[name])
+            way_back.pop_all()
+
+
+def _kept(file: Path, copy: Path) -> Path:
+    """Return a second name of a file, or a copy."""
+    try:
+        os.link(file, copy)
+    except OSError:  # disks without links, and files that may have no others
+        shutil.copy2(file, copy)
+    return copy
+
+
+def _return(earlier: Path | None, target: Path, written: Path) -> None:
+    """Put back what a written file has replaced, or nothing."""
+    if written.exists():
+        return  # it has replaced nothing
+    with suppress(OSError):  # the error that led here is the one to see
+        if earlier is None:
+            target.unlink()
+        else:
+            os.replace(earlier, target)
 
 
 @contextmanager
@@ -118,7 +149,8 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
     What killed processes have left beside the folder is removed, and folders that they were about
     to replace are put back.
     """
-    path = Path(os.path.abspath(path))
+    with convert_errors(path, _NO_WORKING_FOLDER):
+        path = Path(os.path.abspath(path))
     with convert_errors(path):
         _clean_up(path.parent)
         with _locked_neighbour(path) as temporary:
@@ -224,7 +256,8 @@ def _check_content(path: Path, content: FolderContent | None) -> bool:
 
 def check_parent(path: Path) -> None:
     """Raise an error unless a file or folder can be made at a path."""
-    parent = Path(os.path.abspath(path)).parent
+    with convert_errors(path, _NO_WORKING_FOLDER):
+        parent = Path(os.path.abspath(path)).parent
     if not parent.is_dir():
         if parent.exists():
             raise FileError(f"{path} cannot be written: {parent} is a file, not a folder")

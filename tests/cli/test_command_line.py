@@ -382,6 +382,27 @@ def test_a_full_disk_of_messages_costs_no_result(scans, tmp_path):
     assert "distances" in riemhuman.io.load_arrays(table, ["distances"])
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited")
+@pytest.mark.parametrize("megabytes", [80, 195])
+def test_too_little_memory_to_start(scans, megabytes):
+    """Otherwise BLAS ends the process by itself, or asks for its buffers for ever."""
+    import resource
+
+    limit = megabytes * 10**6
+    finished = subprocess.run(
+        [*COMMAND, "dist", scans / "body_0.ply", scans / "body_1.ply"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+    )
+    assert finished.returncode == 2
+    assert re.fullmatch(
+        rf"riemhuman: not enough memory: .* is {megabytes} MB, .* needs 300 MB .*\n",
+        finished.stderr,
+    )
+
+
 def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
     def fail(path):
         try:

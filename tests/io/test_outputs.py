@@ -13,6 +13,7 @@ import pytest
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.files import write_text
+from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.outputs import (
     FolderContent,
     atomic_folder,
@@ -348,3 +349,58 @@ def test_files_of_several_folders_appear_together(tmp_path):
     write()
     assert all(place.read_text() == name for name, place in places.items())
     assert not list(tmp_path.rglob(".*"))
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EACCES, "in use"), KeyboardInterrupt()])
+@pytest.mark.parametrize("links", [True, False])
+def test_no_file_appears_if_another_cannot_be_moved(tmp_path, monkeypatch, error, links):
+    """As on Windows, where a table that another program shows cannot be replaced."""
+    places = {name: tmp_path / f"{name}.txt" for name in ("old", "new", "shown")}
+    before = {"old.txt": "old", "shown.txt": "shown"}
+    for name, text in before.items():
+        (tmp_path / name).write_text(text)
+    replace = os.replace
+
+    def replace_others(source, target):
+        if target == places["shown"]:
+            raise error
+        replace(source, target)
+
+    def no_link(*names):
+        raise OSError(errno.EPERM, "no links")
+
+    def write():
+        with files_together(places) as hidden:
+            for file in hidden.values():
+                file.write_text("written")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", replace_others)
+        if not links:
+            patch.setattr(os, "link", no_link)
+        with pytest.raises((FileError, KeyboardInterrupt)):
+            write()
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == before
+    write()
+    assert {file.read_text() for file in tmp_path.iterdir()} == {"written"}
+    assert sorted(os.listdir(tmp_path)) == ["new.txt", "old.txt", "shown.txt"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps working folders")
+def test_working_folders_that_are_gone(tmp_path, monkeypatch):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    message = "out.* cannot be .*: "
+    with pytest.raises(FileError, match=f"{message}the working folder exists no longer"):
+        check_output_file(Path("out.npz"), [".npz"], force=False)
+    with pytest.raises(FileError, match=f"{message}the working folder exists no longer"):
+        check_output_folder(Path("out"), CONTENT, force=False)
+    with (
+        pytest.raises(FileError, match=f"{message}the working folder exists no longer"),
+        atomic_folder(Path("out")),
+    ):
+        pass
+    with pytest.raises(FileError, match=f"{message}.*No such file"):
+        JobFolder("out")
