@@ -81,7 +81,7 @@ def _register(options: argparse.Namespace) -> cli.Answer:
         check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
         for place in _sheet_files(options):
             check_output_file(place, (place.suffix,), force=options.force)
-    elif options.output.resolve() == options.scans.resolve():
+    elif options.output.exists() and options.output.samefile(options.scans):
         raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
     options.written.append(options.output)
     registration = _chosen_registration(options)

@@ -36,6 +36,7 @@ _POINT_CLOUDS = {
 _OF_SYSTEMS = (".DS_Store", "Thumbs.db", "desktop.ini", ".directory")
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
+_NEIGHBOUR = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?(\.lock|\.replaced)?")
 # Bytes of the name of a file or folder.
 _LONGEST_NAME = 255
 
@@ -169,6 +170,11 @@ def check_replaceable(file: Path) -> None:
 def neighbour(path: Path) -> Path:
     """Return an unused hidden name in the folder of a path, with the same suffix."""
     return path.with_name(f".{path.stem[:40]}.{secrets.token_hex(4)}.part{path.suffix}")
+
+
+def is_being_written(name: str) -> bool:
+    """Return whether a hidden name is one by `neighbour`, or that of its lock."""
+    return _NEIGHBOUR.fullmatch(name) is not None
 
 
 def is_of_system(entry: os.DirEntry[str]) -> bool:

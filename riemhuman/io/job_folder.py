@@ -27,6 +27,7 @@ from riemhuman.io.files import (
     convert_errors,
     file_path,
     format_errors,
+    is_being_written,
     is_of_system,
     json_value,
     lock_file,
@@ -53,8 +54,10 @@ class JobFolder:
             self.path = place.absolute()
             self.path.mkdir(parents=True, exist_ok=True)
             names = {entry.name for entry in os.scandir(self.path) if not is_of_system(entry)}
-        # Beside its lock, a process killed at the start may have left an unnamed manifest.
-        foreign = sorted(n for n in names if n != _LOCK and not n.startswith(".manifest."))
+        # Beside its lock, a process killed at the start may have left an unnamed manifest;
+        # and the output of the command may be there, too.
+        ours = (_LOCK, *(n for n in names if n.startswith(".manifest.") or is_being_written(n)))
+        foreign = sorted(names.difference(ours))
         if MANIFEST in names:
             self._manifest()
         elif foreign:

@@ -85,10 +85,7 @@ def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
         try:
             yield hidden
         except FileError as error:
-            text = str(error)
-            for name, file in hidden.items():
-                text = text.replace(str(file), str(places[name]))
-            raise FileError(text) from error
+            raise _at(error, {file: places[name] for name, file in hidden.items()}) from error
         written = {name: file for name, file in hidden.items() if file.exists()}
         earlier = {}
         for name, file in written.items():
@@ -127,6 +124,14 @@ def _return(earlier: Path | None, target: Path, written: Path) -> None:
             os.replace(earlier, target)
 
 
+def _at(error: FileError, places: Mapping[Path, Path]) -> FileError:
+    """Return an error that names places instead of hidden ones."""
+    text = str(error)
+    for hidden, place in places.items():
+        text = text.replace(str(hidden), str(place))
+    return FileError(text)
+
+
 @contextmanager
 def _hidden_folder(parent: Path, targets: Iterable[Path]) -> Iterator[Path]:
     """Yield an empty folder beside files, for what is to replace them."""
@@ -158,7 +163,10 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
             hidden = temporary.with_name(temporary.name + _REPLACED)
             try:
                 temporary.mkdir()
-                yield temporary
+                try:
+                    yield temporary
+                except FileError as error:
+                    raise _at(error, {temporary: path}) from error
                 if path.exists():
                     _check_content(path, content)
                     keep_permissions(path, temporary)

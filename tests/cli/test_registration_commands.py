@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -216,3 +217,16 @@ def test_sheets_of_a_folder_of_scans(run, refused, scan, tmp_path, monkeypatch):
     assert given["labels"] == scans / "labels.csv"
     assert given["replace_output"]
     assert "--sex is for one scan" in refused(*command, "--sex", "man")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps working folders")
+def test_folders_of_bodies_in_a_working_folder_that_is_gone(run, tmp_path, monkeypatch):
+    gone, scans = tmp_path / "gone", tmp_path / "scans"
+    gone.mkdir()
+    scans.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    finished = run("register", scans, "-o", "bodies", "--coarse")
+    assert finished.code == 2
+    assert finished.err.startswith("riemhuman: ")
+    assert "unexpected" not in finished.err

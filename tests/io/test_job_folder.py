@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io.files import neighbour
 from riemhuman.io.job_folder import JobFolder
 
 JOB, LAYOUT = {"metric": {"a": 1.0}, "n": 3}, {"tile": 2}
@@ -84,6 +85,10 @@ def test_folders_with_other_files(tmp_path):
     # A process that was killed before it made a manifest is no other job.
     (tmp_path / "thesis.tex").rename(tmp_path / ".manifest.1a2b.part.json")
     (tmp_path / "job.lock").touch()
+    # A command writes its table there, too.
+    table = neighbour(tmp_path / "D.npz")
+    table.mkdir()
+    table.with_name(f"{table.name}.lock").touch()
     assert JobFolder(tmp_path).claim(JOB, LAYOUT) == LAYOUT
 
 

@@ -404,3 +404,13 @@ def test_working_folders_that_are_gone(tmp_path, monkeypatch):
         pass
     with pytest.raises(FileError, match=f"{message}.*No such file"):
         JobFolder("out")
+
+
+def test_errors_within_a_folder_name_its_place(tmp_path):
+    with (
+        pytest.raises(
+            FileError, match=re.escape(f"{tmp_path / 'path' / 'no' / '0.txt'} cannot be")
+        ),
+        atomic_folder(tmp_path / "path") as folder,
+    ):
+        write_text(folder / "no" / "0.txt", "never written")
