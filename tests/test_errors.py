@@ -450,14 +450,27 @@ def test_absurd_counts_are_refused(count):
         lambda: rh.solvers.DiscreteExponential(n_doublings=count),
         lambda: rh.motions.MotionSpace(space, n_times=count),
         lambda: rh.DeformationBasis.from_laplacian(template, count),
-        lambda: space.random_point(count),
-        lambda: rh.VectorSpace((2,)).random_point(count),
         lambda: rh.NearestNeighbors(space.metric, count).fit(points).kneighbors(points),
         lambda: rh.registration.simulated_scan(points[0], template.faces, n_points=count),
         lambda: rh.registration.SearchSettings(n_headings=count),
     ):
         with pytest.raises(errors.RiemhumanError, match="must be|exceeds|at most"):
             door()
+
+
+@pytest.mark.parametrize("count", [10**400, float("inf"), float("nan"), True, 0])
+def test_absurd_sizes_of_samples_are_refused(count):
+    for space in (rh.AlignedSurfaces(sphere_template()), rh.VectorSpace((2,))):
+        for draw in (space.random_point, space.random_tangent_vec):
+            with pytest.raises(errors.RiemhumanError, match="must be a whole number"):
+                draw(n_samples=count)
+
+
+def test_samples_beyond_all_memory_are_refused():
+    space = rh.VectorSpace((2,))
+    for draw in (space.random_point, space.random_tangent_vec):
+        with pytest.raises(errors.OutOfMemoryError, match="a sample of 1,000,.* arrays needs"):
+            draw(n_samples=10**18)
 
 
 @pytest.mark.parametrize("size", [1e40, 1e100, 1e155, 1e-155, 5e-324])

@@ -32,7 +32,7 @@ def check_room_for(n_samples: int, shape: tuple[int, ...]) -> None:
     """Raise an OutOfMemoryError if there is no room for so many random points or vectors."""
     n_bytes = 8.0 * n_samples * math.prod(shape)
     if n_bytes > _MANY_BYTES:
-        check_memory(2.0 * n_bytes, f"{n_samples:,} random arrays", "ask for fewer n_samples")
+        check_memory(2.0 * n_bytes, f"a sample of {n_samples:,} arrays", "ask for fewer n_samples")
 
 
 class PointSpace(ABC):
