@@ -8,16 +8,13 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence, Set, Sized
-from contextlib import suppress
-from pathlib import PurePath
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from typing import NoReturn, Protocol, SupportsIndex, TypeVar
 
 import numpy as np
 from autograd.tracer import getval, isbox
 
-from riemhuman.arrays import Array, ArrayLike, Booleans, DType, Integers, Labels, Values
+from riemhuman.arrays import Array, ArrayLike, Booleans, DType, Integers, Values
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -44,8 +41,6 @@ class SpaceOfPoints(Protocol):
     def as_array(self, points: object, name: str) -> object: ...
 
 
-# Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
-_UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 # Fourth powers of lengths, and what weights make of them, stay within double precision.
 _LARGEST_WEIGHT = LONGEST_LENGTH = 1e60
 _SHORTEST_LENGTH = 1e-60
@@ -345,91 +340,6 @@ def length_of(points: object, name: str) -> int:
     return len(points)
 
 
-def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
-    """Return `count` class labels as a list of Python objects; none of them may be missing.
-
-    A label is missing if it is None, NaN, NaT, pandas' NA, a masked entry, empty or blank text, or
-    a tuple with such a part. Tables of labels have the same rule, see `rh.datasets.read_labels`.
-    """
-    if isinstance(labels, (Mapping, Set)) or getattr(labels, "ndim", 1) != 1:
-        shape = getattr(labels, "shape", None)
-        raise ArgumentTypeError(
-            f"{name} must be a sequence of hashable class labels; found {type(labels).__name__}"
-            + (f" of shape {tuple(shape)}" if isinstance(shape, tuple) else "")
-        )
-    try:
-        # Elements of other packages' arrays are arrays, each of which would be its own class.
-        listed = labels.tolist() if hasattr(labels, "tolist") else labels
-        values = [_plain_label(value) for value in list(listed)]  # type: ignore[arg-type]  # TypeError
-    except (TypeError, ValueError, RuntimeError) as error:
-        raise ArgumentTypeError(
-            f"{name} must be a sequence of class labels ({error}); found {type(labels).__name__}"
-        ) from error
-    if len(values) != count:
-        raise ArgumentError(
-            f"{name} must hold a label for each of {count} points; found {len(values)}"
-        )
-    missing = [index for index, value in enumerate(values) if is_missing_label(value)]
-    if missing:
-        raise ArgumentError(
-            f"{name}[{missing[0]}] is missing, {shown(values[missing[0]])}, the first of "
-            f"{len(missing)} missing labels; leave out the items without labels"
-        )
-    try:
-        hash(tuple(values))
-    except TypeError as error:
-        raise ArgumentTypeError(
-            f"{name} must be a sequence of hashable class labels ({error})"
-        ) from error
-    return values
-
-
-def is_missing_label(value: object) -> bool:
-    """Return whether a label is missing, see `label_list`."""
-    if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.getmaskarray(value).any()):
-        return True
-    if isinstance(value, (str, bytes)):
-        return not value.strip()
-    if isinstance(value, tuple):
-        return any(is_missing_label(part) for part in value)
-    if getattr(value, "shape", ()) != ():
-        return False
-    try:
-        # NaN and NaT differ from themselves.
-        return bool(value != value)
-    except (TypeError, ArithmeticError):
-        # Comparing pandas' NA with itself gives NA, neither true nor false; a signalling NaN of
-        # decimal numbers cannot be compared.
-        return True
-
-
-def _plain_label(value: Hashable) -> Hashable:
-    """Return a label; of an array of no dimension, of NumPy or not, its Python number or text."""
-    item = getattr(value, "item", None)
-    if item is None or getattr(value, "shape", None) != () or is_missing_label(value):
-        return value
-    number: Hashable = item()
-    return number
-
-
-def class_numbers(labels: Labels, name: str, count: int) -> tuple[Integers, list[Hashable]]:
-    """Return `count` labels as numbers, and the classes, ascending where labels can be compared.
-
-    Missing labels are refused, see `label_list`.
-    """
-    values = label_list(labels, name, count)
-    classes = list(dict.fromkeys(values))
-    with suppress(TypeError):
-        classes = sorted(classes)  # type: ignore[type-var]  # TypeError where there is no order
-    numbers = {value: number for number, value in enumerate(classes)}
-    return np.array([numbers[value] for value in values], dtype=np.int64), classes
-
-
-def class_indices(labels: Labels, name: str, count: int) -> Integers:
-    """Return `count` labels that are whole numbers, as int64; missing ones are refused."""
-    return integer_array(label_list(labels, name, count), name, (count,))
-
-
 def metric_weight(value: ArrayLike, name: str, *, strict: bool = False) -> float:
     """Return a weight of a metric as a float of at least 0, or above it if `strict`."""
     number = real_number(value, name, minimum=0.0, strict=strict)
@@ -713,77 +623,6 @@ def items_of(values: Iterable[Kind], name: str, expected: str) -> tuple[Kind, ..
         raise ArgumentTypeError(
             f"{name} must be {expected}; found {type(values).__name__}"
         ) from error
-
-
-def texts_of(
-    values: Iterable[str], name: str, expected: str = "a list of texts"
-) -> tuple[str, ...]:
-    """Return the texts of an iterable, as Python texts."""
-    items = items_of(values, name, expected)
-    for item in items:
-        if not isinstance(item, str):
-            raise ArgumentTypeError(f"{name} must be {expected}; found {shown(item)} among them")
-    return tuple(map(str, items))
-
-
-def text(value: object, name: str) -> str:
-    """Return a text that pages and pictures can show."""
-    if not isinstance(value, str):
-        refuse_type(value, name, "a text")
-    return _writable(value, name)
-
-
-def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ...]:
-    """Return `count` names of items as texts; numbers and paths are names as well.
-
-    `items` says what they are the names of, such as "surfaces".
-    """
-    expected = f"a sequence of texts, one for each of the {count} {items}"
-    if isinstance(values, Set) or not isinstance(values, Iterable):
-        refuse_type(values, name, expected)
-    names = [_writable(_name(value, name), name) for value in items_of(values, name, expected)]
-    if len(names) != count:
-        raise ArgumentError(f"{name} must name each of the {count} {items}; found {len(names)}")
-    return tuple(names)
-
-
-def _name(value: object, name: str) -> str:
-    text_of_value = _text_of_name(value)
-    if text_of_value is None:
-        raise ArgumentTypeError(f"{name} must hold texts; found {shown(value)} among them")
-    return text_of_value
-
-
-def _text_of_name(value: object) -> str | None:
-    """Return a text, a finite number or a path as a text, and None for anything else."""
-    if isinstance(value, (str, PurePath)):
-        return str(value)
-    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-        return whole_text(int(value))
-    # Times or ages.
-    is_number = isinstance(value, (float, np.floating)) and bool(np.isfinite(value))
-    return str(value) if is_number else None
-
-
-def _writable(value: str, name: str) -> str:
-    if _UNWRITABLE.search(value):
-        raise ArgumentError(
-            f"{name} must be a text without control characters; found {shown(value)}"
-        )
-    return str(value)
-
-
-def text_or_number(value: object, name: str) -> str:
-    """Return a name, a text of any characters, a number or a path, as a text."""
-    text_of_value = value if isinstance(value, str) else _text_of_name(value)
-    if text_of_value is None:
-        refuse_type(value, name, "a text")
-    return text_of_value
-
-
-def texts_or_numbers(values: Iterable[object], name: str) -> tuple[str, ...]:
-    """Return names, texts of any characters, numbers or paths, as Python texts."""
-    return tuple(_name(item, name) for item in items_of(values, name, "a list of names"))
 
 
 def flag(value: object, name: str) -> bool:

@@ -1,7 +1,6 @@
 """Checks say which argument was wrong, what was found and what was expected."""
 
 import re
-from pathlib import Path
 
 import autograd.numpy as anp
 import numpy as np
@@ -249,15 +248,11 @@ def test_no_array_is_one_of_some_choices(value):
         checks.one_of(value, "name", ("a", "b"))
 
 
-def test_items_and_texts():
+def test_items():
     assert checks.items_of(iter([1, 2]), "parts", "a list") == (1, 2)
     for value in (None, 3, "ab", b"ab", {"a": 1}, np.array(1.0)):
         with pytest.raises(ArgumentTypeError, match="parts must be a list; found"):
             checks.items_of(value, "parts", "a list")
-    assert checks.texts_of(np.array(["a", "b"]), "names") == ("a", "b")
-    for value in ([1], [None], "ab", None, np.zeros(2)):
-        with pytest.raises(ArgumentTypeError, match="names must be a list of texts; found"):
-            checks.texts_of(value, "names")
 
 
 def test_flags():
@@ -279,30 +274,3 @@ def test_masks():
 def test_no_number_and_no_class_has_a_length(value):
     with pytest.raises(ArgumentTypeError, match="points must be an array"):
         checks.length_of(value, "points")
-
-
-def test_names_are_texts_numbers_or_paths_that_pages_can_show():
-    named = checks.names_of(["Anna", np.str_("Ben"), 3, np.int64(4)], "names", 4, "bodies")
-    assert named == ("Anna", "Ben", "3", "4")
-    times = np.linspace(0.0, 1.0, 3)
-    assert checks.names_of(times, "labels", 3, "surfaces") == ("0.0", "0.5", "1.0")
-    assert checks.texts_or_numbers([Path("a.ply"), 0.25], "ids") == ("a.ply", "0.25")
-    assert checks.text_or_number(7, "subject") == "7"
-    with pytest.raises(ArgumentTypeError, match="subject must be a text; found NoneType"):
-        checks.text_or_number(None, "subject")
-    for names, message in (
-        (["a"], "names must name each of the 2 bodies; found 1"),
-        ("ab", "names must be a sequence of texts, one for each of the 2 bodies; found str"),
-        ({"a", "b"}, "found set"),
-        ({"a": 1, "b": 2}, "found dict"),
-        (["a", None], "names must hold texts; found None among them"),
-        (["a", np.nan], "found nan among them"),
-        (["a", True], "found True among them"),
-        (["a", "b\0"], "names must be a text without control characters"),
-        (["a", "\ud800"], "without control characters"),
-    ):
-        with pytest.raises((ArgumentError, ArgumentTypeError), match=re.escape(message)):
-            checks.names_of(names, "names", 2, "bodies")
-    assert checks.text("two\nlines", "title") == "two\nlines"
-    with pytest.raises(ArgumentTypeError, match="title must be a text; found NoneType"):
-        checks.text(None, "title")

@@ -17,13 +17,14 @@ from riemhuman.bodies._blending import SkinningWeights
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_parents, motions_of_joints, parents_first, skin_by
-from riemhuman.checks import flag, joint_shape, one_of, real_array, texts_of, values_of
+from riemhuman.checks import flag, joint_shape, one_of, real_array, values_of
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.kinds_of_files import BY_DEFINITIONS, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
+from riemhuman.label_checks import texts_of
 from riemhuman.memory import check_memory, enough_memory
 from riemhuman.representation import Unchanging, join_names
 from riemhuman.surfaces.template import Template

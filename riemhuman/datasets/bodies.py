@@ -12,16 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from riemhuman.arrays import Array, Booleans, Integers, Labels, Values
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import (
-    check_instance,
-    class_indices,
-    distance_matrix,
-    real_array,
-    texts_or_numbers,
-)
+from riemhuman.checks import check_instance, distance_matrix, real_array
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
+from riemhuman.label_checks import class_indices, texts_or_numbers
 from riemhuman.optional import import_optional
 from riemhuman.provided import notebook_pictures
 from riemhuman.surfaces.template import Template

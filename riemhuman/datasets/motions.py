@@ -18,8 +18,6 @@ from riemhuman.checks import (
     items_of,
     numbers_at,
     real_array,
-    text_or_number,
-    texts_of,
     whole_number,
 )
 from riemhuman.datasets._motion_files import (
@@ -42,6 +40,7 @@ from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices
+from riemhuman.label_checks import text_or_number, texts_of
 from riemhuman.surfaces.template import Template
 
 M = TypeVar("M", bound="Motion")

@@ -11,17 +11,7 @@ from typing import TypedDict
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers
-from riemhuman.checks import (
-    SCALES,
-    UNITS,
-    check_same_scale,
-    flag,
-    is_missing_label,
-    items_of,
-    numbers_at,
-    one_of,
-    texts_of,
-)
+from riemhuman.checks import SCALES, UNITS, check_same_scale, flag, items_of, numbers_at, one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -31,6 +21,7 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.io.text_tables import read_rows
+from riemhuman.label_checks import is_missing_label, texts_of
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes

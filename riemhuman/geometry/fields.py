@@ -37,8 +37,6 @@ from riemhuman.terms.term import Term
 _WIDEST_LOGARITHM = 50.0
 # Squares above this one, and roots of them, are as exact as those of larger numbers.
 _SMALLEST_SQUARE = 1e-200
-# The largest power of two by which numbers are multiplied, which itself must be finite.
-_LARGEST_EXPONENT = 1000
 
 
 class TriangleFields(Manifold):
@@ -432,10 +430,8 @@ class NormalFields(TriangleFields):
         if values_of(squares).min(initial=1.0) > _SMALLEST_SQUARE:
             return point / np.sqrt(squares)[..., None]
         sizes = np.abs(values_of(point)).max(axis=-1)
-        # By a power of two, without rounding, so that no square vanishes.
-        exponents = onp.maximum(onp.frexp(sizes)[1], -_LARGEST_EXPONENT)
-        point = point * onp.ldexp(1.0, -exponents)[..., None]
         # Where a vector is 0, no unit vector is nearest, and it stays 0, off the manifold.
+        point = point / np.where(sizes > 0.0, sizes, 1.0)[..., None]
         squares = np.where(sizes > 0.0, dot(point, point), 1.0)
         return point / np.sqrt(squares)[..., None]
 

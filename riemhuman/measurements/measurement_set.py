@@ -23,11 +23,11 @@ from riemhuman.checks import (
     real_array,
     real_number,
     refuse_type,
-    texts_of,
 )
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError, shown
 from riemhuman.io.files import file_path, json_value, memory_errors, read_bytes, write_text
+from riemhuman.label_checks import texts_of
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (

@@ -9,11 +9,12 @@ from typing import Self
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import MOST_REPEATS, check_instance, flag, real_array, texts_of, whole_number
+from riemhuman.checks import MOST_REPEATS, check_instance, flag, real_array, whole_number
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
 from riemhuman.geometry.manifold import manifold_of
+from riemhuman.label_checks import texts_of
 from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
     FEWER_FRAMES,

@@ -10,8 +10,9 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Image, Integers
-from riemhuman.checks import names_of, real_array, text, values_of
+from riemhuman.checks import real_array, values_of
 from riemhuman.errors import ArgumentError
+from riemhuman.label_checks import names_of, text
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import class_colors
 from riemhuman.plots.maps import free_places, named_classes

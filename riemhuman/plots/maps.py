@@ -14,20 +14,18 @@ from scipy.spatial.distance import cdist
 from riemhuman.arrays import Array, Integers, Labels, Points, PointsLike
 from riemhuman.checks import (
     Rng,
-    class_indices,
     distance_matrix,
     generator,
     length_of,
-    names_of,
     one_of,
     real_array,
     real_number,
-    text,
 )
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.label_checks import class_indices, names_of, text
 from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots.figures import class_colors, new_axes, plain
 from riemhuman.plots.rendering import render

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.arrays import Array, Image, Points
-from riemhuman.checks import check_instance, names_of, real_array
+from riemhuman.checks import check_instance, real_array
+from riemhuman.label_checks import names_of
 from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.windows import View, Window, window_around

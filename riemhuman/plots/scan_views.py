@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Image, Points, Values
-from riemhuman.checks import check_instance, real_number, text
+from riemhuman.checks import check_instance, real_number
+from riemhuman.label_checks import text
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill

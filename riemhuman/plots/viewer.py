@@ -22,10 +22,8 @@ from riemhuman.checks import (
     flag,
     integer_array,
     items_of,
-    names_of,
     real_array,
     real_number,
-    text,
     values_of,
 )
 from riemhuman.datasets import load_open_model
@@ -33,6 +31,7 @@ from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.label_checks import names_of, text
 from riemhuman.measurements import open_measurements
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Labels
-from riemhuman.checks import check_instance, class_numbers, distance_matrix, texts_of, whole_number
+from riemhuman.checks import check_instance, distance_matrix, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.label_checks import class_numbers, texts_of
 
 
 @dataclass(frozen=True)

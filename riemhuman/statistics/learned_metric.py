@@ -12,12 +12,13 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from riemhuman.arrays import Array, ArrayLike, Integers
-from riemhuman.checks import class_numbers, one_of, real_number, whole_number
+from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import in_blocks, principal_components
+from riemhuman.label_checks import class_numbers
 from riemhuman.memory import enough_memory
 from riemhuman.optional import import_optional
 

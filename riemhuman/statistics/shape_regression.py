@@ -8,11 +8,12 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Labels, PointsLike
-from riemhuman.checks import MOST_REPEATS, Rng, class_numbers, generator, real_array, whole_number
+from riemhuman.checks import MOST_REPEATS, Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold
 from riemhuman.geometry.manifold import metric_of
 from riemhuman.geometry.strategies import MeanSolver
+from riemhuman.label_checks import class_numbers
 from riemhuman.solvers import GeodesicRegression, NearestSurface
 
 # Relative rounding errors within which two explained shares are the same.

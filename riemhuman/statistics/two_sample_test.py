@@ -10,17 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers
-from riemhuman.checks import (
-    MOST_REPEATS,
-    Rng,
-    class_numbers,
-    distance_matrix,
-    generator,
-    label_list,
-    whole_number,
-)
+from riemhuman.checks import MOST_REPEATS, Rng, distance_matrix, generator, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import slices
+from riemhuman.label_checks import class_numbers, label_list
 from riemhuman.representation import Record
 
 # Splits whose statistics are computed at once.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from riemhuman.checks import MOST_REPEATS, flag, items_of, refuse_type, texts_of, whole_number
+from riemhuman.checks import MOST_REPEATS, flag, items_of, refuse_type, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.label_checks import texts_of
 from riemhuman.registration.settings._checks import check_amounts, check_counts
 
 
