@@ -11,7 +11,6 @@ Examples in docstrings assume ``import numpy as np`` and ``import riemhuman as r
 from __future__ import annotations
 
 import importlib
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from riemhuman.provided import default_solvers, notebook_pictures
@@ -175,16 +174,6 @@ _SUBPACKAGES = (
 __all__ = [*_MODULE_OF_NAME, *_SUBPACKAGES]
 
 
-def _import(module: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except (ImportError, MemoryError, OSError) as error:
-        from riemhuman.memory import memory_to_import
-
-        with memory_to_import(module):
-            raise error
-
-
 def _load_default_solvers() -> DefaultSolvers:
     from riemhuman.solvers import defaults
 
@@ -205,9 +194,9 @@ if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
 
     def __getattr__(name: str) -> object:
         if name in _MODULE_OF_NAME:
-            return getattr(_import(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
+            return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)
         if name in _SUBPACKAGES:
-            return _import(f"{__name__}.{name}")
+            return importlib.import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

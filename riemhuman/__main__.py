@@ -14,9 +14,6 @@ _STOPPING = [signal.SIGINT, signal.SIGTERM]
 if sys.platform != "win32":
     _STOPPING.append(signal.SIGHUP)  # its terminal was closed
 
-# Bytes of addresses, of which imports take 240 million with one thread, and 320 with two.
-_LEAST_MEMORY = 300_000_000
-
 
 def _leave(number: int, frame: FrameType | None) -> None:
     """End the process at once, before it has begun or after everything is done."""
@@ -36,23 +33,6 @@ def _open_closed_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def _too_little_memory() -> bool:
-    """Say whether the process may use too little memory to import what it needs.
-
-    There, imports fail with tracebacks, or never end: BLAS asks for its buffers for ever.
-    """
-    from riemhuman.memory import address_limit
-
-    limit = address_limit()
-    if limit >= _LEAST_MEMORY:
-        return False
-    sys.stderr.write(
-        f"riemhuman: not enough memory: the limit of this process is {limit / 1e6:.0f} MB, and "
-        f"riemhuman needs {_LEAST_MEMORY / 1e6:.0f} MB to start; raise it (ulimit -v)\n"
-    )
-    return True
-
-
 def main() -> int:
     """Run the command line."""
     _open_closed_streams()
@@ -60,8 +40,6 @@ def main() -> int:
     heard = [number for number in _STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
     for number in heard:
         signal.signal(number, _leave)
-    if _too_little_memory():
-        return 2
     from riemhuman.cli import interrupt, last_interruption
     from riemhuman.cli import main as run
 

@@ -153,21 +153,13 @@ def counted(count: int, one: str, many: str) -> str:
 
 def shown(value: object) -> str:
     """Return the text of an argument, cut short because texts in files may have any length."""
-    text = whole_text(value) if isinstance(value, int) else _representation(value)
+    text = _representation(value)
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 
 def _representation(value: object) -> str:
-    """Return the `repr` of an object, or its type if that fails, as of very large numbers."""
+    """Return the `repr` of an object, or its type if that fails."""
     try:
         return repr(value)
-    except Exception:  # noqa: BLE001  # a class of a user's own, or integers too long to be written
+    except Exception:  # noqa: BLE001  # a class of a user's own
         return f"a {type(value).__name__}"
-
-
-def whole_text(number: int) -> str:
-    """Return a whole number as text; Python writes none of thousands of digits."""
-    bits = abs(number).bit_length()
-    if bits <= _LONGEST:
-        return str(number)
-    return f"-2**{bits - 1} or less" if number < 0 else f"2**{bits - 1} or more"

@@ -8,14 +8,12 @@ import sys
 from types import ModuleType
 
 from riemhuman.errors import MissingDependencyError
-from riemhuman.memory import memory_to_import
 
 
 def import_optional(module: str, extra: str) -> ModuleType:
     """Import an optional module, or raise an error that names the extra to install."""
     try:
-        with memory_to_import(module):
-            return importlib.import_module(module)
+        return importlib.import_module(module)
     except ImportError as error:
         raise MissingDependencyError(
             f"{module} is needed for this and is not installed: pip install '.[{extra}]' in the "

@@ -8,8 +8,8 @@ import pytest
 from cases import sphere_template, surfaces
 
 import riemhuman as rh
+from riemhuman.checks.labels import class_numbers, label_list
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
-from riemhuman.label_checks import class_numbers, label_list
 from riemhuman.retrieval import confusion, precision_recall, retrieval_table, scores
 
 N_POINTS, MISSING = 12, 4

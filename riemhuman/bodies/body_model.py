@@ -18,14 +18,14 @@ from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_parents, motions_of_joints, parents_first, skin_by
 from riemhuman.checks import flag, joint_shape, one_of, real_array, values_of
+from riemhuman.checks.labels import texts_of
+from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.kinds_of_files import BY_DEFINITIONS, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
-from riemhuman.label_checks import texts_of
-from riemhuman.memory import check_memory, enough_memory
 from riemhuman.representation import Unchanging, join_names
 from riemhuman.surfaces.template import Template
 
@@ -212,7 +212,6 @@ class BodyModel(Unchanging):
             f"{self.n_vertices:,} vertices>"
         )
 
-    @enough_memory("posing these bodies", _FEWER)
     def __call__(
         self,
         betas: ArrayLike | None = None,

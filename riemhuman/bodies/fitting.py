@@ -35,7 +35,6 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.memory import enough_memory
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import Template, check_body_sizes
 
@@ -105,7 +104,6 @@ class ModelFit(Record):
 
 
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
-@enough_memory("a fit of the body model")
 def fit_model(
     model: SkinnedModel,
     points: ArrayLike,
@@ -207,7 +205,7 @@ def _surfaces_of(
     model: SkinnedModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
 ) -> Array:
     """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
-    surfaces = real_array(points, "points", ("n_points", 3), lengths=True)
+    surfaces = real_array(points, "points", ("n_points", 3))
     n_points = combine.shape[0]
     if surfaces.shape[-2] != n_points:
         what = "the model's vertices" if whole else "the rows of correspondence"

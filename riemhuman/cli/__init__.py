@@ -28,7 +28,6 @@ from riemhuman.cli._commands import Answer, make_parser
 from riemhuman.cli._terminal import interrupt, last_interruption
 from riemhuman.errors import RiemhumanError
 from riemhuman.kernels.compilation import compilation_time
-from riemhuman.memory import lack_of_memory
 from riemhuman.optional import import_optional
 
 __all__ = ["interrupt", "last_interruption", "main"]
@@ -113,7 +112,7 @@ def _run(words: Sequence[str]) -> int:
             raise
         if isinstance(error, RiemhumanError):
             terminal.note(str(error))
-        elif lack_of_memory(error):
+        elif isinstance(error, MemoryError):
             details = f": {error}" if str(error) else ""
             terminal.note(f"not enough memory; use fewer or coarser meshes{details}")
         else:

@@ -237,14 +237,14 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     cli.UNIT,
 )
 def _transfer(options: argparse.Namespace) -> cli.Answer:
-    from riemhuman.progress import ProgressBar
+    from tqdm import tqdm
 
     surfaces = inputs.read_surfaces(options, [*options.meshes, options.onto])
     files, onto = surfaces.files[:-1], surfaces.files[-1]
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     with options.task(f"Transfer of {counted(len(files), 'mesh', 'meshes')}"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
-        with ProgressBar(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
+        with tqdm(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
             moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
     replayed = counted(len(files), "mesh", "meshes")
     description = f"{replayed}, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
@@ -351,15 +351,15 @@ def _align(options: argparse.Namespace) -> cli.Answer:
 )
 def _fit(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
+    from tqdm import tqdm
 
-    from riemhuman.progress import ProgressBar
     from riemhuman.surfaces.template import check_body_sizes
 
     surfaces = inputs.read_surfaces(options, options.meshes)
     files = surfaces.files
     model = _fitted_model(options, surfaces.template.n_vertices, files[0])
     with options.task(f"Fit of {counted(len(files), 'mesh', 'meshes')}"):
-        numbers = ProgressBar(range(len(files)), disable=not options.bars, unit="mesh")
+        numbers = tqdm(range(len(files)), disable=not options.bars, unit="mesh")
         fits = []
         for number in numbers:
             surface, file = surfaces[number], files[number]

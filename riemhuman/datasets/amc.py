@@ -22,7 +22,6 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import (
     file_path,
-    memory_errors,
     read_bytes,
     short_message,
     suffix_of,
@@ -110,15 +109,11 @@ def load_amc(
     file = file_path(path)
     suffix_of(file, (".amc",))
     rate = checked_rate(frames_per_second)
-    with memory_errors(file):
-        content = read_bytes(file)
-        if skeleton is None:
-            skeleton_file = _skeleton_beside(file)
-        else:
-            skeleton_file = file_path(skeleton, "skeleton")
-        bones = _SkeletonReader(skeleton_file).read()
-        values = _read_frames(file, content, bones)
-        return _skeleton_motion(bones, values, rate, file.stem)
+    content = read_bytes(file)
+    skeleton_file = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
+    bones = _SkeletonReader(skeleton_file).read()
+    values = _read_frames(file, content, bones)
+    return _skeleton_motion(bones, values, rate, file.stem)
 
 
 def _skeleton_beside(file: Path) -> Path:

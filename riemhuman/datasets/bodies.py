@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from riemhuman.arrays import Array, Booleans, Integers, Labels, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import check_instance, distance_matrix, real_array
+from riemhuman.checks.labels import class_indices, texts_or_numbers
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
-from riemhuman.label_checks import class_indices, texts_or_numbers
 from riemhuman.optional import import_optional
 from riemhuman.provided import notebook_pictures
 from riemhuman.surfaces.template import Template
@@ -98,7 +98,7 @@ class Bodies:
         if self.model is not None:
             check_instance(self.model, "model", BodyModel)
         shape = ("n_bodies", self.template.n_vertices, 3)
-        points = real_array(self.points, "points", shape, batched=False, lengths=True)
+        points = real_array(self.points, "points", shape, batched=False)
         n = len(points)
         subject_names = texts_or_numbers(self.subject_names, "subject_names")
         subject = _checked_labels(self.subject, "subject", n, subject_names)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import file_path, memory_errors, read_bytes, short_message
+from riemhuman.io.files import file_path, read_bytes, short_message
 from riemhuman.retargeting.skeleton_motion import SkeletonMotion
 from riemhuman.retargeting.units import metres_in
 
@@ -48,8 +48,7 @@ def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -
     """
     metres = 1.0 if unit is None else metres_in(unit)
     file = file_path(path)
-    with memory_errors(file):
-        return _skeleton_motion(file, metres, None if unit is None else "metres")
+    return _skeleton_motion(file, metres, None if unit is None else "metres")
 
 
 def _skeleton_motion(file: Path, metres: float, unit: str | None) -> SkeletonMotion:

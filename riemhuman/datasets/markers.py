@@ -25,7 +25,6 @@ from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import (
     file_path,
-    memory_errors,
     read_bytes,
     short_message,
     suffix_of,
@@ -91,10 +90,9 @@ def load_trc(
     metres = None if unit is None else metres_in(unit)
     file = file_path(path)
     suffix_of(file, (".trc",))
-    with memory_errors(file):
-        names, positions, rate, written_unit = _TextReader(file).read()
-        markers = _in_metres(file, names, positions, rate, written_unit, metres)
-        return skeleton_of(markers, joints)
+    names, positions, rate, written_unit = _TextReader(file).read()
+    markers = _in_metres(file, names, positions, rate, written_unit, metres)
+    return skeleton_of(markers, joints)
 
 
 def load_c3d(
@@ -152,9 +150,8 @@ def load_c3d(
             "names of markers"
         )
     rate, written_unit = float(points["rate"]), str(points["unit"])
-    with memory_errors(file):
-        markers = _in_metres(file, names, positions, rate, written_unit, metres)
-        return skeleton_of(markers, joints)
+    markers = _in_metres(file, names, positions, rate, written_unit, metres)
+    return skeleton_of(markers, joints)
 
 
 def _copied_points(file: Path, timeout: float | None) -> dict[str, Array]:

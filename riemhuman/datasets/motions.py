@@ -20,6 +20,7 @@ from riemhuman.checks import (
     real_array,
     whole_number,
 )
+from riemhuman.checks.labels import text_or_number, texts_of
 from riemhuman.datasets._motion_files import (
     PosedPerson,
     write_amass,
@@ -40,7 +41,6 @@ from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
 from riemhuman.kernels.threads import slices
-from riemhuman.label_checks import text_or_number, texts_of
 from riemhuman.surfaces.template import Template
 
 M = TypeVar("M", bound="Motion")

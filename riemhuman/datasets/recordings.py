@@ -25,7 +25,7 @@ from riemhuman.datasets.markers import load_c3d, load_trc
 from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
 from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
-from riemhuman.datasets.retargeting import ASK_FOR_FEWER, retarget
+from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, shown, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
@@ -33,7 +33,6 @@ from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import Unpickled, load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
-from riemhuman.memory import enough_memory
 from riemhuman.retargeting.skeleton_motion import nearest_frames
 
 RECORDING_ENDINGS = (
@@ -189,7 +188,6 @@ def _leaves(content: object, depth: int = 0) -> set[str]:
         written=WRITTEN_MOTIONS,
     )
 )
-@enough_memory("the performance of this recording", ASK_FOR_FEWER)
 def load_recording(
     path: str | os.PathLike[str],
     model: BodyModel | None = None,

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import SCALES, UNITS, check_same_scale, flag, items_of, numbers_at, one_of
+from riemhuman.checks.labels import is_missing_label, texts_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -21,8 +23,6 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.io.text_tables import read_rows
-from riemhuman.label_checks import is_missing_label, texts_of
-from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes
 from riemhuman.surfaces.template import Template
@@ -470,9 +470,7 @@ def _load(
             template = Template(meshes.reference, meshes.faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(reference)}: {error}") from error
-    bar = ProgressBar(
-        range(len(meshes)), "Meshes", unit="mesh", disable=not flag(progress, "progress")
-    )
+    bar = tqdm(range(len(meshes)), "Meshes", unit="mesh", disable=not flag(progress, "progress"))
     points = np.stack([meshes[number] for number in bar])
     if align:
         points = procrustes(points, to=template.vertices, scale=None)

@@ -22,7 +22,6 @@ from riemhuman.checks import (
 from riemhuman.datasets.motions import ModelMotion, pair_of_names
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import warn
-from riemhuman.memory import enough_memory
 from riemhuman.retargeting.body_size import own_person, recorded_person, scaled_model
 from riemhuman.retargeting.joint_axes import make_figure
 from riemhuman.retargeting.joint_names import find_joints, model_joints
@@ -155,12 +154,10 @@ class RetargetedMotion(ModelMotion):
 
     @cached_property
     def _played(self) -> Performed:
-        with enough_memory("the performance of this recording", ASK_FOR_FEWER):
-            up = self._up() if callable(self._up) else self._up
-            return perform(self.recording, self.model, self._betas, self._joints, up)
+        up = self._up() if callable(self._up) else self._up
+        return perform(self.recording, self.model, self._betas, self._joints, up)
 
 
-@enough_memory("the performance of this recording", ASK_FOR_FEWER)
 def retarget(
     recording: SkeletonMotion,
     model: BodyModel | None = None,

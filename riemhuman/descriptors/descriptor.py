@@ -14,7 +14,6 @@ from riemhuman.arrays import Array
 from riemhuman.checks import real_array, refuse_type
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
-from riemhuman.memory import enough_memory
 from riemhuman.representation import constructor_text
 
 if TYPE_CHECKING:
@@ -57,7 +56,6 @@ class Descriptor(ABC):
             Vertex indices of each triangle, counted from 0.
         """
 
-    @enough_memory("the vectors of these surfaces")
     def describe_all(self, bodies: Surfaces, n_jobs: int | None = None) -> Array:
         """Return the vectors of many surfaces.
 

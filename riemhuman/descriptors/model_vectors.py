@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+from tqdm import tqdm
 
 from riemhuman.arrays import Array
 from riemhuman.checks import check_methods, flag, one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces, meshes_of, pairwise
 from riemhuman.errors import ArgumentError
-from riemhuman.progress import ProgressBar
 
 if TYPE_CHECKING:
     from riemhuman.bodies import BodyModel
@@ -49,7 +49,7 @@ class _ModelVectors(Descriptor):
         """Return vectors and seconds of several descriptors; each model is fitted once."""
         fits = {}
         models = {id(descriptor.model): descriptor for descriptor in descriptors}
-        for key, descriptor in ProgressBar(
+        for key, descriptor in tqdm(
             models.items(), disable=not flag(progress, "progress"), unit="fit"
         ):
             began = time.perf_counter()

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from tqdm import tqdm
 
 from riemhuman.arrays import Array
 from riemhuman.checks import check_instance, flag, one_of, real_array, real_number, whole_number
@@ -22,7 +23,6 @@ from riemhuman.descriptors.descriptor import (
     positive_numbers,
 )
 from riemhuman.errors import ArgumentError, RiemhumanError
-from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import Spectrum, spectrum
 
 # Square metres; in time t heat reaches about √t, which is 0.14 m to 1.4 m.
@@ -62,9 +62,7 @@ class SpectralDescriptor(Descriptor):
         n_eigenvalues = max(descriptor.n_eigenvalues for descriptor in descriptors)
         vectors: list[list[Array]] = [[] for _ in descriptors]
         seconds = np.zeros(len(descriptors))
-        for index in ProgressBar(
-            range(count), disable=not flag(progress, "progress"), unit="spectrum"
-        ):
+        for index in tqdm(range(count), disable=not flag(progress, "progress"), unit="spectrum"):
             began = time.perf_counter()
             try:
                 modes = spectrum(*mesh(index), n_eigenvalues)

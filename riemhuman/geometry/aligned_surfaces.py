@@ -7,7 +7,6 @@ from numpy import ndarray
 
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
 from riemhuman.checks import (
-    LONGEST_LENGTH,
     SCALES,
     Rng,
     check_resolution,
@@ -191,7 +190,7 @@ class AlignedSurfaces(SurfaceSpace):
         if not isinstance(point, ndarray):
             point = self.as_array(point, name)
         dtype = getattr(point, "dtype", None)
-        point = real_array(point, name, self.shape, rows=True, lengths=True)
+        point = real_array(point, name, self.shape, rows=True)
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
         check_resolution(point, name, dtype)
@@ -207,7 +206,7 @@ class AlignedSurfaces(SurfaceSpace):
         name : str, for messages
         """
         vectors = self.as_array(tangent_vec, name)
-        return real_array(vectors, name, self.shape, maximum=LONGEST_LENGTH)
+        return real_array(vectors, name, self.shape)
 
     def check_scale(self, point: Points, name: str = "point") -> None:
         check_resolution(point, name)
@@ -242,7 +241,7 @@ class AlignedSurfaces(SurfaceSpace):
         f : array_like, shape (..., V, 3)
         name : str, for messages
         """
-        f = real_array(self.as_array(f, name), name, self.shape, lengths=True)
+        f = real_array(self.as_array(f, name), name, self.shape)
         self._normals(*self.partial_derivatives(f), name)
         return f
 

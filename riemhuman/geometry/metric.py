@@ -25,7 +25,6 @@ from riemhuman.geometry.metric_tensor import MetricTensor
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.surface import differential
-from riemhuman.memory import enough_memory
 from riemhuman.provided import default_solvers
 from riemhuman.representation import constructor_text
 
@@ -217,8 +216,7 @@ class RiemannianMetric(MetricTensor):
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = self._vectors(tangent_vec, "tangent_vec")
         joint_shape(tangent_vec=tangent_vec, base_point=base_point)
-        with enough_memory("these exponentials"):
-            return self._exp(tangent_vec, base_point)
+        return self._exp(tangent_vec, base_point)
 
     def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         solver: ExpSolver | None = self.exp_solver
@@ -242,8 +240,7 @@ class RiemannianMetric(MetricTensor):
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
         joint_shape(point=point, base_point=base_point)
-        with enough_memory("these logarithms"):
-            return self._log(point, base_point)
+        return self._log(point, base_point)
 
     def _log(self, point: Points, start: Points) -> Array:
         solver: LogSolver | None = self.log_solver
@@ -347,10 +344,7 @@ class RiemannianMetric(MetricTensor):
     def _solve(self, solver: GeodesicSolver, name: str, start: Points, end: Points) -> SolvedPath:
         """Return the result of a solver for one pair of points."""
         shape = self.space.shape
-        lengths = self.space.is_surface_space
-        start, end = (
-            real_array(point, "point", shape, rows=True, lengths=lengths) for point in (start, end)
-        )
+        start, end = (real_array(point, "point", shape, rows=True) for point in (start, end))
         if np.shape(start) != shape or np.shape(end) != shape:
             raise ArgumentError(
                 f"{name} with a solver takes one pair of points of shape {shape}; found "

@@ -17,14 +17,13 @@ from scipy import sparse
 
 from riemhuman.arrays import Array, Integers, Points, PointsLike, TangentVectors
 from riemhuman.checks import (
-    LARGEST_NUMBER,
-    LONGEST_LENGTH,
     check_shape,
     joint_shape,
     one_of,
     path_array,
     real_array,
 )
+from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.pairwise import (
     MEMORY,
@@ -38,7 +37,6 @@ from riemhuman.geometry.pairwise import (
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.surface import square_root
-from riemhuman.memory import check_memory, enough_memory
 from riemhuman.representation import Unchanging
 
 __all__ = ["MetricTensor"]
@@ -155,10 +153,8 @@ class MetricTensor(Unchanging, ABC):
         return (ahead - behind) / (4.0 * step)
 
     def _vectors(self, vectors: object, name: str) -> Array:
-        """Return tangent vectors as float64 arrays, whose squares stay within double precision."""
-        # Vectors may be as short as they like: unlike surfaces, they have no areas.
-        longest = LONGEST_LENGTH if self.space.is_surface_space else LARGEST_NUMBER
-        return real_array(vectors, name, self.space.shape, maximum=longest)
+        """Return tangent vectors as float64 arrays."""
+        return real_array(vectors, name, self.space.shape)
 
     def _rows_of_vectors(self, vectors: object) -> Array:
         """Return tangent vectors in a row, shape (n, *shape), after checking them."""
@@ -330,11 +326,10 @@ class MetricTensor(Unchanging, ABC):
         else:
             checked = self.check_points(points, name)
         task = f"the features of {len(checked):,} points"
-        with enough_memory(task):
-            if checked.nbytes > _MANY_BYTES:
-                features_of_first = self.bulk.features(checked[:1], precision)
-                check_memory(len(checked) * sum(array.nbytes for array in features_of_first), task)
-            return self.bulk.features(checked, precision)
+        if checked.nbytes > _MANY_BYTES:
+            features_of_first = self.bulk.features(checked[:1], precision)
+            check_memory(len(checked) * sum(array.nbytes for array in features_of_first), task)
+        return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         r"""Return coordinates, shape (..., m), whose Euclidean distances are lower bounds.
@@ -371,8 +366,7 @@ class MetricTensor(Unchanging, ABC):
         """
         if not isinstance(points, ndarray):
             points = self.space.as_array(points, name)
-        lengths = self.space.is_surface_space
-        checked = real_array(points, name, self.space.shape, rows=True, lengths=lengths)
+        checked = real_array(points, name, self.space.shape, rows=True)
         check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         return checked
 

@@ -10,13 +10,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Features, Points, PointsByNumber, PointsLike
 from riemhuman.checks import check_shape, flag, one_of, unflatten, whole_number
+from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
-from riemhuman.memory import check_memory, enough_memory
-from riemhuman.progress import ProgressBar
 
 __all__ = [
     "MEMORY",
@@ -224,7 +224,6 @@ def squared_dist_rectangle(
     return squared
 
 
-@enough_memory("a table of distances", _IN_BLOCKS)
 def table_of_distances(
     metric: MetricOfFeatures,
     points_a: PointsLike,
@@ -259,7 +258,7 @@ def table_of_distances(
     )
     result = np.zeros((len(rows), len(columns)))
     n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
-    with ProgressBar(
+    with tqdm(
         total=n_pairs, desc="Distances", disable=not flag(progress, "progress"), unit=" pairs"
     ) as bar:
         for first in range(0, len(rows), n_at_once):

@@ -9,16 +9,14 @@ import autograd.numpy as np
 
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors
 from riemhuman.checks import (
-    LARGEST_NUMBER,
-    LONGEST_LENGTH,
     Rng,
     generator,
     real_array,
     values_of,
     whole_number,
 )
+from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.memory import check_memory
 from riemhuman.representation import constructor_text
 from riemhuman.surfaces.template import Template
 
@@ -217,13 +215,10 @@ class PointSpace(ABC):
 
     def _candidates(self, array: Array, name: str) -> tuple[Array, Booleans]:
         """Return arrays of the points' shape, and which of them are those that were given."""
-        # Arrays of another shape, and those with entries that are too large, become 0.
+        # Arrays of another shape, and those with entries that are not finite, become 0.
         values = real_array(values_of(array, name), name, finite=False)
         leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
         if values.shape != (*leading, *self.shape):
             return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
-        largest = LONGEST_LENGTH if self.is_surface_space else LARGEST_NUMBER
-        top = values.max(axis=self._point_axes, initial=0.0)
-        bottom = values.min(axis=self._point_axes, initial=0.0)
-        good = (top <= largest) & (bottom >= -largest)
+        good: Booleans = np.all(np.isfinite(values), axis=self._point_axes)
         return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good

@@ -72,7 +72,7 @@ class MetricOfTerms(RiemannianMetric):
     def _surfaces(self, base_point: object) -> Array:
         """Return surfaces of any scale and resolution, whose areas are within double precision."""
         surfaces = self.space.as_array(base_point, "base_point")
-        return real_array(surfaces, "base_point", self.space.shape, lengths=True)
+        return real_array(surfaces, "base_point", self.space.shape)
 
     def metric_matrix(self, base_point: Points) -> sparse.csr_array:
         surfaces = self._surfaces(base_point)

@@ -18,9 +18,9 @@ import numpy as np
 
 from riemhuman.arrays import DType, MemoryMap, Values
 from riemhuman.checks import check_instance, flag
+from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentTypeError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
-from riemhuman.label_checks import texts_of
 
 # Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
 _LARGEST_COMPRESSION = 64

@@ -11,7 +11,6 @@ import os
 import re
 import secrets
 import stat
-import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,11 +20,9 @@ from riemhuman.errors import (
     ArgumentTypeError,
     FileError,
     FileFormatError,
-    OutOfMemoryError,
     RiemhumanError,
     shown,
 )
-from riemhuman.memory import lack_of_memory
 
 # How to convert point clouds that the library cannot read.
 _POINT_CLOUDS = {
@@ -104,7 +101,6 @@ def read_bytes(file: Path) -> bytes:
     try:
         return file.read_bytes()
     except (OSError, MemoryError) as error:
-        raise_lack_of_memory(file, error)
         raise FileError(f"{file} cannot be read: {short_message(error)}") from error
 
 
@@ -114,7 +110,6 @@ def read_text(file: Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except (UnicodeDecodeError, MemoryError) as error:
-        raise_lack_of_memory(file, error)
         raise FileFormatError(f"{file} is not text in UTF-8: {error}") from error
 
 
@@ -211,46 +206,14 @@ def format_errors(file: Path | str, kind: str) -> Iterator[None]:
     """Raise what goes wrong while a file of a kind is read as an error that names it."""
     try:
         yield
-    except (FileError, OutOfMemoryError):
-        raise
-    except ImportError as error:
-        raise_lack_of_memory(file, error)
+    except (FileError, ImportError, MemoryError):
         raise
     except RiemhumanError as error:
-        raise_lack_of_memory(file, error)
         raise FileFormatError(f"{file}: {error}") from error
     except Exception as error:  # a damaged file can make a parser raise any error
-        raise_lack_of_memory(file, error)
         if isinstance(error, OSError) and error.errno:
             raise FileError(f"{file} cannot be read: {short_message(error)}") from error
         raise FileFormatError(f"{file}: damaged, or not {kind}: {short_message(error)}") from error
-
-
-@contextmanager
-def memory_errors(file: Path | str) -> Iterator[None]:
-    """Raise a lack of memory as an error that names the file."""
-    try:
-        yield
-    except OutOfMemoryError:
-        raise
-    except MemoryError as error:
-        raise_lack_of_memory(file, error)
-        raise
-
-
-def raise_lack_of_memory(file: Path | str, error: BaseException) -> None:
-    """Raise `OutOfMemoryError` if an error, while a file was read, came from a lack of memory."""
-    cause = lack_of_memory(error, OSError, ImportError, RuntimeError, zlib.error)
-    if cause is None:
-        return
-    try:
-        size = f" of {os.path.getsize(file):,} bytes"
-    except (OSError, ValueError):  # a part of a file
-        size = ""
-    needed = f": {short_message(cause)}" if str(cause) else ""
-    raise OutOfMemoryError(
-        f"{file}{size} cannot be read: there is too little memory{needed}"
-    ) from error
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

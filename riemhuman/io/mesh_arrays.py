@@ -16,7 +16,7 @@ Kept = TypeVar("Kept", bound=Values)
 def check_mesh(vertices: object, faces: object) -> tuple[Array, Triangles]:
     """Return vertices (V, 3), float64, and faces (F, 3), int64; raise unless they form a mesh."""
     shape = ("n_vertices", 3)
-    points = np.asarray(real_array(vertices, "vertices", shape, batched=False, lengths=True))
+    points = np.asarray(real_array(vertices, "vertices", shape, batched=False))
     triangles = check_triangles(faces, len(points), "vertices")
     if len(triangles) == 0:
         raise ArgumentError("faces is empty; a mesh needs at least one triangle")

@@ -124,7 +124,7 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     False
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)
-    points = np.asarray(real_array(points, "points", ("n_vertices", 3), lengths=True))
+    points = np.asarray(real_array(points, "points", ("n_vertices", 3)))
     surfaces = points.reshape(math.prod(points.shape[:-2]), *points.shape[-2:])
     if not len(surfaces):
         raise ArgumentError(f"points must hold at least one surface; found shape {points.shape}")

@@ -25,7 +25,6 @@ from riemhuman.io.files import (
     check_file,
     file_path,
     format_errors,
-    raise_lack_of_memory,
     read_bytes,
     short_message,
     suffix_of,
@@ -320,7 +319,6 @@ def _read_with_meshio(file: Path) -> Mesh:
             mesh = meshio.read(file)
         return mesh.points, _triangles_of_cells(mesh.cells)
     except (Exception, SystemExit) as error:  # meshio prints some errors and ends the program
-        raise_lack_of_memory(file, error)
         reason = " ".join(printed.getvalue().split()) or short_message(error)
         raise FileFormatError(
             f"meshio cannot read it ({reason[:300]}); save it as .ply, .obj or .stl"

@@ -24,10 +24,10 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.arrays import DType, Values
+from riemhuman.checks.labels import texts_of
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_characters, check_fields, memory_limit
 from riemhuman.io.files import file_path, format_errors, read_bytes
-from riemhuman.label_checks import texts_of
 
 # A body model takes some hundreds of operations; a recording some hundreds a frame.
 _MOST_OPERATIONS = 50_000

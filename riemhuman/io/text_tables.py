@@ -13,7 +13,7 @@ import numpy as np
 
 from riemhuman.arrays import Values
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import memory_errors, read_text
+from riemhuman.io.files import read_text
 
 SEPARATORS = (";", "\t", ",")
 """What may separate the cells of a table; of equally many, the first, as in 0,62;1,31."""
@@ -33,8 +33,7 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
     Commas, semicolons or tabs separate them. A first line without numbers is a header; if it names
     all the columns, these are returned in their order.
     """
-    with memory_errors(file):
-        return _named_rows(file, title, columns)
+    return _named_rows(file, title, columns)
 
 
 def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, Values]:
@@ -97,19 +96,18 @@ def read_matrix(file: Path) -> tuple[list[str], Values]:
 
 def read_rows(file: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Return the separator of a table, and the cells of rows that are not blank, by line."""
-    with memory_errors(file):
-        text = read_text(file)
-        separator = separator_of(text)
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-        rows = []
-        try:
-            for row in reader:
-                cells = [cell.strip() for cell in row]
-                if any(cells):
-                    rows.append((reader.line_num, cells))
-        except csv.Error as error:
-            raise FileFormatError(f"{file}, line {reader.line_num}: {error}") from error
-        return separator, rows
+    text = read_text(file)
+    separator = separator_of(text)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    rows = []
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                rows.append((reader.line_num, cells))
+    except csv.Error as error:
+        raise FileFormatError(f"{file}, line {reader.line_num}: {error}") from error
+    return separator, rows
 
 
 def separator_of(text: str) -> str:

@@ -18,8 +18,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias, TypeVar, overload
 
-from riemhuman.memory import memory_to_import
-
 FUSED = {"contract", "nsz"}
 """Value of `fastmath` for functions in loops over pairs: products may join sums."""
 
@@ -48,8 +46,7 @@ class Compiled:
     @functools.cached_property
     def function(self) -> Callable[..., object]:
         """The compiled function."""
-        with memory_to_import("numba"):
-            return _njit(self.py_func, self._options)
+        return _njit(self.py_func, self._options)
 
     @property
     def _numba_type_(self) -> object:

@@ -35,7 +35,6 @@ from riemhuman.measurements.predicted_measurements import (
     checked_values,
     predict,
 )
-from riemhuman.memory import enough_memory
 
 # Share of adults below which a remark says that hardly anyone has such values.
 _RARE = 0.001
@@ -146,9 +145,8 @@ def model_from_measurements(
     one_of(sex, "sex", ("adult", *SEXES))
     one_of(resolution, "resolution", ("full", "coarse"))
     whole_number(max_iter, "max_iter", minimum=1)
-    remedy = 'ask for resolution="coarse"' if resolution == "full" else "give fewer measurements"
     # Products of a step are so small that threads of BLAS cost more than they gain.
-    with enough_memory("a body from measurements", remedy), single_threaded_libraries():
+    with single_threaded_libraries():
         given, errors = checked_values(values, tolerances)
         return _probable_body(given, errors, sex, resolution, max_iter, start)
 

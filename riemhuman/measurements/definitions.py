@@ -18,9 +18,9 @@ from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, JSONRecord, JSONValue
 from riemhuman.checks import check_instance, flag, items_of, one_of, real_number, values_of
+from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
 from riemhuman.extensions import extensions
-from riemhuman.label_checks import texts_of
 from riemhuman.measurements._geodesics import geodesics
 from riemhuman.measurements._landmarks import AXES, Place
 from riemhuman.measurements._sections import (

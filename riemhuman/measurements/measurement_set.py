@@ -24,10 +24,10 @@ from riemhuman.checks import (
     real_number,
     refuse_type,
 )
+from riemhuman.checks.labels import texts_of
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError, shown
-from riemhuman.io.files import file_path, json_value, memory_errors, read_bytes, write_text
-from riemhuman.label_checks import texts_of
+from riemhuman.io.files import file_path, json_value, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
@@ -356,8 +356,7 @@ class MeasurementSet:
         """
         surface, file = _surface_of(template), file_path(path)
         try:
-            with memory_errors(file):
-                record = json_value(read_bytes(file))
+            record = json_value(read_bytes(file))
             if (record["n_vertices"], record["n_faces"]) != (surface.n_vertices, surface.n_faces):
                 raise ArgumentError(
                     f"it is for {record['n_vertices']} vertices and {record['n_faces']} triangles; "

@@ -22,6 +22,7 @@ from riemhuman.checks import (
     real_number,
     refuse_type,
 )
+from riemhuman.checks.memory import check_memory
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
 from riemhuman.extensions import extensions
@@ -31,7 +32,6 @@ from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.measurements.definitions import Measurement, nearest_name
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
-from riemhuman.memory import check_memory, enough_memory
 from riemhuman.optional import import_optional
 from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template, check_body_sizes
@@ -172,7 +172,6 @@ class Measurements:
     def __repr__(self) -> str:
         return f"<Measurements: {', '.join(self.names)}>"
 
-    @enough_memory("the measurements of these bodies", _FEWER)
     def measure(
         self,
         points: ArrayLike,
@@ -210,7 +209,7 @@ class Measurements:
         one_of(axes, "axes", _AXES)
         gradient = flag(gradient, "gradient")
         dtype = getattr(points, "dtype", None)
-        points = real_array(points, "points", (self.definitions.n_vertices, 3), lengths=True)
+        points = real_array(points, "points", (self.definitions.n_vertices, 3))
         check_resolution(points, "points", dtype)
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
@@ -271,7 +270,7 @@ class Measurements:
             Empty lists for volumes, areas and measurements that are not defined.
         """
         shape = (self.definitions.n_vertices, 3)
-        surface = real_array(surface, "surface", shape, batched=False, lengths=True)
+        surface = real_array(surface, "surface", shape, batched=False)
         axes = one_of(axes, "axes", _AXES) if self.definitions.frame else "space"
         check_body_sizes(surface, self.definitions.surface, "surface")
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
@@ -417,7 +416,7 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
         raise ArgumentError(
             'pose="standard" needs a body model, whose fit removes the pose; found a surface'
         )
-    points = real_array(points, "points", (definitions.n_vertices, 3), lengths=True)
+    points = real_array(points, "points", (definitions.n_vertices, 3))
     hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
     fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
     space = AlignedSurfaces(model.template, equip=False, scale=None)

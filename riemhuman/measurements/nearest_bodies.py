@@ -22,7 +22,6 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.measurements.measuring import Measurements, as_mapping
-from riemhuman.memory import enough_memory
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 _MOST_HALVINGS = 12
@@ -65,7 +64,6 @@ class NearestBody:
         return {name: value - self.before[name] for name, value in self.after.items()}
 
 
-@enough_memory("the nearest body with these measurements", "take coarser bodies")
 def nearest_body(
     measurements: Measurements,
     metric: RiemannianMetric,
@@ -112,7 +110,7 @@ def nearest_body(
     check_metric(metric)
     if not metric.has_metric_matrix:
         raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
-    start = real_array(point, "point", metric.space.shape, batched=False, lengths=True)
+    start = real_array(point, "point", metric.space.shape, batched=False)
     goals = as_mapping(wanted, measurements.names)
     wanted_measurements = Measurements(measurements.definitions, list(goals))
     targets = np.array(list(goals.values()))

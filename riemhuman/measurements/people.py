@@ -115,8 +115,8 @@ def person_distance(before: ArrayLike, after: ArrayLike, faces: ArrayLike) -> Pe
     >>> rh.measurements.person_distance(bodies[0], bodies[50], faces).is_hardly_one_person
     True
     """
-    before = real_array(before, "before", ("n_vertices", 3), batched=False, lengths=True)
-    after = real_array(after, "after", before.shape, batched=False, lengths=True)
+    before = real_array(before, "before", ("n_vertices", 3), batched=False)
+    after = real_array(after, "after", before.shape, batched=False)
     metric = _area_metric(Template(before, faces))
     return PersonDistance(float(metric.dist(before, after)), usual_distances(_area_metric))
 

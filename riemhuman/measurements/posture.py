@@ -74,7 +74,7 @@ def posture_angles(
         raise ArgumentError(
             f"measurements must have the landmarks of the open body; it lacks {missing[0]}{more}"
         )
-    points = real_array(points, "points", (definitions.n_vertices, 3), lengths=True)
+    points = real_array(points, "points", (definitions.n_vertices, 3))
     if trusted_vertices is not None:
         shape = points.shape[:-1]
         trusted_vertices = mask(trusted_vertices, "trusted_vertices", (shape, shape[-1:]))

@@ -10,9 +10,9 @@ import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
 from riemhuman.checks import check_instance, mask, real_array
+from riemhuman.checks.labels import texts_of
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.label_checks import texts_of
 from riemhuman.measurements.measurement_set import MeasurementSet, load_json
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes

@@ -13,9 +13,7 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric, VectorSpace
 from riemhuman.kernels.projections import Projection
-from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
-    FEWER_FRAMES,
     Motion,
     check_motions,
     face_forward,
@@ -104,7 +102,6 @@ class MotionDescriptor(Estimator):
         self.travel_weight = travel_weight
         self.frames_per_second = frames_per_second
 
-    @enough_memory("the vectors of these motions", FEWER_FRAMES)
     def fit(self, motions: Sequence[Motion], y: ArrayLike | None = None) -> Self:
         """Find the coordinates of frames, and the spread of each block.
 
@@ -128,7 +125,6 @@ class MotionDescriptor(Estimator):
         """
         return self._rows(self._fit(motions))
 
-    @enough_memory("the vectors of these motions", FEWER_FRAMES)
     def transform(self, motions: Sequence[Motion]) -> Array:
         """Return a row for each motion, shape (n, p).
 

@@ -6,16 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.checks import flag, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
-from riemhuman.memory import enough_memory
-from riemhuman.motions._frames import FEWER_FRAMES, FrameDistances, Motion, frame_count, frame_runs
+from riemhuman.motions._frames import FrameDistances, Motion, frame_count, frame_runs
 from riemhuman.motions._warping_kernels import extend_paths
-from riemhuman.progress import ProgressBar
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,6 @@ class MotionSearch:
         if real_number(self.shortest, "shortest", minimum=0.0) > 1.0:
             raise ArgumentError(f"shortest must be at most 1; found {self.shortest:g}")
 
-    @enough_memory("this search", FEWER_FRAMES)
     def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
         """Return the parts of a motion that are most similar to a query.
 
@@ -98,7 +96,7 @@ class MotionSearch:
         if self.shortest * n_query > 1.0:
             longest_run = math.ceil(1.0 / self.shortest)
         first = 0
-        bar = ProgressBar(total=n_frames, desc="Frames", disable=not self.progress, unit="frame")
+        bar = tqdm(total=n_frames, desc="Frames", disable=not self.progress, unit="frame")
         with bar:
             for run in frame_runs(self.metric.space, motion, heading=self.heading):
                 costs = frames.squared(query_frames, frames.of_run(run))

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
-from riemhuman.checks import MOST_REPEATS, Rng, check_instance, generator, real_array, whole_number
+from riemhuman.checks import Rng, check_instance, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import SurfaceSpace, metric_of, sample_count, stack_samples
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
-from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
-    FEWER_FRAMES,
     Motion,
     face_forward,
     frame_count,
@@ -56,7 +54,7 @@ class MotionSpace(Manifold):
         expected = "a space of surfaces, such as AlignedSurfaces(template)"
         check_instance(frames, "frames", SurfaceSpace, expected)
         self.frames = frames
-        self.n_times = whole_number(n_times, "n_times", minimum=2, maximum=MOST_REPEATS)
+        self.n_times = whole_number(n_times, "n_times", minimum=2)
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -80,7 +78,6 @@ class MotionSpace(Manifold):
     def check_point(self, point: object, name: str = "point") -> Array:
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
-    @enough_memory("motions at other times", FEWER_FRAMES)
     def resample(
         self,
         motion: Motion,
@@ -109,9 +106,7 @@ class MotionSpace(Manifold):
         n_frames = frame_count(motion, name, 2)
         if at is None:
             count = self.n_times if n_times is None else n_times
-            places = np.linspace(
-                0.0, n_frames - 1.0, whole_number(count, "n_times", minimum=2, maximum=MOST_REPEATS)
-            )
+            places = np.linspace(0.0, n_frames - 1.0, whole_number(count, "n_times", minimum=2))
         else:
             places = _times_within(at, n_frames - 1)
         segments = np.minimum(places.astype(int), n_frames - 2)

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from tqdm import tqdm
 
 from riemhuman.arrays import Array
-from riemhuman.checks import MOST_REPEATS, check_instance, flag, real_array, whole_number
+from riemhuman.checks import check_instance, flag, real_array, whole_number
+from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric, RiemannianMetric
 from riemhuman.geometry.manifold import manifold_of
-from riemhuman.label_checks import texts_of
-from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
-    FEWER_FRAMES,
     Motion,
     angles_to,
     check_motions,
@@ -27,7 +26,6 @@ from riemhuman.motions._frames import (
 )
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric, frame_metric
 from riemhuman.motions.time_warping import DynamicTimeWarping, MotionDistance, Warp
-from riemhuman.progress import ProgressBar
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.tangent_pca import TangentPCA
 
@@ -44,7 +42,6 @@ def _even_times(warp: Warp, n_times: int) -> Array:
     return increasing
 
 
-@enough_memory("the alignment of these motions", FEWER_FRAMES)
 def align_motions(
     space: MotionSpace,
     m1: Motion,
@@ -142,9 +139,8 @@ class MotionGeodesic:
     alignment: MotionDistance | None = None
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
-    @enough_memory("a path between these motions", FEWER_FRAMES)
     def solve(self, space: MotionSpace, m1: Motion, m2: Motion) -> MotionPath:
         """Return the path.
 
@@ -227,7 +223,6 @@ class MotionMean(Estimator):
         self.n_iterations = n_iterations
         self.progress = progress
 
-    @enough_memory("the mean of these motions", FEWER_FRAMES)
     def fit(self, X: Sequence[Motion], y: object = None) -> Self:
         """Compute the mean of motions.
 
@@ -239,9 +234,7 @@ class MotionMean(Estimator):
             Ignored; scikit-learn passes it.
         """
         check_motions(X, "X")
-        n_iterations = whole_number(
-            self.n_iterations, "n_iterations", minimum=1, maximum=MOST_REPEATS
-        )
+        n_iterations = whole_number(self.n_iterations, "n_iterations", minimum=1)
         flag(self.progress, "progress")
         space = self.space
         alignment = self.alignment or _default_alignment(space)
@@ -274,9 +267,7 @@ class MotionMean(Estimator):
         solver, metric = NearestSurface(), self._metric
         areas = self.space.frames.template.vertex_areas
         means: list[Array] = []
-        bar = ProgressBar(
-            range(aligned.shape[1]), desc="Means", disable=not self.progress, unit="time"
-        )
+        bar = tqdm(range(aligned.shape[1]), desc="Means", disable=not self.progress, unit="time")
         for t in bar:
             surfaces = aligned[:, t]
             # From a body that faces away, the search would end at the mean's reflection.
@@ -336,7 +327,6 @@ class MotionComponents(Estimator):
         self.mean = mean
         self.n_components = n_components
 
-    @enough_memory("the components of these motions", FEWER_FRAMES)
     def fit(self, X: Sequence[Motion], y: object = None) -> Self:
         """Compute the mean and the components.
 

@@ -12,8 +12,7 @@ from riemhuman.arrays import Array
 from riemhuman.checks import refuse_type
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection
-from riemhuman.memory import enough_memory
-from riemhuman.motions._frames import FEWER_FRAMES, Motion, frame_count, frame_runs, sampled_rows
+from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
 from riemhuman.motions._velocity_curves import TransportedVelocities, best_matching, even_segments
 from riemhuman.motions.motion_space import MotionSpace, frame_metric
 from riemhuman.motions.time_warping import MotionDistance, Warp
@@ -95,13 +94,11 @@ class RateInvariantMetric(MotionDistance):
             self.metric, space.frames.template.vertices, heading=heading
         )
 
-    @enough_memory("the comparison of these motions", FEWER_FRAMES)
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         retimed = super().warp(m1, m2)
         apart = self.metric.dist(self._start(m1, "m1"), self._start(m2, "m2"))
         return replace(retimed, dist=math.hypot(retimed.dist, apart))
 
-    @enough_memory("the comparison of these motions", FEWER_FRAMES)
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> Array:
         retimed = super().dist_pairwise(motions, progress=progress)
         starts = np.stack([self._start(m, f"motions[{k}]") for k, m in enumerate(motions)])

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+from tqdm import tqdm
 
 from riemhuman.arrays import Array
 from riemhuman.checks import checked_rate, flag, real_array, real_number, whole_number
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
-from riemhuman.memory import enough_memory
 from riemhuman.motions._frames import (
-    FEWER_FRAMES,
     FrameDistances,
     Frames,
     Motion,
@@ -31,7 +30,6 @@ from riemhuman.motions._warping_kernels import (
     match_chords,
     trace_path,
 )
-from riemhuman.progress import ProgressBar
 from riemhuman.representation import constructor_text
 
 # Largest number of steps whose velocities are matched; frames of longer motions are skipped. More
@@ -108,7 +106,6 @@ class MotionDistance(ABC):
         """
         return self.warp(m1, m2).dist
 
-    @enough_memory("the comparison of these motions", FEWER_FRAMES)
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return the best re-timing: the corresponding times of the two motions.
 
@@ -119,7 +116,6 @@ class MotionDistance(ABC):
         basis = self._basis()
         return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
 
-    @enough_memory("the comparison of these motions", FEWER_FRAMES)
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> Array:
         """Return all distances within a set of motions, shape (n, n).
 
@@ -143,7 +139,7 @@ class MotionDistance(ABC):
                 distances[j, i] = distances[i, j]
             return i
 
-        bar = ProgressBar(
+        bar = tqdm(
             total=n * (n - 1) // 2,
             desc="Distances",
             disable=not flag(progress, "progress"),

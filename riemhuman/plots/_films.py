@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.errors import ArgumentError
@@ -18,7 +19,6 @@ from riemhuman.plots._ground_picture import Ground
 from riemhuman.plots.rendering import render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.windows import View, Window
-from riemhuman.progress import ProgressBar
 
 FILM_ENDINGS = (".gif", ".mp4")
 
@@ -85,7 +85,7 @@ def save_film(file: Path, film: Film, *, progress: bool) -> None:
         n_pictures = round(_TURN_SECONDS * rate)  # the last picture would be the first
     n_pictures = max(2, n_pictures)
     pictures = _pictures(film, _HEIGHTS[ending], n_pictures, rate)
-    counted = iter(ProgressBar(pictures, desc=file.name, total=n_pictures, disable=not progress))
+    counted = iter(tqdm(pictures, desc=file.name, total=n_pictures, disable=not progress))
     write_bytes(file, _gif(counted, rate) if ending == ".gif" else _mp4(counted, rate))
 
 

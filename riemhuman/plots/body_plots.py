@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.checks import check_instance, flag, real_array, real_number, whole_number
+from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels import surface
-from riemhuman.label_checks import names_of, text
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots._ground_picture import SHOWN, Ground, window_of
 from riemhuman.plots.figures import (

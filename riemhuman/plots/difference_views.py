@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.checks import check_instance, real_array
+from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.label_checks import names_of, text
 from riemhuman.measurements import (
     Measurements,
     VisitComparison,

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Image, Integers
 from riemhuman.checks import real_array, values_of
+from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
-from riemhuman.label_checks import names_of, text
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import class_colors
 from riemhuman.plots.maps import free_places, named_classes

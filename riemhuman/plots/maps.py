@@ -21,11 +21,11 @@ from riemhuman.checks import (
     real_array,
     real_number,
 )
+from riemhuman.checks.labels import class_indices, names_of, text
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.label_checks import class_indices, names_of, text
 from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots.figures import class_colors, new_axes, plain
 from riemhuman.plots.rendering import render

@@ -9,7 +9,7 @@ import numpy as np
 
 from riemhuman.arrays import Array, Image, Points
 from riemhuman.checks import check_instance, real_array
-from riemhuman.label_checks import names_of
+from riemhuman.checks.labels import names_of
 from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.windows import View, Window, window_around
@@ -50,7 +50,7 @@ def position_colors(points: Points) -> Array:
     colors = np.tile(_UNSEEN, (len(points), 1))
     if not is_seen.any():
         return colors
-    seen = real_array(points[is_seen], "points", lengths=True)
+    seen = real_array(points[is_seen], "points")
     low, high = np.percentile(seen, [1.0, 99.0], axis=0)
     shares = (seen - low) / np.maximum(high - low, 1e-12)
     across = shares[:, 0]

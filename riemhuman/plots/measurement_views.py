@@ -12,8 +12,8 @@ from markupsafe import Markup
 
 from riemhuman.arrays import Array, Booleans, Image, Integers, Points, Triangles
 from riemhuman.checks import check_instance, mask, one_of, real_array
+from riemhuman.checks.labels import text
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.label_checks import text
 from riemhuman.measurements import (
     BodySizes,
     Measurements,

@@ -19,12 +19,12 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Image, Integers, Points, Triangles
 from riemhuman.checks import check_instance, flag, length_of, real_array, values_of
+from riemhuman.checks.labels import text
 from riemhuman.errors import ArgumentError
 from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.label_checks import text
 from riemhuman.plots._depth import draw_triangles, shares_at
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._ground_picture import Ground, window_of

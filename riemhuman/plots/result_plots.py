@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Integers, Labels
 from riemhuman.checks import check_instance, length_of, real_array, real_number
+from riemhuman.checks.labels import class_numbers, names_of, text
 from riemhuman.errors import ArgumentError
-from riemhuman.label_checks import class_numbers, names_of, text
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots.figures import class_colors, new_axes, plain
 from riemhuman.plots.maps import named_classes

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Image, Points, Values
 from riemhuman.checks import check_instance, real_number
-from riemhuman.label_checks import text
+from riemhuman.checks.labels import text
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill

@@ -26,12 +26,12 @@ from riemhuman.checks import (
     real_number,
     values_of,
 )
+from riemhuman.checks.labels import names_of, text
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.label_checks import names_of, text
 from riemhuman.measurements import open_measurements
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Values
 from riemhuman.checks import check_instance, flag, real_array
@@ -24,7 +25,6 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, natural_key, read_bytes, visible_files
 from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
-from riemhuman.progress import ProgressBar
 from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
 from riemhuman.registration.scan_registration import ScanRegistration
@@ -212,7 +212,7 @@ def register_folder(
     before: RegisteredScan | None = None
     transform = np.eye(4) if keep_axes else None
     with interruptible(lambda inner: FolderResult(records=tuple(records))):
-        for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
+        for file in tqdm(files, desc="Scans", unit="scan", disable=not progress):
             key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
             record = complete.get((file.stem, key))
             is_new = record is None

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel, ModelFit
@@ -17,8 +18,6 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.memory import enough_memory
-from riemhuman.progress import ProgressBar
 from riemhuman.registration._pipeline import ModelAndHalves, ScanTask, register_scan
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
@@ -81,9 +80,6 @@ class ScanRegistration:
         one_of(self.up, "up", (None, *_UP))
         check_instance(self.settings, "settings", RegistrationSettings, "RegistrationSettings")
 
-    @enough_memory(
-        "the registration of this scan", "reduce its number of points, or use a coarser model"
-    )
     def solve(
         self,
         scan: object,
@@ -158,7 +154,7 @@ class ScanRegistration:
         progress = flag(progress, "progress")
         results: list[RegisteredScan] = []
         with suppress(KeyboardInterrupt):
-            for scan in ProgressBar(scans, desc="Scans", unit="scan", disable=not progress):
+            for scan in tqdm(scans, desc="Scans", unit="scan", disable=not progress):
                 before = results[-1] if results and results[-1].trusted else None
                 results.append(self.solve(scan, start=before))
         return results

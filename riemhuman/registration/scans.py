@@ -52,7 +52,7 @@ class Scan:
     unit: str = "metres"
 
     def __post_init__(self) -> None:
-        points = real_array(self.points, "points", ("N", 3), batched=False, lengths=True)
+        points = real_array(self.points, "points", ("N", 3), batched=False)
         values: dict[str, object] = {"points": points}
         if self.faces is not None:
             values["faces"] = check_triangles(self.faces, len(points))
@@ -140,7 +140,7 @@ def as_scan(scan: object, unit: str | None = None) -> Scan:
         vertices, faces = as_arrays(scan)
         check_resolution(vertices, "scan")
         return _in_metres(vertices, faces, None, unit)
-    values = real_array(scan, "scan", ("N", "C"), batched=False, lengths=True)
+    values = real_array(scan, "scan", ("N", "C"), batched=False)
     if values.shape[1] not in (3, 6):
         raise ArgumentError(
             f"scan must have 3 columns, or 6 with normals; found shape {values.shape}"

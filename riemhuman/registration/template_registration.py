@@ -81,7 +81,7 @@ class TemplateRegistration:
             points = template.vertices
         else:
             shape = (template.n_vertices, 3)
-            points = real_array(start, "start", shape, batched=False, lengths=True)
+            points = real_array(start, "start", shape, batched=False)
         scaled = replace(whole, points=whole.points * self._factor)
         prepared = prepare_scan(scaled, surroundings=False)
         with single_threaded_libraries():

@@ -432,7 +432,7 @@ class TopologyMap:
             difference = face_difference(faces, places.faces)
             if len(points) == places.n_source and difference:
                 raise error(f"{name} must have the triangles of the map: {difference}")
-        surfaces = real_array(points, name, ("n_vertices", 3), lengths=True)
+        surfaces = real_array(points, name, ("n_vertices", 3))
         if surfaces.shape[-2] != places.n_source:
             raise error(f"{name} must have {expected}; found {surfaces.shape[-2]:,}")
         _check_bodies(surfaces, places.source, places.faces, name, places.source, error)
@@ -629,7 +629,7 @@ def _bodies_and_faces(template: object, faces: ArrayLike | None) -> tuple[Array,
     if faces is None:
         points, triangles = as_arrays(template)
         return points[np.newaxis], triangles
-    surfaces = real_array(template, "template", ("n_vertices", 3), lengths=True)
+    surfaces = real_array(template, "template", ("n_vertices", 3))
     surfaces = surfaces.reshape(math.prod(surfaces.shape[:-2]), *surfaces.shape[-2:])
     if not len(surfaces):
         raise ArgumentError("template must hold at least one body; found none")

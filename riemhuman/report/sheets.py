@@ -12,10 +12,10 @@ import numpy as np
 from riemhuman.arrays import ArrayLike, Points
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array
+from riemhuman.checks.labels import text
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_text
-from riemhuman.label_checks import text
 from riemhuman.measurements import Measurements, VisitComparison
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord

@@ -10,8 +10,8 @@ import numpy as np
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import check_parents
 from riemhuman.checks import check_instance, check_shape, checked_rate, real_array
+from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError
-from riemhuman.label_checks import texts_of
 from riemhuman.representation import Record
 from riemhuman.retargeting.units import metres_in
 

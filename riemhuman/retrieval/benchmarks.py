@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.checks import check_instance, flag, items_of, refuse_type
+from riemhuman.checks.labels import class_numbers, texts_of
 from riemhuman.datasets import Bodies, LabelledMeshes
 from riemhuman.descriptors import (
     AreaProjectionTransform,
@@ -42,7 +43,6 @@ from riemhuman.geometry import (
     SobolevMetric,
     SRNFMetric,
 )
-from riemhuman.label_checks import class_numbers, texts_of
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.retrieval.scores import RetrievalScores, scores

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Booleans, JSONRecord, PointsLike
 from riemhuman.checks import check_strategy, flag, length_of, one_of, whole_number
@@ -31,7 +32,6 @@ from riemhuman.io.arrays import load_array
 from riemhuman.io.fingerprint import describe, digest
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.kernels.threads import slices, thread_count
-from riemhuman.progress import ProgressBar
 from riemhuman.retrieval._cluster import Worker, compute_parts
 from riemhuman.solvers.path_comparison import (
     N_COLUMNS,
@@ -166,7 +166,7 @@ def pairwise_job(
             points_of_job.read(number, blocks[number])
         finished_tiles = [] if complete else [tiles[k] for k in np.flatnonzero(job.read(_DONE))]
         points_of_job.recompute(known_blocks, finished_tiles)
-        for number in ProgressBar(
+        for number in tqdm(
             np.flatnonzero(~known),
             desc="Points",
             disable=not flag(progress, "progress"),
@@ -423,7 +423,7 @@ def _compute(
     if not todo:
         return errors
     n_finished = len(parts) - len(todo)
-    with ProgressBar(
+    with tqdm(
         total=len(parts),
         initial=n_finished,
         desc="Parts of the job",

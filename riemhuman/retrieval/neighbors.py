@@ -9,13 +9,13 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers, PointsLike
 from riemhuman.checks import flag, integer_array, length_of, one_of, whole_number
+from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import Projection, in_blocks
 from riemhuman.kernels.threads import mapped, slices, thread_count
-from riemhuman.memory import check_memory, enough_memory
 from riemhuman.retrieval.jobs import checked_part
 
 _ALGORITHMS = ("auto", "brute", "index")
@@ -100,7 +100,6 @@ class NearestNeighbors(Estimator):
         self.n_components = n_components
         self.n_jobs = n_jobs
 
-    @enough_memory("an index of these bodies")
     def fit(self, X: Sequence[Array] | Array) -> Self:
         r"""Index points.
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Labels
 from riemhuman.checks import check_instance, distance_matrix, whole_number
+from riemhuman.checks.labels import class_numbers, texts_of
 from riemhuman.errors import ArgumentError
-from riemhuman.label_checks import class_numbers, texts_of
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import NamedTuple, Required, Self, TypedDict, Unpack
 
 import numpy as np
 from autograd.core import make_vjp
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Callback, Contents, TangentVectors
 from riemhuman.geometry.point_space import PointSpace
@@ -19,7 +20,6 @@ from riemhuman.kernels.threads import (
     pair_with_rows,
     single_threaded_libraries,
 )
-from riemhuman.progress import ProgressBar
 from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, SavedResult, Status
 
 Objective = Callable[[Array], tuple[float, Array]]
@@ -108,9 +108,7 @@ class Descent:
     def minimize(self) -> Minimum:
         """Return the minimum; if interrupted from the keyboard, the best point so far."""
         run = _Run(self)
-        bar = ProgressBar(
-            total=None, desc=self.progress, disable=not self.progress, unit=" iterations"
-        )
+        bar = tqdm(total=None, desc=self.progress, disable=not self.progress, unit=" iterations")
         try:
             run.begin()
             with bar:

@@ -14,8 +14,6 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 
 from riemhuman.arrays import Array, Contents, Points, TangentVectors
 from riemhuman.checks import (
-    MOST_DOUBLINGS,
-    MOST_REPEATS,
     check_basis,
     path_array,
     real_array,
@@ -155,10 +153,10 @@ class DiscreteExponential(ExpSolver):
     def __post_init__(self) -> None:
         if self.basis is not None:
             check_basis(self.basis, "basis")
-        whole_number(self.n_steps, "n_steps", minimum=1, maximum=MOST_REPEATS)
+        whole_number(self.n_steps, "n_steps", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.n_doublings, "n_doublings", minimum=0, maximum=MOST_DOUBLINGS)
+        whole_number(self.n_doublings, "n_doublings", minimum=0)
 
     def solve(
         self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
@@ -208,7 +206,7 @@ class DiscreteExponential(ExpSolver):
             Number of points to add.
         """
         path = path_array(path, metric.space, batched=False)
-        n_steps = whole_number(n_steps, "n_steps", minimum=1, maximum=MOST_REPEATS)
+        n_steps = whole_number(n_steps, "n_steps", minimum=1)
         walk = _Walk(list(path), len(path) - 1)
         with interruptible(lambda inner: walk.result(metric)):
             result, _ = self._walk(metric, walk, n_steps)

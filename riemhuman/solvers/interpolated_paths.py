@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, Points
-from riemhuman.checks import MOST_REPEATS, check_function, real_array, whole_number
+from riemhuman.checks import check_function, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
@@ -60,7 +60,7 @@ class PoissonPath(PathSolver):
     n_nodes: int = 11
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -214,7 +214,7 @@ class ModelPath(PathSolver):
 
     def __post_init__(self) -> None:
         check_function(self.model, "model")
-        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
         check_function(self.parameters, "parameters")
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:

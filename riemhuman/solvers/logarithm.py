@@ -11,8 +11,6 @@ import numpy as np
 
 from riemhuman.arrays import Contents, Points, TangentVectors
 from riemhuman.checks import (
-    MOST_DOUBLINGS,
-    MOST_REPEATS,
     check_basis,
     check_strategy,
     real_number,
@@ -178,12 +176,12 @@ class DiscreteLogarithm(LogSolver):
     def __post_init__(self) -> None:
         if self.basis is not None:
             check_basis(self.basis, "basis")
-        whole_number(self.n_steps, "n_steps", minimum=1, maximum=MOST_REPEATS)
+        whole_number(self.n_steps, "n_steps", minimum=1)
         if self.geodesic_solver is not None:
             check_strategy(self.geodesic_solver, "geodesic_solver")
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.n_doublings, "n_doublings", minimum=0, maximum=MOST_DOUBLINGS)
+        whole_number(self.n_doublings, "n_doublings", minimum=0)
         real_number(self.end_tolerance, "end_tolerance", minimum=0.0, strict=True)
 
     def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> LogarithmResult:

@@ -117,8 +117,7 @@ class NearestSurface:
         images = metric.target_metric.check_points(images, "images")
         if not len(images):
             raise ArgumentError("images must hold at least one target; found none")
-        lengths = metric.space.is_surface_space
-        start = real_array(start, "start", metric.space.shape, batched=False, lengths=lengths)
+        start = real_array(start, "start", metric.space.shape, batched=False)
         distances = image_distances(metric, images)
         known = [start]
 
@@ -203,8 +202,8 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     (2400,)
     """
     shape = ("n_vertices", 3)
-    reference = _near_one(real_array(reference, "reference", shape, batched=False, lengths=True))
-    points = _near_one(real_array(points, "points", reference.shape, lengths=True))
+    reference = _near_one(real_array(reference, "reference", shape, batched=False))
+    points = _near_one(real_array(points, "points", reference.shape))
     faces = check_triangles(faces, len(reference))
     frames, unit = _frames(points, faces), _frames(reference, faces)
     areas = np.linalg.det(unit)

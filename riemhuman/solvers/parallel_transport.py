@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from riemhuman.arrays import Array, Contents, Points, TangentVectors
-from riemhuman.checks import MOST_REPEATS, check_basis, check_strategy, real_number, whole_number
+from riemhuman.checks import check_basis, check_strategy, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -106,7 +106,7 @@ class PoleLadder(TransportSolver):
     max_iter: int = 50
 
     def __post_init__(self) -> None:
-        whole_number(self.n_rungs, "n_rungs", minimum=1, maximum=MOST_REPEATS)
+        whole_number(self.n_rungs, "n_rungs", minimum=1)
         if self.basis is not None:
             check_basis(self.basis, "basis")
         if self.geodesic_solver is not None:

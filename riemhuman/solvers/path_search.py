@@ -11,7 +11,6 @@ import numpy as np
 
 from riemhuman.arrays import Array, Callback, Points
 from riemhuman.checks import (
-    MOST_REPEATS,
     check_basis,
     check_function,
     check_methods,
@@ -77,7 +76,7 @@ class PathSearch(PathSolver):
     _recent_tolerances: ClassVar[float]
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
         flag(self.remove_drift, "remove_drift")
         flag(self.progress, "progress")
         check_methods(

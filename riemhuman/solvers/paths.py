@@ -10,12 +10,10 @@ from dataclasses import dataclass
 import autograd.numpy as anp
 import numpy as np
 from autograd import value_and_grad
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
 from riemhuman.checks import (
-    LARGEST_NUMBER,
-    LONGEST_LENGTH,
-    MOST_REPEATS,
     check_strategy,
     flag,
     length_of,
@@ -35,7 +33,6 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
-from riemhuman.progress import ProgressBar
 from riemhuman.solvers.results import PathResult, complete_path
 
 # Relative rounding errors of a point's entries.
@@ -144,7 +141,7 @@ def solve_pairs(
     check_strategy(solver, "solver")
     check_metric(metric)
     length_of(pairs, "pairs")
-    bar = ProgressBar(
+    bar = tqdm(
         total=len(pairs), desc="Geodesics", disable=not flag(progress, "progress"), unit=" paths"
     )
     results: list[PathResult] = []
@@ -199,7 +196,7 @@ class LinearPath(PathSolver):
     n_nodes: int = 11
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -227,7 +224,7 @@ class ClosedFormGeodesic(PathSolver):
     n_nodes: int = 11
 
     def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2, maximum=MOST_REPEATS)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
@@ -248,17 +245,14 @@ def check_end_points(metric: RiemannianMetric, start: Points, end: Points) -> tu
 
 def _end_point(metric: RiemannianMetric, point: Points, name: str) -> Array:
     space = metric.space
-    checked = real_array(
-        point, name, space.shape, batched=False, rows=True, lengths=space.is_surface_space
-    )
+    checked = real_array(point, name, space.shape, batched=False, rows=True)
     metric.space.check_scale(checked, name)
     return checked
 
 
 def vector_of(vector: object, name: str, metric: RiemannianMetric) -> Array:
     """Return a single tangent vector as a float64 array after checking it."""
-    longest = LONGEST_LENGTH if metric.space.is_surface_space else LARGEST_NUMBER
-    return real_array(vector, name, metric.space.shape, batched=False, maximum=longest)
+    return real_array(vector, name, metric.space.shape, batched=False)
 
 
 def check_initial_path(

@@ -24,7 +24,6 @@ from riemhuman.errors import (
 from riemhuman.geometry.strategies import SolvedMean, SolvedPath
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import is_abandoned
-from riemhuman.memory import enough_memory
 from riemhuman.provided import notebook_pictures
 from riemhuman.representation import Record, field_texts
 
@@ -408,8 +407,7 @@ def interruptible(
     lack of memory is raised as an error that names the task.
     """
     try:
-        with enough_memory(task):
-            yield
+        yield
     except KeyboardInterrupt as stopped:
         if is_abandoned():
             raise

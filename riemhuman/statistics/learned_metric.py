@@ -13,13 +13,12 @@ from scipy.spatial.distance import cdist
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import one_of, real_number, whole_number
+from riemhuman.checks.labels import class_numbers
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Transformer
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import in_blocks, principal_components
-from riemhuman.label_checks import class_numbers
-from riemhuman.memory import enough_memory
 from riemhuman.optional import import_optional
 
 LEDOIT_WOLF = "ledoit-wolf"
@@ -93,7 +92,6 @@ class LearnedMetric(Transformer):
         self.shrinkage = shrinkage
         self.n_folds = n_folds
 
-    @enough_memory("a metric that is learned from these bodies")
     def fit(self, X: Array, y: Sequence[Hashable] | Array) -> Self:
         r"""Learn the metric.
 

@@ -8,12 +8,12 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Labels, PointsLike
-from riemhuman.checks import MOST_REPEATS, Rng, generator, real_array, whole_number
+from riemhuman.checks import Rng, generator, real_array, whole_number
+from riemhuman.checks.labels import class_numbers
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold
 from riemhuman.geometry.manifold import metric_of
 from riemhuman.geometry.strategies import MeanSolver
-from riemhuman.label_checks import class_numbers
 from riemhuman.solvers import GeodesicRegression, NearestSurface
 
 # Relative rounding errors within which two explained shares are the same.
@@ -103,7 +103,7 @@ def regress_shape(
     """
     bodies = metric_of(space).check_points(points, "points")
     numbers = real_array(values, "values", (len(bodies),), batched=False)
-    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1, maximum=MOST_REPEATS)
+    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     labels = range(len(bodies)) if people is None else people
     person_of, _ = class_numbers(labels, "people", len(bodies))
     _, first_bodies = np.unique(person_of, return_index=True)

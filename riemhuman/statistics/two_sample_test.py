@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers
-from riemhuman.checks import MOST_REPEATS, Rng, distance_matrix, generator, whole_number
+from riemhuman.checks import Rng, distance_matrix, generator, whole_number
+from riemhuman.checks.labels import class_numbers, label_list
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import slices
-from riemhuman.label_checks import class_numbers, label_list
 from riemhuman.representation import Record
 
 # Splits whose statistics are computed at once.
@@ -103,7 +103,7 @@ def two_sample_test(
     (True, 0.029)
     """
     matrix = distance_matrix(distances, "distances")
-    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1, maximum=MOST_REPEATS)
+    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     groups = label_list(in_first, "in_first", len(matrix))
     for label in groups:
         if not isinstance(label, (int, float)) or label not in (0, 1):

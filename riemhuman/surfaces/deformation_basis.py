@@ -11,16 +11,16 @@ from typing import TypeAlias, TypeGuard
 import autograd.numpy as anp
 import numpy as np
 from numpy.typing import ArrayLike
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, PointsOnDemand
 from riemhuman.checks import check_instance, check_same_scale, flag, real_array, whole_number
+from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.projections import with_positive_peaks
 from riemhuman.kernels.surface import joined_axes
-from riemhuman.memory import check_memory, enough_memory
-from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template
 
@@ -90,7 +90,6 @@ class DeformationBasis:
         self.explained_variance_ratio: Array | None = None
 
     @classmethod
-    @enough_memory("a basis of motions", _FEWER_COMPONENTS)
     def from_motions(
         cls,
         motions: Iterable[MotionLike],
@@ -146,7 +145,6 @@ class DeformationBasis:
         return basis
 
     @classmethod
-    @enough_memory("a basis of harmonics", _FEWER_COMPONENTS)
     def from_laplacian(cls, template: Template, n_components: int = 100) -> DeformationBasis:
         """Return mesh harmonics of the template, each along x, then y, then z.
 
@@ -361,7 +359,7 @@ def frames_apart(
     reference: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
     listed = _iterate(motions, "motions")
-    bar = ProgressBar(
+    bar = tqdm(
         listed,
         desc="Motions",
         total=n_motions,

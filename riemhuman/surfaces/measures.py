@@ -32,7 +32,7 @@ def triangle_areas(points: Points, faces: Triangles) -> Array:
     >>> float(rh.surfaces.triangle_areas(bodies[0], bodies.template.faces).sum().round(2))
     1.77
     """
-    points = real_array(points, "points", ("n_vertices", 3), lengths=True)
+    points = real_array(points, "points", ("n_vertices", 3))
     faces = check_triangles(faces, points.shape[-2])
     doubled_areas: Array = np.linalg.norm(doubled_area_vectors(points, faces), axis=-1)
     return 0.5 * doubled_areas
@@ -53,7 +53,7 @@ def edge_lengths(points: Points, edges: Integers) -> Array:
     >>> rh.surfaces.edge_lengths(bodies[0], bodies.template.edges).shape
     (3600,)
     """
-    points = real_array(points, "points", ("n_vertices", 3), lengths=True)
+    points = real_array(points, "points", ("n_vertices", 3))
     edges = check_edges(edges, points.shape[-2])
     sides = points[..., edges[:, 1], :] - points[..., edges[:, 0], :]
     lengths: Array = np.linalg.norm(sides, axis=-1)
@@ -76,7 +76,7 @@ def signed_volume(points: Points, faces: Triangles) -> Array:
     >>> float(rh.surfaces.signed_volume(bodies[0], bodies.template.faces).round(3))
     0.059
     """
-    points = real_array(points, "points", ("n_vertices", 3), lengths=True)
+    points = real_array(points, "points", ("n_vertices", 3))
     faces = check_triangles(faces, points.shape[-2])
     if not is_closed(faces):
         return np.full(points.shape[:-2], np.nan)

@@ -69,8 +69,8 @@ def nearest_points(queries: Array, points: Points, faces: Triangles) -> tuple[Su
     >>> faces = bodies.template.faces
     >>> points, distances = rh.surfaces.nearest_points(bodies[0] + 0.01, bodies[0], faces)
     """
-    queries = real_array(queries, "queries", ("n_queries", 3), batched=False, lengths=True)
-    points = real_array(points, "points", ("n_points", 3), batched=False, lengths=True)
+    queries = real_array(queries, "queries", ("n_queries", 3), batched=False)
+    points = real_array(points, "points", ("n_points", 3), batched=False)
     faces = check_triangles(faces, len(points))
     if len(faces) == 0:
         raise ArgumentError("faces is empty; a surface needs at least one triangle")

@@ -18,7 +18,6 @@ from riemhuman.checks import (
     whole_number,
 )
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
-from riemhuman.memory import enough_memory
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
 # the size of the surface, and to the coordinates from which the spread was computed.
@@ -28,7 +27,6 @@ _ROUNDING = 100 * np.finfo(np.float64).eps
 _REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 
 
-@enough_memory("the alignment of these surfaces")
 def procrustes(
     points: ArrayLike,
     to: ArrayLike | None = None,
@@ -69,9 +67,9 @@ def procrustes(
     if to is None:
         return generalized_procrustes(points, scale=scale, weights=weights)[0]
     scale = _checked_scale(scale)
-    surfaces = real_array(points, "points", ("n_vertices", 3), lengths=True)
+    surfaces = real_array(points, "points", ("n_vertices", 3))
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
-    reference = real_array(to, "to", ("n_vertices", 3), batched=False, lengths=True)
+    reference = real_array(to, "to", ("n_vertices", 3), batched=False)
     if surfaces.shape[-2] != len(reference):
         raise ArgumentError(
             f"points has {surfaces.shape[-2]} vertices per surface (shape {surfaces.shape}); "
@@ -83,7 +81,6 @@ def procrustes(
     return aligned
 
 
-@enough_memory("the alignment of these surfaces")
 def generalized_procrustes(
     points: ArrayLike,
     *,
@@ -128,7 +125,7 @@ def generalized_procrustes(
     ((10, 1202, 3), (1202, 3))
     """
     scale = _checked_scale(scale)
-    surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3), lengths=True)
+    surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, maximum=1.0)
     max_iter = whole_number(max_iter, "max_iter", minimum=1)

@@ -316,7 +316,7 @@ class Template:
         name : str, for messages
         """
         dtype = getattr(points, "dtype", None)
-        points = real_array(points, name, ("n_vertices", 3), lengths=True)
+        points = real_array(points, name, ("n_vertices", 3))
         check_resolution(points, name, dtype)
         if points.shape[-2] != self.n_vertices:
             raise ArgumentError(

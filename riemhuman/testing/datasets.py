@@ -9,7 +9,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from riemhuman.arrays import Array, PointsOnDemand
-from riemhuman.label_checks import is_missing_label
+from riemhuman.checks.labels import is_missing_label
 from riemhuman.surfaces import Template
 from riemhuman.testing.reports import Properties, PropertyReport, report_of, share
 

@@ -11,13 +11,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tqdm import tqdm
 
 import riemhuman
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli import main
 from riemhuman.cli._commands import COMMANDS, GROUPS, TOPICS, make_parser
 from riemhuman.cli._terminal import as_json, note, task
-from riemhuman.progress import ProgressBar
 
 NAMES = tuple(COMMANDS)
 PARSER = make_parser("", "", "")
@@ -303,7 +303,7 @@ def test_the_task_is_named_again_below_a_note(capsys, monkeypatch):
 def test_notes_stand_above_bars(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     reported = task(SimpleNamespace(quiet=False, bars=True), "Reading")
-    with reported, ProgressBar(range(3)) as bar:
+    with reported, tqdm(range(3)) as bar:
         bar.update()
         note("one is unreadable")
     written = capsys.readouterr().err

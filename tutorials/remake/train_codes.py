@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.cluster.vq import kmeans2
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from tqdm import tqdm
 from training import (
     Training,
     initial_cloud,
@@ -50,7 +51,6 @@ from riemhuman.learned._parts import Parts, gradients
 from riemhuman.learned.intrinsic_extrinsic_codes import CloudSizes, surface_points
 from riemhuman.learned.intrinsic_extrinsic_codes import encoded as encoded_clouds
 from riemhuman.learned.shape_pose_codes import ShapePoseSizes, decoded, encoded
-from riemhuman.progress import ProgressBar
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.measures import adjacent_triangles
 from riemhuman.surfaces.spectra import spectrum
@@ -194,7 +194,7 @@ def train_intrinsic_extrinsic(
     if n_points > template.n_vertices:
         raise ArgumentError(f"n_points={n_points} exceeds the {template.n_vertices} vertices")
     vertices = np.sort(rng.permutation(template.n_vertices)[:n_points])
-    bar = ProgressBar(points, disable=not training.progress, unit="body", desc="spectra")
+    bar = tqdm(points, disable=not training.progress, unit="body", desc="spectra")
     values = np.log([spectrum(f, template.faces, sizes.n_eigenvalues).eigenvalues for f in bar])
     mean_spectrum = values.mean(axis=0)
     # Two clouds of each body: the network shall learn the body, not the points.

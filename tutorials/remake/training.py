@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from tqdm import tqdm
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.learned._networks import NetworkSizes, cloud_shapes, shapes_of_networks
 from riemhuman.learned._weight_files import VERSION
 from riemhuman.optional import import_optional
-from riemhuman.progress import ProgressBar
 from riemhuman.surfaces import Template
 
 Loss = Callable[[ModuleType, dict[str, Any], Mapping[str, Any], np.random.Generator], Any]
@@ -92,7 +92,7 @@ def train(
         first = 0
         if file is not None and file.exists():
             first = _restore(torch, file, origin, tensors, adam, losses)
-        bar = ProgressBar(range(first, n_steps), disable=not training.progress, unit="step")
+        bar = tqdm(range(first, n_steps), disable=not training.progress, unit="step")
         for step in bar:
             for group in adam.param_groups:
                 group["lr"] = learning_rate * _pace(step, n_steps)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from riemhuman.checks import MOST_REPEATS, real_number, refuse_type, whole_number
+from riemhuman.checks import real_number, refuse_type, whole_number
 from riemhuman.errors import ArgumentError
 
 
 def check_counts(**counts: int) -> None:
     for name, value in counts.items():
-        whole_number(value, name, minimum=1, maximum=MOST_REPEATS)
+        whole_number(value, name, minimum=1)
 
 
 def check_amounts(**amounts: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from riemhuman.checks import MOST_REPEATS, whole_number
+from riemhuman.checks import whole_number
 from riemhuman.registration.settings._checks import check_amounts, check_counts, check_shares
 
 
@@ -81,6 +81,6 @@ class ElasticSettings:
             n_surface_steps=self.n_surface_steps,
             n_conjugate=self.n_conjugate,
         )
-        whole_number(self.n_repeats, "n_repeats", minimum=0, maximum=MOST_REPEATS)
-        whole_number(self.most_halvings, "most_halvings", minimum=0, maximum=MOST_REPEATS)
+        whole_number(self.n_repeats, "n_repeats", minimum=0)
+        whole_number(self.most_halvings, "most_halvings", minimum=0)
         check_shares(unmatched=self.unmatched, along=self.along)

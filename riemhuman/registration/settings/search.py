@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from riemhuman.checks import MOST_REPEATS, flag, items_of, refuse_type, whole_number
+from riemhuman.checks import flag, items_of, refuse_type, whole_number
+from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError
-from riemhuman.label_checks import texts_of
 from riemhuman.registration.settings._checks import check_amounts, check_counts
 
 
@@ -41,7 +41,7 @@ class SearchRound:
 
     def __post_init__(self) -> None:
         check_counts(n_model=self.n_model, n_scan=self.n_scan, n_best=self.n_best)
-        whole_number(self.n_steps, "n_steps", minimum=0, maximum=MOST_REPEATS)
+        whole_number(self.n_steps, "n_steps", minimum=0)
         first, last = self.sigmas
         check_amounts(first_sigma=first, last_sigma=last)
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.label_checks import (
+from riemhuman.checks.labels import (
     class_indices,
     class_numbers,
     names_of,
@@ -16,6 +15,7 @@ from riemhuman.label_checks import (
     texts_of,
     texts_or_numbers,
 )
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 
 def test_classes_are_ascending_where_labels_have_an_order():

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
+from riemhuman.checks.memory import available_memory, check_memory, enough_memory, size_text
 from riemhuman.errors import OutOfMemoryError
 from riemhuman.kernels.compilation import Compiled
-from riemhuman.memory import available_memory, check_memory, enough_memory, size_text
 from riemhuman.optional import import_optional
 
 # Bytes that copies of the bodies do not fit into.
@@ -97,7 +97,7 @@ import resource
 from pathlib import Path
 import numpy as np
 from scipy.linalg import lapack
-from riemhuman.memory import enough_memory
+from riemhuman.checks.memory import enough_memory
 
 used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + 2**22, -1))
@@ -137,7 +137,7 @@ def test_a_table_beyond_all_memory_is_refused_before_the_work(bodies):
 
 
 def test_other_needs_are_foreseen(bodies, monkeypatch):
-    monkeypatch.setattr("riemhuman.memory.available_memory", lambda: 2.0**25)
+    monkeypatch.setattr("riemhuman.checks.memory.available_memory", lambda: 2.0**25)
     metric = rh.SRNFMetric(rh.AlignedSurfaces(bodies.template, equip=False))
     points = many(bodies.template, 2500)
     with pytest.raises(

@@ -10,8 +10,9 @@ from pathlib import PurePath
 import numpy as np
 
 from riemhuman.arrays import Integers, Labels
-from riemhuman.checks import integer_array, items_of, refuse_type
-from riemhuman.errors import ArgumentError, ArgumentTypeError, shown, whole_text
+from riemhuman.checks.arguments import items_of, refuse_type
+from riemhuman.checks.arrays import integer_array
+from riemhuman.errors import ArgumentError, ArgumentTypeError, shown
 
 # Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -146,7 +147,7 @@ def _text_of_name(value: object) -> str | None:
     if isinstance(value, (str, PurePath)):
         return str(value)
     if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-        return whole_text(int(value))
+        return str(int(value))
     # Times or ages.
     is_number = isinstance(value, (float, np.floating)) and bool(np.isfinite(value))
     return str(value) if is_number else None
