@@ -32,6 +32,12 @@ class ArgumentTypeError(RiemhumanError, TypeError):
     """An argument has the wrong type."""
 
 
+class UnknownNameError(ArgumentError, KeyError):
+    """There is no measurement, landmark, part or joint of a name."""
+
+    __str__ = Exception.__str__  # that of KeyError quotes the message
+
+
 class DegenerateSurfaceError(ArgumentError):
     """A triangle has no area where the metric g must be invertible or a normal must exist."""
 

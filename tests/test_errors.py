@@ -20,6 +20,7 @@ EXPECTED = {
     "NotDefinedError": NotImplementedError,
     "OutsideManifoldError": ValueError,
     "FrameIndexError": IndexError,
+    "UnknownNameError": KeyError,
     "FileError": OSError,
     "FileFormatError": ValueError,
     "OutOfMemoryError": MemoryError,

@@ -19,7 +19,13 @@ from autograd.core import make_vjp
 from riemhuman.arrays import Array, JSONRecord, JSONValue
 from riemhuman.checks import check_instance, flag, items_of, one_of, real_number, values_of
 from riemhuman.checks.labels import texts_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    DegenerateSurfaceError,
+    UnknownNameError,
+    shown,
+)
 from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
 from riemhuman.measurements._landmarks import AXES, Place
@@ -612,4 +618,4 @@ def nearest_name(name: str, what: str, names: Sequence[str] | Mapping[str, objec
         advice = f"did you mean {' or '.join(map(repr, matches))}?"
     else:
         advice = f"there are {', '.join(map(repr, names)) or 'none'}"
-    raise ArgumentError(f"there is no {what} {name!r}; {advice}")
+    raise UnknownNameError(f"there is no {what} {name!r}; {advice}")

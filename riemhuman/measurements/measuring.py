@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
@@ -59,7 +59,9 @@ _BENDS_OF_POSES = np.radians(7.0)
 
 @dataclass(frozen=True, eq=False)
 class BodySizes:
-    """Measurements of bodies.
+    """Measurements of bodies, a mapping of names to values.
+
+    As in a data frame of pandas, `values` is the array; names are iterated, looked up and counted.
 
     Attributes
     ----------
@@ -88,6 +90,27 @@ class BodySizes:
     def __getitem__(self, name: str) -> Array:
         """Return the values of one measurement, shape (...)."""
         return self.values[..., self.names.index(nearest_name(name, "measurement", self.names))]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def keys(self) -> KeysView[str]:
+        """Return the names of the measurements."""
+        return self.to_dict().keys()
+
+    def items(self) -> ItemsView[str, Array]:
+        """Return the pairs of names and values, each of shape (...)."""
+        return self.to_dict().items()
+
+    def get(self, name: str, default: Array | None = None) -> Array | None:
+        """Return the values of one measurement, shape (...), or the default without it."""
+        return self[name] if name in self else default
 
     def __repr__(self) -> str:
         n_bodies = int(np.prod(self.values.shape[:-1]))
