@@ -110,7 +110,7 @@ class BodySizes:
 
     def get(self, name: str, default: Array | None = None) -> Array | None:
         """Return the values of one measurement, shape (...), or the default without it."""
-        return self[name] if name in self else default
+        return self.to_dict().get(name, default)
 
     def __repr__(self) -> str:
         n_bodies = int(np.prod(self.values.shape[:-1]))
