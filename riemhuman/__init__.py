@@ -11,9 +11,10 @@ Examples in docstrings assume ``import numpy as np`` and ``import riemhuman as r
 from __future__ import annotations
 
 import importlib
+from types import ModuleType
 from typing import TYPE_CHECKING
 
-from riemhuman.provided import default_solvers, notebook_pictures
+from riemhuman.provided import default_solvers, notebook_pictures, topologies as later_topologies
 
 if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is loaded
     from riemhuman import (
@@ -37,6 +38,7 @@ if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is
         surfaces as surfaces,
         terms as terms,
         testing as testing,
+        topologies as topologies,
     )
     from riemhuman.bodies.body_model import BodyModel as BodyModel
     from riemhuman.errors import (
@@ -169,6 +171,7 @@ _SUBPACKAGES = (
     "surfaces",
     "terms",
     "testing",
+    "topologies",
 )
 
 __all__ = [*_MODULE_OF_NAME, *_SUBPACKAGES]
@@ -186,8 +189,13 @@ def _load_plots() -> NotebookPictures:
     return plots
 
 
+def _load_topologies() -> ModuleType:
+    return importlib.import_module("riemhuman.topologies")
+
+
 default_solvers.load_by(_load_default_solvers)
 notebook_pictures.load_by(_load_plots)
+later_topologies.load_by(_load_topologies)
 
 
 if not TYPE_CHECKING:  # otherwise, type checkers would accept any name

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from types import ModuleType
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
@@ -52,3 +53,5 @@ class Provided(Generic[T]):
 # Their type is `riemhuman.geometry.metric.DefaultSolvers`, which names metrics and strategies.
 default_solvers: Provided[object] = Provided()
 notebook_pictures: Provided[NotebookPictures] = Provided()
+# `riemhuman.topologies`, two of whose names are also found in `riemhuman.registration`.
+topologies: Provided[ModuleType] = Provided()

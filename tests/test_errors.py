@@ -193,7 +193,7 @@ def doors():
             odd, template.faces
         ),
         "register_folder": lambda odd: rh.registration.register_folder(odd, ".", "bodies"),
-        "transfer_model": lambda odd: rh.registration.transfer_model(bodies.model, odd),
+        "transfer_model": lambda odd: rh.topologies.transfer_model(bodies.model, odd),
         "Scan": rh.registration.Scan,
         "simulated_scan clothing": lambda odd: rh.registration.simulated_scan(
             *person, 0, n_points=10, clothing=odd

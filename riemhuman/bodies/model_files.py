@@ -141,7 +141,7 @@ def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Stored]:
         raise FileFormatError(
             f"{os.fspath(path)} is a SKEL model, which cannot be read: its 46 angles turn bones "
             "about anatomical axes and are not rotations of joints as in SMPL's layout. Its "
-            "skin has SMPL's mesh, so `registration.TopologyMap` can convert bodies generated "
+            "skin has SMPL's mesh, so `topologies.TopologyMap` can convert bodies generated "
             "with it"
         ) from error
 

@@ -40,7 +40,7 @@ _FOLDER_FILES = r"(?is:.+\.ply)|summary\.json"
 def _make_map(options: argparse.Namespace) -> cli.Answer:
     model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
     with options.task("Map"):
-        topology = rh.registration.TopologyMap.fit(options.body, model, up=options.up)
+        topology = rh.topologies.TopologyMap.fit(options.body, model, up=options.up)
         topology.save(options.output)
     record = {
         "vertices": topology.n_template_vertices,
@@ -171,7 +171,7 @@ def _change_of_topology(
     """Return what a map makes of a body, in the direction that its number of vertices tells."""
     if place is None:
         return lambda points, faces: (rh.surfaces.make_upright(points, up=up), faces)
-    topology = rh.registration.TopologyMap.load(place)
+    topology = rh.topologies.TopologyMap.load(place)
 
     def change(points: Points, faces: Triangles) -> tuple[Points, Triangles]:
         if len(points) == topology.model.n_vertices:
@@ -197,7 +197,7 @@ def _convert_motion(options: argparse.Namespace) -> cli.Answer:
 def _convert_photographs_to_motion(options: argparse.Namespace) -> cli.Answer:
     """Write the bodies in a file, seen from a camera, as a motion of the open model."""
     photographed = rh.datasets.load_photographed_bodies(options.source, options.faces)
-    topology = rh.registration.TopologyMap.load(options.map)
+    topology = rh.topologies.TopologyMap.load(options.map)
     rate = _RATE_OF_VIDEOS if options.fps is None else options.fps
     motion = topology.to_motion(photographed.places, rate, name=options.source.stem)
     motion.save(options.output)

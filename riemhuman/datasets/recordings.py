@@ -304,7 +304,7 @@ def _photographed_motion(
     if model is None or difference:
         raise FileFormatError(
             f"{path} holds surfaces without poses, for which a body model with their triangles "
-            f"is needed: {difference}. registration.transfer_model(load_open_model(), "
+            f"is needed: {difference}. topologies.transfer_model(load_open_model(), "
             "Template(body, faces)) creates one"
         )
     points = photographed.places

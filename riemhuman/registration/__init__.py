@@ -1,5 +1,10 @@
 """Registration of raw scans by a body model, without landmarks, or by a template."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from riemhuman.provided import topologies
 from riemhuman.registration.correspondences import (
     ScanCorrespondence,
     correspondence,
@@ -32,8 +37,6 @@ from riemhuman.registration.settings import (
 )
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 from riemhuman.registration.template_registration import TemplateRegistration
-from riemhuman.registration.topology_map import TopologyMap
-from riemhuman.registration.transferred_models import transfer_model
 from riemhuman.surfaces.measures import find_inward_triangles
 
 __all__ = [
@@ -58,7 +61,6 @@ __all__ = [
     "SearchSettings",
     "SimulatedScan",
     "TemplateRegistration",
-    "TopologyMap",
     "TrustSettings",
     "correspondence",
     "find_inward_triangles",
@@ -69,9 +71,18 @@ __all__ = [
     "read_records",
     "register_folder",
     "simulated_scan",
-    "transfer_model",
 ]
 
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
+
+    def __getattr__(name: str) -> object:
+        # Scripts know these names here; `riemhuman.topologies`, which uses this subpackage, has
+        # them.
+        if name in ("TopologyMap", "transfer_model"):
+            return getattr(topologies(), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

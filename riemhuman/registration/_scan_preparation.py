@@ -17,7 +17,6 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.errors import ArgumentError
-from riemhuman.io.mesh_arrays import distinct_pairs
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.scans import (
@@ -29,7 +28,12 @@ from riemhuman.registration.settings import (
     PreparationSettings,
     RegistrationSettings,
 )
-from riemhuman.surfaces.measures import find_inward_triangles, oriented_alike, vertex_components
+from riemhuman.surfaces.measures import (
+    find_inward_triangles,
+    oriented_alike,
+    split_triangles,
+    vertex_components,
+)
 
 # Number of bodies fitted at once; like the next constant, it changes no result.
 N_THREADS = 2
@@ -282,17 +286,6 @@ def _outward_fine_mesh(
         points, parts = split_triangles(points, faces[large])
         faces = np.concatenate([faces[~large], parts])
     return points, faces
-
-
-def split_triangles(points: Array, faces: Triangles) -> tuple[Array, Triangles]:
-    """Return the surface with every triangle cut into four."""
-    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, numbers, _ = distinct_pairs(sides)
-    a, b, c = faces.T
-    ab, bc, ca = (len(points) + numbers.reshape(-1, 3)).T
-    parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-    middles = points[edges].mean(axis=1)
-    return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
 
 
 class Plane(NamedTuple):

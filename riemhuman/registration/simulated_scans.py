@@ -21,8 +21,7 @@ from riemhuman.checks import (
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.registration._scan_preparation import split_triangles
-from riemhuman.surfaces.measures import triangle_areas
+from riemhuman.surfaces.measures import split_triangles, triangle_areas
 
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from riemhuman.arrays import Array, Booleans, Integers, Points, Triangles
 from riemhuman.checks import real_array
-from riemhuman.io.mesh_arrays import check_edges, check_mesh, check_triangles
+from riemhuman.io.mesh_arrays import check_edges, check_mesh, check_triangles, distinct_pairs
 from riemhuman.kernels.surface import doubled_area_vectors, triangle_corners
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
@@ -159,6 +159,17 @@ def adjacent_triangles(faces: Triangles) -> tuple[Integers, Integers]:
     # Side k n_faces + t is the k-th of triangle t.
     pairs = np.stack([order[same], order[same + 1]], axis=1) % len(faces)
     return pairs, np.stack([lower, higher], axis=1)
+
+
+def split_triangles(points: Array, faces: Triangles) -> tuple[Array, Triangles]:
+    """Return the surface with every triangle cut into four."""
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, numbers, _ = distinct_pairs(sides)
+    a, b, c = faces.T
+    ab, bc, ca = (len(points) + numbers.reshape(-1, 3)).T
+    parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+    middles = points[edges].mean(axis=1)
+    return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
 
 
 def vertex_components(faces: Triangles, n_vertices: int) -> Integers:

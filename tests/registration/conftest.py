@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scanned_people import settings_with
+from scanned_people import settings_with, with_pose_directions
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, simulated_scan
@@ -15,18 +15,7 @@ def model():
 
 @pytest.fixture(scope="session")
 def bending(model):
-    """Return the model with random pose directions and no hands."""
-    shape = (model.n_vertices, 3, 9 * (model.n_joints - 1))
-    return rh.BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        posedirs=1e-3 * np.random.default_rng(0).standard_normal(shape),
-        joint_names=model.joint_names,
-    )
+    return with_pose_directions(model)
 
 
 @pytest.fixture(scope="session")

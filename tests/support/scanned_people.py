@@ -330,3 +330,18 @@ def registered_at(body, faces):
         faces=faces,
         scan=rh.registration.Scan(body, faces),
     )
+
+
+def with_pose_directions(model):
+    """Return the model with random pose directions and no hands."""
+    shape = (model.n_vertices, 3, 9 * (model.n_joints - 1))
+    return rh.BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        posedirs=1e-3 * np.random.default_rng(0).standard_normal(shape),
+        joint_names=model.joint_names,
+    )

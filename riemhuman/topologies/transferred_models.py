@@ -11,7 +11,7 @@ from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.checks import check_instance
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
-from riemhuman.registration.scan_registration import ScanRegistration
+from riemhuman.registration import ScanRegistration
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
@@ -50,7 +50,7 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> body = rh.Template(bodies[0], bodies.template.faces)
-    >>> model = rh.registration.transfer_model(bodies.model, body)  # doctest: +SKIP
+    >>> model = rh.topologies.transfer_model(bodies.model, body)  # doctest: +SKIP
     """
     check_instance(model, "model", BodyModel)
     check_instance(body, "body", Template)

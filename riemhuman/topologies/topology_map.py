@@ -33,7 +33,11 @@ from riemhuman.io.mesh_arrays import check_mesh, face_difference
 from riemhuman.io.meshes import as_arrays, load_mesh
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.registration._mirrored_meshes import (
+from riemhuman.registration import RegisteredScan, ScanRegistration
+from riemhuman.surfaces.measures import split_triangles, triangle_areas
+from riemhuman.surfaces.nearest_points import SurfacePoints
+from riemhuman.surfaces.procrustes import AXES, make_upright
+from riemhuman.topologies._mirrored_meshes import (
     MirrorImages,
     find_images,
     on_both_sides,
@@ -42,14 +46,13 @@ from riemhuman.registration._mirrored_meshes import (
     symmetric_points,
     with_separate_parts,
 )
-from riemhuman.registration._scan_preparation import split_triangles
-from riemhuman.registration._topology_weights import (
+from riemhuman.topologies._topology_weights import (
     MirroredColumns,
     combined_vertices,
     example_people,
     learned_weights,
 )
-from riemhuman.registration._vertex_places import (
+from riemhuman.topologies._vertex_places import (
     FilledPart,
     VertexPlaces,
     filled_parts,
@@ -58,11 +61,6 @@ from riemhuman.registration._vertex_places import (
     mean_surface,
     place_vertices,
 )
-from riemhuman.registration.registered_scans import RegisteredScan
-from riemhuman.registration.scan_registration import ScanRegistration
-from riemhuman.surfaces.measures import triangle_areas
-from riemhuman.surfaces.nearest_points import SurfacePoints
-from riemhuman.surfaces.procrustes import AXES, make_upright
 
 # Meshes are refined to this many vertices, because registration samples vertices.
 _FEWEST_VERTICES = 5000
@@ -105,7 +103,7 @@ class TopologyMap:
     people of the model. A map is computed once, by registration of one or several bodies of the
     other topology, and then takes milliseconds per body. On simulated people with another mesh, the
     mean error for other people in other poses is at most 3 mm, and for mapping there and back, even
-    through the coarse model, at most 1 mm (tests/registration/test_topology_map.py asserts it).
+    through the coarse model, at most 1 mm (tests/topologies/test_topology_map.py asserts it).
 
     Use it to convert existing bodies. To generate and pose new bodies, use `transfer_model`, which
     creates a body model of the other topology, with skinning weights and shape directions.
@@ -133,7 +131,7 @@ class TopologyMap:
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> body = bodies[0], bodies.template.faces
-    >>> topology = rh.registration.TopologyMap.fit(body, bodies.model)  # doctest: +SKIP
+    >>> topology = rh.topologies.TopologyMap.fit(body, bodies.model)  # doctest: +SKIP
     >>> topology.to_model(bodies[:3]).shape  # doctest: +SKIP
     (3, 1202, 3)
     """

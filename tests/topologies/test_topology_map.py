@@ -8,8 +8,9 @@ from scanned_people import points_at
 from scipy.spatial import cKDTree
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, TopologyMap, _mirrored_meshes
+from riemhuman.registration import ScanRegistration
 from riemhuman.registration.simulated_scans import remesh
+from riemhuman.topologies import TopologyMap, _mirrored_meshes
 
 ArgumentError, FileFormatError = rh.errors.ArgumentError, rh.errors.FileFormatError
 

@@ -16,9 +16,9 @@ from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration._vertex_places import FilledPart, joined_components, place_vertices
 from riemhuman.surfaces.measures import vertex_components
 from riemhuman.surfaces.nearest_points import nearest_points
+from riemhuman.topologies._vertex_places import FilledPart, joined_components, place_vertices
 
 # Edges from which a mirror symmetry of a mesh is sought.
 _N_SEEDS = 60

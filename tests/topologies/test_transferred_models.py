@@ -4,10 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scanned_people import foreign_bodies
+from scanned_people import foreign_bodies, settings_with
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, transfer_model
+from riemhuman.registration import ScanRegistration
+from riemhuman.topologies import transfer_model
 
 
 @pytest.fixture(scope="module")
@@ -17,9 +18,10 @@ def people(model):
 
 
 @pytest.fixture(scope="module")
-def transferred(model, people, registration_from):
+def transferred(model, people):
     bodies, faces = people
-    solve = registration_from("t").solve
+    few = settings_with(poses=("t",), tries_arms=False)
+    solve = ScanRegistration(model, up="y", settings=few).solve
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ScanRegistration, "solve", lambda self, scan: solve(scan))
         return transfer_model(model, rh.Template(bodies[0, 0], faces))
