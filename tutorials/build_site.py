@@ -156,7 +156,7 @@ TASKS = (
     Task(
         "Motions",
         "Recordings compared, aligned and averaged at any speed, and moved between skeletons.",
-        ("motions", "retargeting"),
+        ("motions", "mocap"),
     ),
     Task(
         "Pictures and reports",

@@ -54,6 +54,13 @@ SMPL_JOINTS = (
     "right_wrist",
 )
 SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+LIMBS = (
+    ("left_hip", "left_knee", "left_ankle"),
+    ("right_hip", "right_knee", "right_ankle"),
+    ("left_shoulder", "left_elbow", "left_wrist"),
+    ("right_shoulder", "right_elbow", "right_wrist"),
+)
+"""Joints of legs and arms, by their usual names, from the trunk outward."""
 
 
 class SkinnedModel(Protocol):

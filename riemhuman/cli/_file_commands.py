@@ -94,8 +94,10 @@ def _view(options: argparse.Namespace) -> cli.Answer:
     if len(options.meshes) == 1 and (first / _PATH_FILE).is_file():
         first = first / _PATH_FILE
     with options.task("Page"):
+        from riemhuman.mocap.recordings import RECORDING_ENDINGS  # takes long to import
+
         ending = first.suffix.lower()
-        if ending in rh.datasets.recordings.RECORDING_ENDINGS:
+        if ending in RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, timing = inputs.read_motion(first, is_shown=True)
@@ -404,7 +406,9 @@ def _npz_facts(file: Path) -> JSONRecord:
         n_times, n_vertices = shapes["path"][:2]
         sizes = {"times": n_times, "vertices": n_vertices, "triangles": shapes["faces"][0]}
         return {"kind": "path", **sizes}
-    if names & rh.datasets.recordings.POSE_FIELDS:
+    from riemhuman.mocap.recordings import POSE_FIELDS
+
+    if names & POSE_FIELDS:
         try:
             return _recording_facts(file)
         except FileFormatError:  # arrays of other programs, under one of these names

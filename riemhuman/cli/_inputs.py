@@ -37,7 +37,9 @@ _MOST_IN_STRIP = 12
 def is_recording(file: Path) -> bool:
     """Return whether a file is a recording rather than an array path, by its ending and content."""
     if file.suffix.lower() != ".npz":
-        return file.suffix.lower() in rh.datasets.recordings.RECORDING_ENDINGS
+        from riemhuman.mocap.recordings import RECORDING_ENDINGS
+
+        return file.suffix.lower() in RECORDING_ENDINGS
     return not rh.io.load_arrays(file, (), ("path",))
 
 
@@ -364,16 +366,17 @@ def read_motions(
 
     if (options.unit or options.up) and not any(place.is_dir() for place in places):
         raise ArgumentError("--unit and --up are for folders of meshes; other files are in metres")
+    from riemhuman.mocap.recordings import RECORDING_ENDINGS
+
     units = {"unit": options.unit, "up": options.up}
     loaded_motions: list[tuple[str, Motion | Points, Triangles]] = []
     for place in places:
-        recording_endings = rh.datasets.recordings.RECORDING_ENDINGS
         files = [place]
         is_hdf5 = place.suffix.lower() in (".hdf5", ".h5")
         if place.is_dir():
-            files = visible_files(place, *recording_endings, *cli.MESH_ENDINGS, deep=True)
+            files = visible_files(place, *RECORDING_ENDINGS, *cli.MESH_ENDINGS, deep=True)
             is_hdf5 = bool(visible_files(place, ".hdf5"))
-        recorded = [file for file in files if file.suffix.lower() in recording_endings]
+        recorded = [file for file in files if file.suffix.lower() in RECORDING_ENDINGS]
         if any(choice.values()) and not is_hdf5:
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
         if recorded and not any(file.suffix.lower() in cli.MESH_ENDINGS for file in files):

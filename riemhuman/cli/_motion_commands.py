@@ -230,7 +230,7 @@ def _aligned_view(
     """Return the page of two motions and their warp, of frames at one rate, and not too many."""
     import numpy as np
 
-    from riemhuman.datasets.motions import ModelMotion
+    from riemhuman.mocap.motions import ModelMotion
 
     motions = dict(zip(("first", "second"), read.motions, strict=True))
     times = {"first": warp.first, "second": warp.second}

@@ -1,7 +1,6 @@
 """Data sets of registered bodies: the open bodies and motions, and readers of other data sets."""
 
-from riemhuman.datasets.amass import load_amass
-from riemhuman.datasets.amc import load_amc
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.datasets.anny_bodies import (
     AnnyParameters,
     anny_bodies,
@@ -9,20 +8,11 @@ from riemhuman.datasets.anny_bodies import (
     bodies_from_anny,
 )
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.bvh import load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
-from riemhuman.datasets.markers import load_c3d, load_trc
-from riemhuman.datasets.motion_arrays import motion_from_arrays
-from riemhuman.datasets.motions import ArrayMotion, Motion, Motions, load_mesh_motions
-from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
+from riemhuman.datasets.mesh_motions import load_mesh_motions
+from riemhuman.datasets.open_bodies import load_open_bodies
 from riemhuman.datasets.open_motions import load_open_motions
 from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
-from riemhuman.datasets.photographed_bodies import PhotographedBodies, load_photographed_bodies
-from riemhuman.datasets.recordings import (
-    RecordingContents,
-    load_recording,
-    recording_contents,
-)
 from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
     find_meshes,
@@ -30,11 +20,23 @@ from riemhuman.datasets.registered_meshes import (
     load_faust,
     read_labels,
 )
-from riemhuman.datasets.retargeting import RetargetedMotion, retarget
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 from riemhuman.datasets.shrec19 import MatchedMesh, MatchedMeshes, load_shrec19
-from riemhuman.retargeting.performances import RetargetingErrors
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
+from riemhuman.mocap.amass import load_amass
+from riemhuman.mocap.amc import load_amc
+from riemhuman.mocap.bvh import load_bvh
+from riemhuman.mocap.markers import load_c3d, load_trc
+from riemhuman.mocap.motion_arrays import motion_from_arrays
+from riemhuman.mocap.motions import ArrayMotion, Motion, Motions
+from riemhuman.mocap.performances import RetargetingErrors
+from riemhuman.mocap.photographed_bodies import PhotographedBodies, load_photographed_bodies
+from riemhuman.mocap.recordings import (
+    RecordingContents,
+    load_recording,
+    recording_contents,
+)
+from riemhuman.mocap.retargeting import RetargetedMotion, retarget
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
 __all__ = [
     "AnnyParameters",

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, ArrayLike
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import check_human_size, real_array, values_of
-from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.optional import import_optional

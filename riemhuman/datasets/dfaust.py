@@ -13,15 +13,15 @@ import numpy as np
 
 from riemhuman.arrays import Array, Triangles
 from riemhuman.checks import integer_array
-from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit, memory_size
 from riemhuman.io.files import check_file, file_path, format_errors
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference, read_only
+from riemhuman.mocap.motions import Motion, Motions, choose_names
+from riemhuman.mocap.skeleton_motion import nearest_frames
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
-from riemhuman.retargeting.skeleton_motion import nearest_frames
 
 if TYPE_CHECKING:
     import h5py

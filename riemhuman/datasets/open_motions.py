@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import checked_rate
-from riemhuman.datasets.motions import ModelMotion, Motions, choose_names
-from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_poses import Curve, pose_vectors, read_table, with_both_sides
+from riemhuman.mocap.motions import ModelMotion, Motions, choose_names
 
 # Largest deviations of a performance from the defined motion.
 _TEMPO = 0.07

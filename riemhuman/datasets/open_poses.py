@@ -27,12 +27,11 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import LIMBS
 from riemhuman.checks import check_instance, real_array
 from riemhuman.errors import ArgumentError, shown
-from riemhuman.kernels.rotations import log
+from riemhuman.kernels.rotations import log, shortest_rotations
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.retargeting.joint_names import LIMBS
-from riemhuman.retargeting.skeletons import shortest
 
 DATA = Path(__file__).parent / "data"
 
@@ -154,7 +153,7 @@ def _rest_to_t_pose(model: BodyModel) -> Array:
         rotation = np.eye(3)
         for name, following in ((upper, lower), (lower, end)):
             bone = unit_vectors(joints[following] - joints[name])
-            rotation = shortest(rotation @ bone, direction) @ rotation
+            rotation = shortest_rotations(rotation @ bone, direction) @ rotation
             straight[name] = rotation
         if end.endswith("wrist"):
             straight[end] = rotation

@@ -15,7 +15,6 @@ from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import SCALES, UNITS, check_same_scale, flag, items_of, numbers_at, one_of
 from riemhuman.checks.labels import is_missing_label, texts_of
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.photographed_bodies import load_photographed_bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import convert_errors, file_path, natural_key, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
@@ -23,6 +22,7 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.io.text_tables import read_rows
+from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes
 from riemhuman.surfaces.template import Template

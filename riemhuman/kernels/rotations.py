@@ -203,6 +203,18 @@ def exp(omega: Array, r: Array) -> Array:
     return np.matmul(r, rotation_matrix(omega))
 
 
+def shortest_rotations(start: Array, end: Array) -> Array:
+    """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
+    start, end = onp.broadcast_arrays(start, end)
+    # Between opposite vectors it is half a turn about any axis across them.
+    across = onp.cross(start, end) + 1e-14 * onp.cross(start, [0.36, 0.48, 0.8])
+    real = 1.0 + onp.sum(start * end, axis=-1)
+    length = onp.sqrt(onp.sum(across**2, axis=-1) + real**2)
+    skew = cross_product_matrix(across / length[..., None])
+    real = (real / length)[..., None, None]
+    return onp.asarray(onp.eye(3) + 2.0 * (real * skew + skew @ skew))
+
+
 def parallel_transport(vector: TangentVectors, omega: Array) -> Array:
     """Transport along t ↦ r exp(t [ω]×), for unit time, in the body's axes.
 

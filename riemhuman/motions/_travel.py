@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.datasets.motions import Motion as RecordedMotion
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.geometry.point_space import PointSpace
+from riemhuman.mocap.motions import Motion as RecordedMotion
 
 _GRAVITY = 9.81  # metres per second squared
 # Seconds between the two places from which a speed is computed: within a step, the body speeds up

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, Integers, Points
 from riemhuman.bodies import BodyModel, joint_motions, skin_surface
-from riemhuman.datasets.motions import ModelMotion
 from riemhuman.kernels.rotations import with_continuous_signs
 from riemhuman.kernels.threads import slices
+from riemhuman.mocap.motions import ModelMotion
 from riemhuman.plots._packing import LEVELS, deflated, packed
 
 _STEP = 1e-4  # metres: of places in the page

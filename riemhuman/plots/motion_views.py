@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import Array, Image
 from riemhuman.checks import check_instance, real_array, values_of
 from riemhuman.checks.labels import names_of
-from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
+from riemhuman.mocap.motions import ModelMotion, Motion
 from riemhuman.motions import Warp
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.viewed_bodies import ViewedBody

@@ -9,8 +9,8 @@ import numpy as np
 from riemhuman.arrays import Array, JSONRecord, Points, Triangles
 from riemhuman.checks import check_instance, real_array, real_number
 from riemhuman.checks.labels import text
-from riemhuman.datasets.motions import ModelMotion
 from riemhuman.errors import ArgumentError
+from riemhuman.mocap.motions import ModelMotion
 from riemhuman.plots._bones import bone_record
 from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots.figures import (

@@ -28,11 +28,11 @@ from riemhuman.checks import (
 )
 from riemhuman.checks.labels import names_of, text
 from riemhuman.datasets import load_open_model
-from riemhuman.datasets.motions import ModelMotion, Motion
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
+from riemhuman.mocap.motions import ModelMotion, Motion
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
 from riemhuman.plots._occlusion import shade_of

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import Bodies, load_recording
-from riemhuman.datasets.motions import Motion
-from riemhuman.datasets.recordings import RECORDING_ENDINGS
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import load_mesh
+from riemhuman.mocap.motions import Motion
+from riemhuman.mocap.recordings import RECORDING_ENDINGS
 from riemhuman.motions import Warp
 from riemhuman.plots.component_views import view_components
 from riemhuman.plots.motion_views import view_motions

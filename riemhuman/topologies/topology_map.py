@@ -23,9 +23,6 @@ from riemhuman.checks import (
     refuse_type,
 )
 from riemhuman.datasets import load_open_model
-from riemhuman.datasets.motion_arrays import one_person, warn_of_varying_betas
-from riemhuman.datasets.motions import ArrayMotion
-from riemhuman.datasets.photographed_bodies import standing_axis, turn_upright
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -33,6 +30,9 @@ from riemhuman.io.mesh_arrays import check_mesh, face_difference
 from riemhuman.io.meshes import as_arrays, load_mesh
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.mocap.motion_arrays import one_person, warn_of_varying_betas
+from riemhuman.mocap.motions import ArrayMotion
+from riemhuman.mocap.photographed_bodies import standing_axis, turn_upright
 from riemhuman.registration import RegisteredScan, ScanRegistration
 from riemhuman.surfaces.measures import split_triangles, triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints

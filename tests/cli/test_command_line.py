@@ -424,7 +424,7 @@ def test_interruptions_that_a_library_renames(run, scans, monkeypatch):
 _WITHIN_AN_IMPORT = """
 class Finder:
     def find_spec(name, path=None, target=None):
-        if name == "riemhuman.datasets.markers":
+        if name == "riemhuman.mocap.markers":
             try:
                 os.kill(os.getpid(), signal.SIGINT)
                 time.sleep({seconds})

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import rotation_matrix
 from riemhuman.datasets import ArrayMotion, SkeletonMotion, load_open_motions
 
-RECORDING = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
+RECORDING = Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh"
 
 
 def recording_of(model, betas, poses, translations, rate=30.0, name="{}_jnt"):

@@ -12,20 +12,17 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers, Values
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import checked_rate, one_of, real_array, refuse_type
-from riemhuman.datasets._motion_files import SAVED_FIELDS, SAVED_REST
-from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
-from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors, visible_files
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.retargeting.body_size import model_of_size
-from riemhuman.retargeting.joint_names import model_joints
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion, nearest_frames
-from riemhuman.retargeting.smpl_layout import (
+from riemhuman.mocap._body_size import model_of_size
+from riemhuman.mocap._joint_names import model_joints
+from riemhuman.mocap._motion_files import SAVED_FIELDS, SAVED_REST
+from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
     is_smpl,
     poses_of_model,
@@ -33,7 +30,10 @@ from riemhuman.retargeting.smpl_layout import (
     smpl_upward_axes,
     upright_parameters,
 )
-from riemhuman.retargeting.upward import AMASS, warn_of_doubt
+from riemhuman.mocap._upward import AMASS, warn_of_doubt
+from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
+from riemhuman.mocap.retargeting import RetargetedMotion
+from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 from riemhuman.surfaces.procrustes import AXES
 
 _RATES = ("mocap_framerate", "mocap_frame_rate")

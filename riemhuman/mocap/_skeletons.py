@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.rotations import shortest_rotations
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.retargeting.joint_names import BONES, SIDES
+from riemhuman.mocap._joint_names import BONES, SIDES
 
 # Bones shorter than this share of the skeleton's longest have no direction.
 _COLLAPSED = 1e-3
@@ -99,18 +99,6 @@ def frame(first: Array, second: Array) -> Array:
     return np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
-def shortest(start: Array, end: Array) -> Array:
-    """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
-    start, end = np.broadcast_arrays(start, end)
-    # Between opposite vectors it is half a turn about any axis across them.
-    across = np.cross(start, end) + 1e-14 * np.cross(start, [0.36, 0.48, 0.8])
-    cosines = np.sum(start * end, axis=-1, keepdims=True)
-    quaternions = np.concatenate([across, 1.0 + cosines], axis=-1)
-    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix()
-    matrices: Array = rotations.reshape(*start.shape, 3)
-    return matrices
-
-
 def turned_towards(rotations: Array, rest: Array, directions: Array) -> Array:
     """Turn rotations the shortest way until they take a vector at rest to directions."""
-    return shortest(rotations @ unit(rest), directions) @ rotations
+    return shortest_rotations(rotations @ unit(rest), directions) @ rotations

@@ -11,7 +11,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from riemhuman.retargeting.joint_names import LIMBS, SIDES
+from riemhuman.bodies.skinning import LIMBS
+from riemhuman.mocap._joint_names import SIDES
 
 NEEDED = tuple(role for limb in LIMBS for role in limb)
 # Words for the two sides of a joint that markers on the skin have.

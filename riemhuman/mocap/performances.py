@@ -11,18 +11,19 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import LIMBS
 from riemhuman.errors import warn
 from riemhuman.kernels.rotations import log, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.mocap._body_size import own_person
+from riemhuman.mocap._joint_axes import Figure, make_figure, mean_axes
+from riemhuman.mocap._joint_names import BONES
+from riemhuman.mocap._limbs import follow
+from riemhuman.mocap._recorded_skeletons import RecordedSkeleton, read_skeleton
+from riemhuman.mocap._skeletons import body_frame, bone, bones, middle, trunk
+from riemhuman.mocap._standing import Performance, stand
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.representation import Record
-from riemhuman.retargeting._limbs import follow
-from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton, read_skeleton
-from riemhuman.retargeting._standing import Performance, stand
-from riemhuman.retargeting.body_size import own_person
-from riemhuman.retargeting.joint_axes import Figure, make_figure, mean_axes
-from riemhuman.retargeting.joint_names import BONES, LIMBS
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.skeletons import body_frame, bone, bones, middle, trunk
 
 # Lines across the body that are compared with the recorded ones, besides bones.
 _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))

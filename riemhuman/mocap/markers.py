@@ -20,7 +20,6 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.checks import real_number
-from riemhuman.datasets._marker_skeletons import Markers, skeleton_of
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.files import (
@@ -29,9 +28,10 @@ from riemhuman.io.files import (
     short_message,
     suffix_of,
 )
+from riemhuman.mocap._marker_skeletons import Markers, skeleton_of
+from riemhuman.mocap._units import metres_in
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.optional import import_optional
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.units import metres_in
 
 # Larger numbers, and higher rates, are damage.
 _LARGEST, _HIGHEST_RATE = 1e9, 1e5

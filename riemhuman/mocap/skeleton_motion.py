@@ -12,8 +12,8 @@ from riemhuman.bodies.skinning import check_parents
 from riemhuman.checks import check_instance, check_shape, checked_rate, real_array
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError
+from riemhuman.mocap._units import metres_in
 from riemhuman.representation import Record
-from riemhuman.retargeting.units import metres_in
 
 # Squares of longer lengths lose digits when they are added up over frames.
 _LONGEST = 1e60

@@ -9,9 +9,9 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
-from riemhuman.retargeting.joint_names import BONES, model_joints
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.skeletons import bones, leg_length
+from riemhuman.mocap._joint_names import BONES, model_joints
+from riemhuman.mocap._skeletons import bones, leg_length
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
 # Standard deviation of recorded bones about those of a person of the model, in lengths of the leg.
 _LENGTH_DEVIATION = 0.01

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.arrays import Array, Booleans, Integers
-from riemhuman.retargeting.joint_names import BONES, SIDES, find_joints
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.skeletons import check_bones, has_bone, leg_length, middle
-from riemhuman.retargeting.upward import rest_directions, upward_axis, warn_of_doubt
+from riemhuman.mocap._joint_names import BONES, SIDES, find_joints
+from riemhuman.mocap._skeletons import check_bones, has_bone, leg_length, middle
+from riemhuman.mocap._upward import rest_directions, upward_axis, warn_of_doubt
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.surfaces.procrustes import make_upright
 
 # A foot stands still below this speed, in leg lengths per second (about 12 cm/s) …

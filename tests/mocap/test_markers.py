@@ -17,8 +17,8 @@ from riemhuman.datasets import (
     load_trc,
     retarget,
 )
-from riemhuman.datasets._marker_names import NEEDED
 from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
+from riemhuman.mocap._marker_names import NEEDED
 
 FOLDER = Path(__file__).parent / "recordings"
 PARTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "toes")

@@ -27,7 +27,7 @@ from riemhuman.io.files import (
     suffix_of,
     visible_files,
 )
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
 _INCH = 0.0254
 _TRANSLATIONS = ("tx", "ty", "tz")

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.skeletons import leg_length, middle
-from riemhuman.retargeting.upward import Convention, upward_axis
+from riemhuman.mocap._skeletons import leg_length, middle
+from riemhuman.mocap._upward import Convention, upward_axis
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.surfaces.procrustes import make_upright
 
 # All models of SMPL's family begin with the joints of its body.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion, nearest_frames
+from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # about z
 

@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.retargeting._limbs import joint_positions, reach
-from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
-from riemhuman.retargeting.joint_axes import Figure
-from riemhuman.retargeting.joint_names import LIMBS, SIDES
-from riemhuman.retargeting.skeletons import middle
+from riemhuman.bodies.skinning import LIMBS
+from riemhuman.mocap._joint_axes import Figure
+from riemhuman.mocap._joint_names import SIDES
+from riemhuman.mocap._limbs import joint_positions, reach
+from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
+from riemhuman.mocap._skeletons import middle
 
 # Bodies less than this below the floor touch it, metres.
 _TOUCHING = 0.005

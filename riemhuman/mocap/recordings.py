@@ -17,15 +17,6 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, JSONRecord, JSONValue
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
-from riemhuman.datasets.amass import FIELDS_READ, load_amass
-from riemhuman.datasets.amc import load_amc
-from riemhuman.datasets.bvh import load_bvh
-from riemhuman.datasets.markers import load_c3d, load_trc
-from riemhuman.datasets.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
-from riemhuman.datasets.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
-from riemhuman.datasets.photographed_bodies import load_photographed_bodies
-from riemhuman.datasets.retargeting import retarget
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, shown, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
 from riemhuman.io.files import file_path, format_errors, suffix_of
@@ -33,7 +24,16 @@ from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import Unpickled, load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
-from riemhuman.retargeting.skeleton_motion import nearest_frames
+from riemhuman.mocap._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
+from riemhuman.mocap.amass import FIELDS_READ, load_amass
+from riemhuman.mocap.amc import load_amc
+from riemhuman.mocap.bvh import load_bvh
+from riemhuman.mocap.markers import load_c3d, load_trc
+from riemhuman.mocap.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
+from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
+from riemhuman.mocap.photographed_bodies import load_photographed_bodies
+from riemhuman.mocap.retargeting import retarget
+from riemhuman.mocap.skeleton_motion import nearest_frames
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),

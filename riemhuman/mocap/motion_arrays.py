@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import (
     check_instance,
     checked_rate,
@@ -16,12 +17,9 @@ from riemhuman.checks import (
     values_of,
     weight_shares,
 )
-from riemhuman.datasets.motions import ArrayMotion
-from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.datasets.retargeting import RetargetedMotion
 from riemhuman.errors import ArgumentError, warn
-from riemhuman.retargeting.joint_names import model_joints
-from riemhuman.retargeting.smpl_layout import (
+from riemhuman.mocap._joint_names import model_joints
+from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
     is_smpl,
     poses_of_model,
@@ -29,7 +27,9 @@ from riemhuman.retargeting.smpl_layout import (
     smpl_upward_axes,
     upright_parameters,
 )
-from riemhuman.retargeting.upward import VIDEO, warn_of_doubt
+from riemhuman.mocap._upward import VIDEO, warn_of_doubt
+from riemhuman.mocap.motions import ArrayMotion
+from riemhuman.mocap.retargeting import RetargetedMotion
 from riemhuman.surfaces.procrustes import AXES
 
 # Rotation matrices in files are rounded to single precision, or come from networks.

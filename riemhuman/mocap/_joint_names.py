@@ -10,10 +10,10 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.skinning import joints_to_root, usual_joint_names
+from riemhuman.bodies.skinning import LIMBS, joints_to_root, usual_joint_names
 from riemhuman.errors import ArgumentError, shown, warn
+from riemhuman.mocap._joint_tree import joints_by_tree
 from riemhuman.representation import join_names
-from riemhuman.retargeting._joint_tree import joints_by_tree
 
 SIDES = ("left", "right")
 # Names of joints in recordings, the surest first; a joint is used once, so that "foot" is the toes
@@ -45,12 +45,6 @@ _ADDED_WORDS = frozenset(
         *("def", "deform", "fk", "rig", "bend", "rot", "x", "y", "z", "m", "c", "main", "model"),
         "mesh",
     )
-)
-LIMBS = (
-    ("left_hip", "left_knee", "left_ankle"),
-    ("right_hip", "right_knee", "right_ankle"),
-    ("left_shoulder", "left_elbow", "left_wrist"),
-    ("right_shoulder", "right_elbow", "right_wrist"),
 )
 BONES = tuple((first, second) for limb in LIMBS for first, second in pairwise(limb))
 _MOST_NAMES = 40

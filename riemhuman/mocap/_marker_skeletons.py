@@ -9,14 +9,13 @@ from itertools import pairwise
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.datasets._marker_names import NEEDED, MarkerNames, Recipe
+from riemhuman.bodies.skinning import LIMBS
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown, warn
 from riemhuman.kernels.rotations import transpose
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.representation import join_names
-from riemhuman.retargeting.joint_names import LIMBS, SIDES
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.skeletons import (
+from riemhuman.mocap._joint_names import SIDES
+from riemhuman.mocap._marker_names import NEEDED, MarkerNames, Recipe
+from riemhuman.mocap._skeletons import (
     bone,
     frame,
     leg_length,
@@ -25,6 +24,8 @@ from riemhuman.retargeting.skeletons import (
     trunk,
     turned_towards,
 )
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
+from riemhuman.representation import join_names
 
 # Longest gaps that are filled: seconds, and frames where those are fewer.
 _LONGEST_GAP, _FRAMES_OF_GAP = 0.2, 3

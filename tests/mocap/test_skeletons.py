@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix
 from riemhuman.datasets import load_amc, load_open_motions, load_recording
-from riemhuman.retargeting._recorded_skeletons import read_skeleton
-from riemhuman.retargeting.joint_axes import mean_axes
-from riemhuman.retargeting.skeletons import body_frame, pelvis_frame
+from riemhuman.mocap._joint_axes import mean_axes
+from riemhuman.mocap._recorded_skeletons import read_skeleton
+from riemhuman.mocap._skeletons import body_frame, pelvis_frame
 
 PARTS = {"hip": "HJC", "knee": "KJC", "ankle": "AJC", "shoulder": "SJC", "elbow": "EJC"}
 PARTS |= {"wrist": "WJC", "toes": "TOE"}

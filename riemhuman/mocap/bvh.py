@@ -16,8 +16,8 @@ from riemhuman.arrays import Array
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, read_bytes, short_message
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion
-from riemhuman.retargeting.units import metres_in
+from riemhuman.mocap._units import metres_in
+from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
 # A joint's channels are numbers of these: positions are 0 to 2, rotations 3 to 5.
 _CHANNELS = ("XPOSITION", "YPOSITION", "ZPOSITION", "XROTATION", "YROTATION", "ZROTATION")

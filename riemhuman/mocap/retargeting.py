@@ -1,4 +1,4 @@
-"""Recordings performed by a person of a body model, see `riemhuman.retargeting`."""
+"""Recordings performed by a person of a body model, see `riemhuman.mocap`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import (
     check_instance,
     checked_rate,
@@ -19,16 +20,15 @@ from riemhuman.checks import (
     real_number,
     refuse_type,
 )
-from riemhuman.datasets.motions import ModelMotion, pair_of_names
-from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import warn
-from riemhuman.retargeting.body_size import own_person, recorded_person, scaled_model
-from riemhuman.retargeting.joint_axes import make_figure
-from riemhuman.retargeting.joint_names import find_joints, model_joints
-from riemhuman.retargeting.performances import Performed, RetargetingErrors, perform
-from riemhuman.retargeting.skeleton_motion import SkeletonMotion, nearest_frames
-from riemhuman.retargeting.skeletons import check_bones, leg_length
-from riemhuman.retargeting.units import guessed_unit, metres_in
+from riemhuman.mocap._body_size import own_person, recorded_person, scaled_model
+from riemhuman.mocap._joint_axes import make_figure
+from riemhuman.mocap._joint_names import find_joints, model_joints
+from riemhuman.mocap._skeletons import check_bones, leg_length
+from riemhuman.mocap._units import guessed_unit, metres_in
+from riemhuman.mocap.motions import ModelMotion, pair_of_names
+from riemhuman.mocap.performances import Performed, RetargetingErrors, perform
+from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 from riemhuman.surfaces.procrustes import AXES
 
 ASK_FOR_FEWER = "ask for fewer frames_per_second"

@@ -21,18 +21,18 @@ import numpy as np
 
 from riemhuman.arrays import Array, Booleans
 from riemhuman.bodies import BodyModel
-from riemhuman.kernels.rotations import nearest_rotations, transpose
+from riemhuman.bodies.skinning import LIMBS
+from riemhuman.kernels.rotations import nearest_rotations, shortest_rotations, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
-from riemhuman.retargeting.joint_names import LIMBS, SIDES, model_joints
-from riemhuman.retargeting.skeletons import (
+from riemhuman.mocap._joint_names import SIDES, model_joints
+from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
+from riemhuman.mocap._skeletons import (
     body_frame,
     bone,
     frame,
     has_bone,
     leg_length,
     pelvis_frame,
-    shortest,
     trunk,
     turned_towards,
 )
@@ -200,7 +200,7 @@ def figure_hinge(figure: Figure, limb: tuple[str, ...]) -> Array:
         return np.asarray(left)
     # With arms straight to the sides, elbows bend forward.
     outward = left if limb[0].startswith("left") else -left
-    return np.asarray(shortest(outward, upper) @ np.cross(outward, figure.forward()))
+    return np.asarray(shortest_rotations(outward, upper) @ np.cross(outward, figure.forward()))
 
 
 def _axes_of_foot(

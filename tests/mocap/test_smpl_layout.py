@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.bodies.skinning import SMPL_JOINTS
-from riemhuman.retargeting.smpl_layout import smpl_offsets, smpl_skeleton
+from riemhuman.mocap._smpl_layout import smpl_offsets, smpl_skeleton
 
 N_FRAMES = 12
 

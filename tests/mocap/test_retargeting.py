@@ -383,7 +383,7 @@ def test_too_little_memory_is_said_with_what_to_do(monkeypatch, where):
     def fail(*arguments, **options):
         raise MemoryError("8 GiB")
 
-    monkeypatch.setattr(f"riemhuman.datasets.retargeting.{where}", fail)
+    monkeypatch.setattr(f"riemhuman.mocap.retargeting.{where}", fail)
     message = r"short for the performance of this recording \(8 GiB\); ask for fewer frames_per"
     for load in (lambda: retarget(load_bvh(RECORDING)), lambda: load_recording(RECORDING)):
         with pytest.raises(OutOfMemoryError, match=message):

@@ -17,9 +17,9 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.skinned_gltf import SkinnedAnimation, skinned_glb
+from riemhuman.kernels.rotations import shortest_rotations
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.retargeting.skeletons import shortest
-from riemhuman.retargeting.smpl_layout import N_HANDS, is_smpl, smpl_offsets
+from riemhuman.mocap._smpl_layout import N_HANDS, is_smpl, smpl_offsets
 from riemhuman.surfaces.procrustes import make_upright
 
 # Most programs read the numbers of a BVH file as centimetres.
@@ -190,7 +190,7 @@ def _smpl_poses(person: PosedPerson) -> Array:
             following = _NEXT_JOINTS[name]
             bone = joints[names.index(following)] - joints[names.index(name)]
             smpl_bone = offsets[SMPL_JOINTS.index(following)]
-            start = shortest(unit_vectors(smpl_bone), unit_vectors(bone))
+            start = shortest_rotations(unit_vectors(smpl_bone), unit_vectors(bone))
         elif name in _LAST_JOINTS:
             start = starts[parent]
         starts.append(start)

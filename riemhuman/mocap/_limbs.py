@@ -6,16 +6,15 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.bodies import joints_between
-from riemhuman.kernels.rotations import exp, log
+from riemhuman.bodies.skinning import LIMBS
+from riemhuman.kernels.rotations import exp, log, shortest_rotations
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.retargeting._recorded_skeletons import RecordedSkeleton
-from riemhuman.retargeting.joint_axes import Figure, figure_hinge, joint_axes, shown_rotations
-from riemhuman.retargeting.joint_names import LIMBS
-from riemhuman.retargeting.skeletons import (
+from riemhuman.mocap._joint_axes import Figure, figure_hinge, joint_axes, shown_rotations
+from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
+from riemhuman.mocap._skeletons import (
     bone,
     has_bone,
     middle,
-    shortest,
     trunk,
     turned_towards,
 )
@@ -89,7 +88,7 @@ def reach(
     bent = _bent(end + low * (to_end - end), a, b, axis)
     rotations = rotations.copy()
     for joint, old, new in zip(joints, recorded, bent, strict=True):
-        rotations[:, joint] = shortest(old, new) @ rotations[:, joint]
+        rotations[:, joint] = shortest_rotations(old, new) @ rotations[:, joint]
     return rotations
 
 
@@ -137,7 +136,7 @@ def _straighten_trunk(
         start = positions[:, spine[0]]
         length = np.linalg.norm(shoulders - hips, axis=1, keepdims=True)
         towards = unit(hips + length * recorded - start)
-        turn = shortest(unit(shoulders - start), towards)
+        turn = shortest_rotations(unit(shoulders - start), towards)
         rotations[:, spine] = turn[:, None] @ rotations[:, spine]
     return rotations
 
