@@ -25,7 +25,7 @@ PUBLIC_LINE = "A private module is imported by its own subpackage alone"
 
 # Subpackages that all others stand on; their modules are internal to the library, not to one of
 # its subpackages. The command line has one public function.
-SHARED_INSIDE = ("kernels", "io", "cli")
+SHARED_INSIDE = ("checks", "kernels", "io", "cli")
 
 
 def lint_imports(folder):

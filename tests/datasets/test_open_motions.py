@@ -42,7 +42,7 @@ def test_unknown_names_and_rates():
         ({"resolution": "fine"}, "resolution must be one of 'full', 'coarse'; found 'fine'"),
         ({"subjects": "heavy man"}, "subjects .*average woman.*; unknown: 'heavy man'"),
         ({"sequences": ["hips", "flying"]}, "sequences .*chicken_wings.*; unknown: 'flying'"),
-        ({"frames_per_second": 0}, "frames_per_second must be a finite number above 0"),
+        ({"frames_per_second": 0}, "frames_per_second must be a finite number"),
     ):
         with pytest.raises(ArgumentError, match=message):
             load_open_motions(**({"resolution": "coarse"} | arguments))

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-import riemhuman as rh
 from riemhuman.datasets import Bodies, RegisteredMeshes, find_meshes, load_bodies, load_faust
 from riemhuman.datasets.registered_meshes import natural_key
 from riemhuman.errors import (
@@ -308,17 +307,3 @@ def test_units_and_axes_are_converted(folder, mesh, tmp_path):
     (rotated / "labels.csv").write_text(TABLE, encoding="utf-8")
     bodies = load_bodies(rotated, unit="centimetres", up="z")
     np.testing.assert_allclose(bodies.points, load_bodies(folder).points, atol=1e-6)
-
-
-def test_folders_of_meshes_are_motions(tmp_path):
-    with pytest.raises(FileError, match="holds no motion"):
-        rh.datasets.load_mesh_motions(tmp_path)
-    knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
-    for name in ("anna", "ben"):
-        (tmp_path / name).mkdir()
-        for number in (1, 2, 10):
-            save_mesh(tmp_path / name / f"frame_{number}.ply", knees[number], knees.faces)
-    motion = rh.datasets.load_mesh_motions(tmp_path / "anna", frames_per_second=30)[0]
-    np.testing.assert_array_equal(motion[:], np.stack([knees[k] for k in (1, 2, 10)]))
-    assert motion.frames_per_second == 30
-    assert [m.sequence for m in rh.datasets.load_mesh_motions(tmp_path)] == ["anna", "ben"]

@@ -273,7 +273,7 @@ WRONG = {
     "no frames": (smpl_h(0), r"trans must have shape \(n_frames, 3\); found \(0, 3\)"),
     "frame rate of no camera": (
         smpl_h(rate=1e300),
-        "mocap_framerate must be at most 1e\\+09 in absolute value; found 1e\\+300",
+        "mocap_framerate must be at most 1e\\+09",
     ),
     "frame rate a word": (smpl_h(rate="fast"), "mocap_framerate must be a real number"),
     "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),

@@ -16,11 +16,10 @@ from riemhuman.datasets import (
     load_bvh,
     load_open_model,
     load_open_motions,
-    load_recording,
     pose_vectors,
     retarget,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, OutOfMemoryError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 RECORDING = Path(__file__).parent / "recordings" / "cmu_01_01.bvh"
 
@@ -374,17 +373,3 @@ def test_wrong_arguments(jump):
         retarget(jump.recording, betas=np.zeros(3))
     with pytest.raises(ArgumentError, match="up must be one of 'x', 'y', .*; found 'w'"):
         retarget(jump.recording, up="w")
-
-
-@pytest.mark.parametrize("where", ["find_joints", "perform"])
-def test_too_little_memory_is_said_with_what_to_do(monkeypatch, where):
-    """Also where frames are computed, which is when they are first asked for."""
-
-    def fail(*arguments, **options):
-        raise MemoryError("8 GiB")
-
-    monkeypatch.setattr(f"riemhuman.mocap.retargeting.{where}", fail)
-    message = r"short for the performance of this recording \(8 GiB\); ask for fewer frames_per"
-    for load in (lambda: retarget(load_bvh(RECORDING)), lambda: load_recording(RECORDING)):
-        with pytest.raises(OutOfMemoryError, match=message):
-            load()[0]
