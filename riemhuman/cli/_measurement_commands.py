@@ -129,9 +129,10 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
     "changes of one person between two visits, or differences between two people",
     "Brings two registered meshes of one person into the standard pose and prints how their\n"
     "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
-    "deviations of a difference over poses of one person. What a scan did not show is nan. A\n"
-    "warning says if the bodies hardly belong to one person. With --view, a page shows both\n"
-    "side by side, where the second lies outside or inside the first, and the line of each\n"
+    "deviations of a difference between scans of one unchanged person, which grow with the\n"
+    "difference of their poses. Scan people in the same pose. Measurements that a scan did not\n"
+    "cover are nan. Warns if the bodies hardly belong to one person. With --view, a page shows\n"
+    "both side by side, where the second lies outside or inside the first, and the line of each\n"
     "measurement.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare anna.ply ben.ply --view differences.html\n"
@@ -163,6 +164,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         people = rh.measurements.person_distance(points[0], points[1], faces)
     if people.is_hardly_one_person:
         terminal.note(f"warning: these are {people.text}")
+    advice = result.pose_advice(options.units)
     if options.output is not None:
         titles = ["measurement", "unit", "before", "after", "change", "threshold"]
         _write_table(options.output, [[*titles, "exceeds threshold"], *_changes(result)])
@@ -181,6 +183,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "thresholds": result.thresholds,
         "exceeds_threshold": result.is_significant,
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
+        "pose_distance": result.pose_distance,
         "outward_millimetres": {"least": least, "most": most},
         "share_of_triangles_changed": float(result.areas_significant.mean()),
         "area_distance": people.distance,
@@ -195,6 +198,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
             f"{result.is_significant.sum()} of {count} exceed their thresholds; "
             f"expect about {result.expected_by_chance:.1f} false alarms among {count}"
         ),
+        *([advice] if advice else []),
         f"surface moved outward by {gaps[0]} to {gaps[1]}",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]

@@ -30,11 +30,8 @@ from riemhuman.measurements.predicted_measurements import (
     predict_measurements,
 )
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
-from riemhuman.measurements.visits import (
-    VisitComparison,
-    compare_visits,
-    noise_of_measurements,
-)
+from riemhuman.measurements.uncertainty import noise_of_measurements, pose_distance
+from riemhuman.measurements.visits import VisitComparison, compare_visits
 
 __all__ = [
     "Area",
@@ -67,6 +64,7 @@ __all__ = [
     "open_measurements",
     "percentiles",
     "person_distance",
+    "pose_distance",
     "posture_angles",
     "predict_measurements",
     "readable_gap",

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
-from riemhuman.checks import check_instance, mask, real_array
-from riemhuman.checks.labels import texts_of
+from riemhuman.checks import checked, instance, mask, real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.measurement_set import MeasurementSet, load_json
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
+from riemhuman.measurements.readable_units import readable_unit
+from riemhuman.measurements.uncertainty import (
+    noise_of_areas,
+    noise_of_measurements,
+    pose_distance,
+)
 from riemhuman.surfaces.procrustes import procrustes
 
+# Two scans in the same pose are about 0.1 apart if simulated people hold it exactly; above this
+# distance, the pose hides more than the scan.
+_SAME_POSE = 0.3
+# Measurements that tell readers what a difference of pose hides, the first of those measured.
+_EXAMPLES = ("chest girth", "waist girth", "hip girth", "stature")
 # A change is the difference of two visits, so that its standard deviation is √2 times the noise of
 # one; it is significant above two of these. Chance alone exceeds them in 4.55 % of comparisons.
 _SIGNIFICANT = 2.0 * np.sqrt(2.0)
@@ -34,14 +43,15 @@ class VisitComparison:
     before, after : array, shape (M,)
         Values in the standard pose.
     noise : array, shape (M,)
-        Noise of each measurement over poses: among pairs of poses of simulated people, registered
-        from scans, 4.55 per cent differ by more than 2√2 times this noise. NaN for measurements
-        that the open body does not have. Real people vary more, because they breathe.
+        Standard deviation of each measurement of an unchanged person, whose poses are this far
+        apart: `noise_of_measurements`. NaN for measurements that the open body does not have.
+    pose_distance : float
+        How far apart the poses of the visits are: `rh.measurements.pose_distance`.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second aligned with the first.
     area_changes, area_noise : array, shape (F,)
         Natural logarithm of each triangle's area at the second visit over that at the first, and
-        its noise, by part of the body; NaN where unknown.
+        its noise, by part of the body, at this distance of poses; NaN where unknown.
     displacements : array, shape (V,)
         Outward displacement of each vertex, metres.
     why_missing : dict of (int, str) to str
@@ -57,6 +67,7 @@ class VisitComparison:
     before: Array
     after: Array
     noise: Array
+    pose_distance: float
     points_before: Array
     points_after: Array
     area_changes: Array
@@ -82,8 +93,31 @@ class VisitComparison:
 
     @property
     def expected_by_chance(self) -> float:
-        """Number of measurements expected beyond their thresholds if nothing changed."""
+        """Number of measurements expected beyond their thresholds if nothing changed.
+
+        It is 4.55 per cent of them; of five real people in ten poses each, 5.1 per cent were.
+        """
         return float(_CHANCE * np.isfinite(self.noise * self.changes).sum())
+
+    def pose_advice(self, system: str = "cm") -> str:
+        """Return what the poses hide and what to do about it; empty if they are nearly the same.
+
+        Parameters
+        ----------
+        system : {"cm", "in"}
+            Units of the text, as for `readable_unit`.
+        """
+        known = dict(zip(self.names, self.thresholds.tolist(), strict=True))
+        name = next((name for name in _EXAMPLES if np.isfinite(known.get(name, np.nan))), None)
+        if self.pose_distance <= _SAME_POSE or name is None:
+            return ""
+        unit = replace(readable_unit("m", system), digits=1)
+        in_same_pose = float(_SIGNIFICANT * noise_of_measurements([name])[0])
+        return (
+            f"The poses differ by {self.pose_distance:.1f}, so that the {name} must change by "
+            f"{unit.text(known[name])} {unit.name} to be noticed; in the same pose, "
+            f"{unit.text(in_same_pose)} {unit.name} would do. Repeat the scan in the same pose."
+        )
 
     @property
     def areas_significant(self) -> Booleans:
@@ -92,6 +126,7 @@ class VisitComparison:
         return significant
 
 
+@checked(measurements=instance(Measurements))
 def compare_visits(
     measurements: Measurements,
     before: ArrayLike,
@@ -101,7 +136,9 @@ def compare_visits(
 ) -> VisitComparison:
     """Compare two visits of one person, in any poses.
 
-    `in_standard_pose` brings both bodies to the standard pose, where they are measured.
+    `in_standard_pose` brings both bodies to the standard pose, where they are measured. Different
+    poses still leave differences, so a change must be larger to be noticed: see
+    `VisitComparison.pose_advice`.
 
     Parameters
     ----------
@@ -121,7 +158,6 @@ def compare_visits(
     >>> bool(abs(result.changes[0]) < 0.01)  # the same stature in both poses
     True
     """
-    check_instance(measurements, "measurements", Measurements)
     definitions = measurements.definitions
     shape = (definitions.n_vertices, 3)
     before = real_array(before, "before", shape, batched=False)
@@ -143,47 +179,18 @@ def compare_visits(
     is_face_known = known_in_both[definitions.faces].all(axis=1)
     area_changes = np.where(is_face_known, np.log(areas[1] / areas[0]), np.nan)
     outward = np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1)
+    distance = float(pose_distance(definitions, before, after))
     return VisitComparison(
         names=measured.names,
         units=measured.units,
         before=measured.values[0],
         after=measured.values[1],
-        noise=noise_of_measurements(measured.names),
+        noise=noise_of_measurements(measured.names, distance),
+        pose_distance=distance,
         points_before=first,
         points_after=second,
         area_changes=area_changes,
-        area_noise=_noise_of_areas(definitions),
+        area_noise=noise_of_areas(definitions, distance),
         displacements=np.where(known_in_both, outward, np.nan),
         why_missing=measured.why_missing,
     )
-
-
-def _noise_of_areas(definitions: MeasurementSet) -> Array:
-    """Return the noise of the logarithm of each triangle's area, NaN where it is unknown."""
-    noise = np.full(len(definitions.faces), np.nan)
-    for name, noise_of_part in load_json("noise_of_poses.json")["log_areas"].items():
-        if name in definitions.parts:
-            noise[definitions.parts[name]] = noise_of_part
-    return noise
-
-
-def noise_of_measurements(names: Sequence[str]) -> Array:
-    """Return the noise of measurements over poses of one person, shape (M,), in their units.
-
-    It is half of the change that 4.55 per cent of pairs of poses exceed, divided by √2, for
-    simulated people registered from scans. Real people vary more, because they breathe.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Measurements; those that the open body does not have get NaN.
-
-    Examples
-    --------
-    >>> float(rh.measurements.noise_of_measurements(["stature"])[0].round(4))
-    0.0051
-    """
-    names = texts_of(names, "names", "a list of names of measurements")
-    # See tutorials/remake/build_noise_of_poses.py.
-    noise = load_json("noise_of_poses.json")["measurements"]
-    return np.array([noise.get(name, np.nan) for name in names])

@@ -183,7 +183,9 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     assert run(*command).out == run(*command, "--units", "cm").out
     changes = ("compare", scans / "body_0.ply", scans / "body_2.ply", "--only", "stature")
     file = tmp_path / "changes.csv"
-    (line,) = [line for line in run(*changes, "-o", file).out.splitlines() if "stature " in line]
+    (line,) = [
+        line for line in run(*changes, "-o", file).out.splitlines() if line.startswith("stature ")
+    ]
     with open(file, encoding="utf-8", newline="") as stream:
         (row,) = csv.DictReader(stream)
     assert row["unit"] == "m"
