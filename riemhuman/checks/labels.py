@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Hashable, Iterable, Mapping, Set
 from contextlib import suppress
 from pathlib import PurePath
@@ -15,14 +16,22 @@ from riemhuman.checks.arrays import integer_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, shown
 
 # Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
+# Texts that stand for no value in tables, as pandas reads them; "Na" and "none" may be names.
+_MISSING_TEXTS = frozenset(
+    ("NA", "N/A", "n/a", "#N/A", "#NA", "<NA>", "NaN", "nan", "-nan", "NaT", "None", "NULL", "null")
+)
+# Characters that nobody sees: marks of byte order, of direction and of width zero. Joiners, which
+# some scripts need, are none of them.
+_INVISIBLE = re.compile("[\u00ad\u200b\u200e\u200f\u202a-\u202e\u2060\u2066-\u2069\ufeff]")
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
     """Return `count` class labels as a list of Python objects; none of them may be missing.
 
-    A label is missing if it is None, NaN, NaT, pandas' NA, a masked entry, empty or blank text, or
-    a tuple with such a part. Tables of labels have the same rule, see `rh.datasets.read_labels`.
+    A label is missing if it is None, NaN, NaT, pandas' NA, one of these as a text (NA, n/a, nan,
+    null, …), a masked entry, empty or blank text, or a tuple with such a part. Texts are returned
+    in one Unicode form. Tables of labels have the same rule, see `rh.datasets.read_labels`.
     """
     if isinstance(labels, (Mapping, Set)) or getattr(labels, "ndim", 1) != 1:
         shape = getattr(labels, "shape", None)
@@ -61,7 +70,9 @@ def is_missing_label(value: object) -> bool:
     """Return whether a label is missing, see `label_list`."""
     if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.getmaskarray(value).any()):
         return True
-    if isinstance(value, (str, bytes)):
+    if isinstance(value, str):
+        return not value.strip() or value.strip() in _MISSING_TEXTS
+    if isinstance(value, bytes):
         return not value.strip()
     if isinstance(value, tuple):
         return any(is_missing_label(part) for part in value)
@@ -78,11 +89,22 @@ def is_missing_label(value: object) -> bool:
 
 def _plain_label(value: Hashable) -> Hashable:
     """Return a label; of an array of no dimension, of NumPy or not, its Python number or text."""
+    if isinstance(value, str):
+        return plain_text(value)
     item = getattr(value, "item", None)
     if item is None or getattr(value, "shape", None) != () or is_missing_label(value):
         return value
     number: Hashable = item()
-    return number
+    return plain_text(number) if isinstance(number, str) else number
+
+
+def plain_text(text: str) -> str:
+    """Return a name in one Unicode form (NFC), without what nobody sees.
+
+    macOS writes é as two characters, and spreadsheets copy spaces and marks of other kinds.
+    """
+    visible = _INVISIBLE.sub("", unicodedata.normalize("NFC", text))
+    return "".join(" " if unicodedata.category(c) == "Zs" else c for c in visible).strip()
 
 
 def class_numbers(labels: Labels, name: str, count: int) -> tuple[Integers, list[Hashable]]:

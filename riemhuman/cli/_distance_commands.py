@@ -13,6 +13,7 @@ from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, counted
+from riemhuman.io.label_tables import without_ending
 from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
@@ -433,7 +434,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
         class_names = [str(name) for name in classes]
     else:
         items, class_names = np.zeros(len(names), dtype=int), None
-        item_names = [Path(name).stem for name in names]
+        item_names = [without_ending(name) for name in names]
     positions = rh.plots.embed(distances, method=options.method)
     scale, unit, facts = _meaning(distances, positions, options.method)
     record = {"meshes": len(items), "method": options.method, **facts}
@@ -485,14 +486,14 @@ def _meaning(
 
 def _meshes_of(names: Sequence[str], folder: Path) -> RegisteredMeshes:
     """Return the meshes of a matrix, which a folder holds, in its order."""
-    files = {file.stem: file for file in rh.datasets.find_meshes(folder)}
-    missing = [name for name in names if Path(name).stem not in files]
+    files = {without_ending(file.name): file for file in rh.datasets.find_meshes(folder)}
+    missing = [name for name in names if without_ending(name) not in files]
     if missing:
         raise FileError(
             f"{folder} does not hold {len(missing)} of the {len(names)} meshes of the matrix, such "
             f"as {missing[0]}"
         )
-    return rh.datasets.RegisteredMeshes([files[Path(name).stem] for name in names], scale=None)
+    return rh.datasets.RegisteredMeshes([files[without_ending(name)] for name in names], scale=None)
 
 
 def _map_page(
@@ -513,7 +514,7 @@ def _map_page(
         class_names,
         points=meshes[:],
         faces=meshes.faces,
-        item_names=[Path(name).stem for name in names],
+        item_names=[without_ending(name) for name in names],
         note=scale.replace("\n", " "),
         title=f"Map of {len(names)} bodies",
     ).save(options.output)

@@ -483,11 +483,12 @@ def _measurement_facts(file: Path) -> JSONRecord:
 
 
 def _table_facts(file: Path) -> JSONRecord:
+    from riemhuman.io.label_tables import label_columns
     from riemhuman.io.text_tables import read_rows
 
     _, rows = read_rows(file)
     columns = rows[0][1] if rows else []
-    is_labels = {"file", "subject", "pose"} <= {column.lower() for column in columns}
+    is_labels = {"file", "subject"} <= label_columns(columns).keys()
     kind = "table of labels" if is_labels else "table"
     return {"kind": kind, "columns": columns, "rows": max(0, len(rows) - 1)}
 

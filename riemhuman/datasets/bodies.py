@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from riemhuman.arrays import Array, Booleans, Integers, Labels, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import check_instance, distance_matrix, real_array
-from riemhuman.checks.labels import class_indices, texts_or_numbers
+from riemhuman.checks.labels import class_indices, plain_text, texts_or_numbers
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -335,11 +335,11 @@ def _labels(
     classes: str | int | Iterable[str | int], name: str, names: tuple[str, ...]
 ) -> list[int]:
     """Return the indices of people or poses given by name or index."""
-    numbers: dict[object, int] = {text: number for number, text in enumerate(names)}
+    numbers: dict[object, int] = {plain_text(text): number for number, text in enumerate(names)}
     numbers |= {number: number for number in range(len(names))}
     try:
         several = [classes] if isinstance(classes, (str, int, np.integer)) else list(classes)
-        return [numbers[label] for label in several]
+        return [numbers[plain_text(c) if isinstance(c, str) else c] for c in several]
     except (KeyError, TypeError) as error:
         raise ArgumentError(
             f"{name} must be names or indices of {', '.join(names[:20])}; found {shown(classes)}"

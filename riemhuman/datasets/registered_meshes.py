@@ -13,15 +13,15 @@ from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import SCALES, UNITS, check_same_scale, flag, items_of, numbers_at, one_of
-from riemhuman.checks.labels import is_missing_label, texts_of
+from riemhuman.checks.labels import texts_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import convert_errors, file_path, natural_key, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
+from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
-from riemhuman.io.text_tables import read_rows
 from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes
@@ -38,8 +38,7 @@ _FAUST_FOLDERS = (
     "MPI-FAUST/training/registrations",
 )
 
-_LABELS = "labels.csv"
-_COLUMNS = ("file", "subject", "pose")
+_COLUMNS = ("subject", "pose")
 
 
 class RegisteredMeshes:
@@ -297,8 +296,11 @@ def load_bodies(
         The folder of the meshes, all with the same triangles. Subfolders are ignored.
     labels : path_like, optional
         The table: comma-, semicolon- or tab-separated text whose first line names the columns.
-        ``file`` holds the name of a mesh file, with or without its suffix; ``subject`` and ``pose``
-        hold any text; other columns are ignored. By default ``labels.csv`` in the folder.
+        ``file`` holds the name of a mesh file, with or without its suffix; ``subject`` (or
+        ``person``, or ``name``: the first of these that the table has) and ``pose`` hold any text,
+        compared in one Unicode form; other columns are ignored. Every row is as long as the first.
+        NA, NaN, None, null and empty cells are missing labels. By default ``labels.csv`` in the
+        folder.
     template, align
         As for `load_faust`.
     scale, unit, up, seams
@@ -329,7 +331,7 @@ def load_bodies(
             raise ArgumentError("unit is for mesh files: bodies of SAM 3D Body are in metres")
         return _load_photographed(folder, labels, template, faces, align, up, allow_missing)
     files = find_meshes(folder)
-    table = os.path.join(folder, _LABELS) if labels is None else labels
+    table = os.path.join(folder, LABELS) if labels is None else labels
     numbers, texts = read_labels(table, [file.name for file in files], allow_missing=allow_missing)
     columns = _label_columns(texts)
     files = [files[number] for number in numbers]
@@ -368,49 +370,34 @@ def read_labels(
     >>> rh.datasets.read_labels("labels.csv", ["a.ply"])
     ([0], {'subject': ['anna'], 'pose': ['sits']})
     """
-    allow_missing = flag(allow_missing, "allow_missing")
     file = file_path(table, "labels")
-    by_name: dict[str, list[int]] = {}
-    for number, name in enumerate(texts_of(names, "names", "a list of names of files")):
-        for spelling in {name, Path(name).stem}:
-            by_name.setdefault(spelling, []).append(number)
-    rows: dict[int, tuple[int, str, str]] = {}
-    unknown = []
-    for line, (name, subject, pose) in _read_table(file):
-        cells = dict(zip(_COLUMNS, (name, subject, pose), strict=True))
-        empty = [column for column, text in cells.items() if is_missing_label(text)]
-        if empty and allow_missing and name:
+    names = texts_of(names, "names", "a list of names of files")
+    rows = []
+    for row in read_label_rows(file, _COLUMNS):
+        empty = [column for column, text in {"file": row.file, **row.texts}.items() if not text]
+        if empty and allow_missing and row.file:
             continue
         if empty:
-            raise FileFormatError(f"{file}, line {line}: no {' and no '.join(empty)} given")
-        candidates = by_name.get(name, [])
-        if len(candidates) > 1:
-            several = join_names([names[number] for number in candidates], 5)
-            raise FileFormatError(
-                f"{file}, line {line}: {name[:60]} may refer to {several}; name one"
-            )
-        if not candidates:
-            unknown.append(name)
-        elif candidates[0] in rows:
-            raise FileFormatError(
-                f"{file}, line {line}: {name[:60]} already has a label, on line "
-                f"{rows[candidates[0]][0]}"
-            )
-        else:
-            rows[candidates[0]] = line, subject, pose
-    numbers = sorted(rows)
-    unlabelled = [name for number, name in enumerate(names) if number not in rows]
-    if not rows or ((unknown or unlabelled) and not allow_missing):
-        problems = {"meshes without a row": unlabelled, "rows without a mesh": unknown}
+            raise FileFormatError(f"{file}, line {row.line}: no {' and no '.join(empty)} given")
+        rows.append(row)
+    row_of_file, others = rows_of_files(file, rows, names)
+    numbers = sorted(row_of_file)
+    unlabelled = [name for number, name in enumerate(names) if number not in row_of_file]
+    if not numbers or ((others or unlabelled) and not allow_missing):
+        problems = {
+            "meshes without a row": unlabelled,
+            "rows without a mesh": [row.file for row in others],
+        }
         listed = [
             f"{problem}: {join_names(names_of_problem, 5)}"
             for problem, names_of_problem in problems.items()
             if names_of_problem
         ]
         raise FileFormatError(f"{file} does not match the meshes: {'; '.join(listed)}")
-    subjects = [subject for _, subject, _ in (rows[number] for number in numbers)]
-    poses = [pose for _, _, pose in (rows[number] for number in numbers)]
-    return numbers, {"subject": subjects, "pose": poses}
+    columns = {
+        column: [row_of_file[number].texts[column] for number in numbers] for column in _COLUMNS
+    }
+    return numbers, columns
 
 
 def existing_folder(folder: str | os.PathLike[str]) -> Path:
@@ -507,7 +494,7 @@ def _load_photographed(
     photographed = load_photographed_bodies(folder, faces, up=up)
     names = photographed.names
     numbers = [names[:index].count(name) for index, name in enumerate(names)]  # within its file
-    table = file_path(folder) / _LABELS if labels is None else file_path(labels)
+    table = file_path(folder) / LABELS if labels is None else file_path(labels)
     if labels is None and not table.exists():
         indices = list(range(len(names)))
         subjects = list(names)
@@ -537,30 +524,3 @@ def _load_photographed(
     )
     columns_of_bodies = _label_columns({"subject": subjects, "pose": poses})
     return Bodies(points=points, template=template, ids=ids, **columns_of_bodies)
-
-
-def _read_table(table: Path) -> list[tuple[int, list[str]]]:
-    """Return each row of a table, file, subject and pose, after the number of its line.
-
-    A cell may be empty.
-    """
-    if not table.exists():
-        raise FileError(
-            f"there is no table of labels {table}; write one with the columns "
-            f"{', '.join(_COLUMNS)}, or give its path"
-        )
-    _, rows = read_rows(table)
-    header = [name.lower() for name in rows[0][1]] if rows else []
-    missing = [name for name in _COLUMNS if name not in header]
-    if missing:
-        first_line = ",".join(rows[0][1])[:60] if rows else ""
-        raise FileFormatError(
-            f"{table} lacks the columns {', '.join(missing)}; its first line must name "
-            f"{', '.join(_COLUMNS)}; found {first_line!r}"
-        )
-    numbers = [header.index(name) for name in _COLUMNS]
-    labels = []
-    for line, cells in rows[1:]:
-        whole_row = cells + [""] * (len(header) - len(cells))
-        labels.append((line, [whole_row[number] for number in numbers]))
-    return labels

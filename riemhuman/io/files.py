@@ -11,6 +11,7 @@ import os
 import re
 import secrets
 import stat
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -105,12 +106,15 @@ def read_bytes(file: Path) -> bytes:
 
 
 def read_text(file: Path) -> str:
-    """Return the content of a text file in UTF-8, without its byte order mark."""
+    """Return the content of a text file in UTF-8, or UTF-16 if a byte order mark says so."""
     content = read_bytes(file)
+    encoding = "utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
     try:
-        return content.decode("utf-8-sig")
-    except (UnicodeDecodeError, MemoryError) as error:
-        raise FileFormatError(f"{file} is not text in UTF-8: {error}") from error
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(
+            f"{file} is not text in UTF-8: {error}; a spreadsheet can save it as CSV UTF-8"
+        ) from error
 
 
 def json_value(text: str | bytes) -> JSONValue:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.arrays import Values
+from riemhuman.checks.labels import plain_text
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_text
 
@@ -95,15 +96,19 @@ def read_matrix(file: Path) -> tuple[list[str], Values]:
 
 
 def read_rows(file: Path) -> tuple[str, list[tuple[int, list[str]]]]:
-    """Return the separator of a table, and the cells of rows that are not blank, by line."""
+    """Return the separator of a table, and the cells of rows that are not blank, by line.
+
+    Cells are in one Unicode form, see `plain_text`.
+    """
     text = read_text(file)
-    separator = separator_of(text)
+    hint = re.match(r"sep=([;\t,])\r?\n", text)  # which Excel writes and hides
+    separator = hint[1] if hint else separator_of(text)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows = []
     try:
         for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells):
+            cells = [plain_text(cell) for cell in row]
+            if any(cells) and not (hint and reader.line_num == 1):
                 rows.append((reader.line_num, cells))
     except csv.Error as error:
         raise FileFormatError(f"{file}, line {reader.line_num}: {error}") from error

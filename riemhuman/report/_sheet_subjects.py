@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -15,27 +14,21 @@ from riemhuman.arrays import Array, Booleans, Points, Triangles
 from riemhuman.datasets import RegisteredMeshes, find_meshes
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
+from riemhuman.io.label_tables import LABELS, LabelRow, read_label_rows, rows_of_files
 from riemhuman.io.meshes import load_trusted
-from riemhuman.io.text_tables import read_rows
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report.registered_scans import shown_share
 from riemhuman.report.sheet_values import SheetSubject
+from riemhuman.representation import join_names
 
-_LABELS = "labels.csv"
 _RECORDS = "registrations"
 _SEXES = {
     **dict.fromkeys(("woman", "women", "female", "f", "w"), "woman"),
     **dict.fromkeys(("man", "men", "male", "m"), "man"),
     **dict.fromkeys(("", "adult", "unknown", "?"), "adult"),
 }
-# Columns that may hold the same thing; the first that a table has counts.
-_COLUMNS = {
-    "person": ("person", "subject", "name"),
-    "sex": ("sex", "gender"),
-    "visit": ("visit",),
-    "date": ("date",),
-}
+_COLUMNS = ("subject", "sex", "visit", "date")
 
 
 @dataclass(frozen=True)
@@ -116,68 +109,44 @@ def find_subjects(
     if not subjects and not failures:
         raise FileError("there are no bodies to make sheets for")
     table = _table_of(paths, labels)
-    people = {} if table is None else read_people(table)
-    labels_of_subjects = []
-    n_labelled = 0
-    for k, subject in enumerate(subjects):
-        label = people.get(subject.file.casefold()) or people.get(subject.name.casefold())
-        n_labelled += label is not None
-        label = label or PersonLabels()
-        labels_of_subjects.append(label)
-        subjects[k] = replace(subject, person=label.person, sex=label.sex, visit=label.when)
-    if table is not None:
-        _warn_of_missing_labels(table, len(subjects), n_labelled)
+    files = list(dict.fromkeys(subject.file for subject in subjects))
+    people = {} if table is None else _people_of_files(table, files)
+    labels_of_subjects = [people.get(subject.file, PersonLabels()) for subject in subjects]
+    for k, label in enumerate(labels_of_subjects):
+        subjects[k] = replace(subjects[k], person=label.person, sex=label.sex, visit=label.when)
     return LabelledSubjects(subjects, faces, labels_of_subjects, failures)
 
 
 def read_people(table: Path) -> dict[str, PersonLabels]:
-    """Return what a table says about files, by their names with and without an ending.
+    """Return what a table says about files, by the names that it gives them.
 
     Its first line names the columns: ``file`` and any of person (or subject), sex, visit and date.
     """
-    _, rows = read_rows(table)
-    header = [name.lower() for name in rows[0][1]] if rows else []
-    if "file" not in header:
-        raise FileFormatError(
-            f"{table} has no column file; its first line must name file and any of person, sex, "
-            f"visit and date; found {','.join(header)[:60]!r}"
-        )
-    people = {}
-    for line, cells in rows[1:]:
-        # Empty cells at the end of a line may be left out.
-        texts = dict(itertools.zip_longest(header, cells[: len(header)], fillvalue=""))
-        where = f"{table}, line {line}"
-        label = PersonLabels(
-            person=_text_of(texts, "person"),
-            sex=_sex(_text_of(texts, "sex"), where),
-            visit=_text_of(texts, "visit"),
-            day=_day(_text_of(texts, "date"), where),
-        )
-        file = texts["file"]
-        if file.casefold() in people:
-            raise FileFormatError(f"{where}: {file} has another line above")
-        for name in (file, Path(file).stem):
-            people[name.casefold()] = label
-    return people
+    return {row.file: _labels_of(table, row) for row in read_label_rows(table, (), _COLUMNS)}
 
 
-def _text_of(texts: Mapping[str, str], key: str) -> str:
-    """Return a text of a line, from the first of the columns that may hold it."""
-    for name in _COLUMNS[key]:
-        if name in texts:
-            return texts[name]
-    return ""
-
-
-def _warn_of_missing_labels(table: Path, n_subjects: int, n_labelled: int) -> None:
-    """Warn if a table of labels does not name all bodies."""
-    if n_labelled == n_subjects:
-        return
-    names = f"{n_labelled or 'none'} of the {n_subjects} bodies"
-    warn(
-        f"{table} names {names}; bodies without labels are compared with adults of both sexes",
-        UserWarning,
+def _labels_of(table: Path, row: LabelRow) -> PersonLabels:
+    where = f"{table}, line {row.line}"
+    return PersonLabels(
+        person=row.texts["subject"],
+        sex=_sex(row.texts["sex"], where),
+        visit=row.texts["visit"],
+        day=_day(row.texts["date"], where),
     )
+
+
+def _people_of_files(table: Path, files: Sequence[str]) -> dict[str, PersonLabels]:
+    """Return what a table says about bodies by their files; warn if it does not name all."""
+    row_of_file, _ = rows_of_files(table, read_label_rows(table, (), _COLUMNS), files)
+    unnamed = [file for number, file in enumerate(files) if number not in row_of_file]
+    if unnamed:
+        warn(
+            f"{table} names {len(row_of_file) or 'none'} of the {len(files)} bodies, not "
+            f"{join_names(unnamed, 5)}; bodies without labels are compared with adults of both "
+            "sexes",
+            UserWarning,
+        )
+    return {files[number]: _labels_of(table, row) for number, row in row_of_file.items()}
 
 
 def _sex(text: str, where: str) -> str:
@@ -204,7 +173,7 @@ def _table_of(paths: Sequence[Path], labels: str | os.PathLike[str] | None) -> P
         if not table.is_file():
             raise FileError(f"there is no table of labels {table}")
         return table
-    beside = (paths[0] if paths[0].is_dir() else paths[0].parent) / _LABELS
+    beside = (paths[0] if paths[0].is_dir() else paths[0].parent) / LABELS
     return beside if beside.is_file() else None
 
 

@@ -234,10 +234,14 @@ BAD_TABLES = {
         TABLE + "b10.obj,Ben,pose 2\n",
         "line 6: b10.obj already has a label, on line 3",
     ),
+    "no subject, by name": (
+        TABLE.replace("Ben,pose 2", "NA,None"),
+        "line 4: no subject and no pose",
+    ),
     "no subject": (TABLE.replace("Ben,pose 2", ",pose 2"), r"line 4: no subject given"),
     "a short line": (
         TABLE.replace("b20.ply,Anna,pose 10", "b20.ply"),
-        "line 5: no subject and no pose given",
+        "line 5: 1 fields found, 3 expected",
     ),
     "another column": ("file,who,pose\n", "lacks the columns subject; .* 'file,who,pose'"),
     "an open quote": (TABLE + '"b20.ply,Ben', "line 6: unexpected end of data"),
@@ -252,6 +256,14 @@ def test_tables_that_do_not_match(folder, case):
     (folder / "labels.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(FileFormatError, match=message):
         load_bodies(folder)
+
+
+def test_names_in_two_unicode_forms_are_one_person(folder):
+    rows = TABLE.replace("b2.ply,Ben", "b2.ply,Zo\u00e9").replace("Ben", "Zoe\u0301")
+    (folder / "labels.csv").write_text(rows, encoding="utf-8")
+    bodies = load_bodies(folder)
+    assert bodies.subject_names == ("Anna", "Zo\u00e9")
+    assert bodies.select(subject="Zoe\u0301").ids == ("b2", "b11")
 
 
 def test_tables_that_cannot_be_read(folder):

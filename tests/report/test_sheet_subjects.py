@@ -9,15 +9,18 @@ from riemhuman.report._sheet_subjects import find_subjects, read_people
 
 def test_labels_of_people(tmp_path):
     table = tmp_path / "labels.csv"
-    table.write_text("File,Subject,Gender\nA.PLY,Ann,Female\nb,Bo,m\nc.ply,,\n", encoding="utf-8")
+    rows = "File,Subject,Gender\na.ply,Ann,Female\nb,Bo,m\nc.ply,NA,NaN\na.v2.ply,Eve,w\n"
+    table.write_text(rows, encoding="utf-8")
     people = read_people(table)
-    assert (people["a.ply"].person, people["a"].sex, people["b"].sex) == ("Ann", "woman", "man")
-    assert people["c.ply"].sex == "adult"
+    assert (people["a.ply"].person, people["a.ply"].sex, people["b"].sex) == ("Ann", "woman", "man")
+    assert (people["c.ply"].person, people["c.ply"].sex) == ("", "adult")
+    assert people["a.v2.ply"].person == "Eve"
     for text, message in (
-        ("name,sex\na,woman\n", "has no column file"),
+        ("name,sex\na,woman\n", "lacks the columns file"),
+        ("file,person,sex\na,Smith, Ann,woman\n", "line 2: 4 fields found, 3 expected"),
         ("file,sex\na,robot\n", "line 2: sex must be woman, man or empty; found 'robot'"),
         ("file,date\na,01.02.2026\n", "line 2: date must be written as 2026-03-31"),
-        ("file,sex\na,man\nA,woman\n", "line 3: A has another line above"),
+        ("file,sex\na,man\na,woman\n", "line 3: a already has a label, on line 2"),
     ):
         table.write_text(text, encoding="utf-8")
         with pytest.raises(FileFormatError, match=message):
@@ -38,6 +41,7 @@ def test_the_visit_before(bodies, tmp_path):
     found = find_subjects([tmp_path], None)
     assert [found.earlier(number) for number in range(4)] == [None] * 4
     assert [found.is_without_order(number) for number in range(4)] == [True, True, True, False]
-    table.write_text("file,person\na,x\nz,y\n", encoding="utf-8")
-    with pytest.warns(UserWarning, match=r"labels\.csv names 1 of the 4 bodies"):
+    # Names with dots, and names in the two forms of a letter, are those of their own files.
+    table.write_text("file,person\na,x\na.v2,z\nz,y\n", encoding="utf-8")
+    with pytest.warns(UserWarning, match=r"labels\.csv names 1 of the 4 bodies, not b\.ply, c"):
         find_subjects([tmp_path], None)
