@@ -184,8 +184,27 @@ def test_what_is_no_body_has_any_size():
         ({"hip girth": 1020}, "is it in millimetres"),
         ({"body mass": 2268.5}, "body mass must be in kg.* nobody has$"),
         ({"body mass": 1.7}, "body mass must be in kg"),
+        ({"body mass": 600, "stature": 1.7}, "between 17.3 and 592 kg with a stature of 1.7 m"),
+        ({"volume": 0.01, "stature": 1.7}, "between 0.0173 and 0.592 m³"),
+        ({"hip height": 1.5, "stature": 1.4}, "hip height must be smaller than the stature"),
     ],
 )
-def test_values_that_nobody_has_are_refused(values, message):
-    with pytest.raises(ArgumentError, match=message):
-        rh.measurements.model_from_measurements(values, resolution="coarse")
+def test_values_that_nobody_has_are_refused_wherever_values_are_taken(values, message):
+    bodies = rh.datasets.load_open_bodies("coarse", people=1)
+    measurements = rh.measurements.Measurements(bodies.model)
+    metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), 1.0, 1.0, 0.1)
+    calls = (
+        lambda: rh.measurements.model_from_measurements(values, resolution="coarse"),
+        lambda: rh.measurements.predict_measurements(values),
+        lambda: rh.measurements.percentiles({"stature": 1.6, **values}),
+        lambda: rh.measurements.nearest_body(measurements, metric, bodies[0], values),
+    )
+    for call in calls:
+        with pytest.raises(ArgumentError, match=message):
+            call()
+
+
+def test_the_heaviest_people_are_people():
+    assert rh.measurements.percentiles({"stature": 1.73, "body mass": 600.0})["body mass"] > 99
+    of_men = rh.measurements.percentiles({"stature": float("nan")}, "man", stature=1.75)
+    assert np.isnan(of_men["stature"])

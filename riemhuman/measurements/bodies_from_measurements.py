@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
 from riemhuman.arrays import Array, Booleans
-from riemhuman.checks import one_of, real_array, whole_number
+from riemhuman.checks import checked, choice, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.measurements._kinks import least_squares_with_kinks
@@ -99,6 +99,11 @@ class ProbableBody:
     message: str
 
 
+@checked(
+    sex=choice("adult", *SEXES),
+    resolution=choice("full", "coarse"),
+    max_iter=whole(minimum=1),
+)
 def model_from_measurements(
     values: Mapping[str, float],
     sex: str = "adult",
@@ -142,12 +147,9 @@ def model_from_measurements(
     >>> round(person.values["hip girth"], 3)
     1.0
     """
-    one_of(sex, "sex", ("adult", *SEXES))
-    one_of(resolution, "resolution", ("full", "coarse"))
-    whole_number(max_iter, "max_iter", minimum=1)
     # Products of a step are so small that threads of BLAS cost more than they gain.
     with single_threaded_libraries():
-        given, errors = checked_values(values, tolerances)
+        given, errors = checked_values(values, tolerances, sex)
         return _probable_body(given, errors, sex, resolution, max_iter, start)
 
 

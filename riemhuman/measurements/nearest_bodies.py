@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from riemhuman.arrays import Array, Booleans
-from riemhuman.checks import check_instance, real_array, real_number, whole_number
+from riemhuman.checks import checked, instance, positive, real_array, whole
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.measurements.measuring import Measurements, as_mapping
+from riemhuman.measurements.predicted_measurements import check_values
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 _MOST_HALVINGS = 12
@@ -64,6 +65,7 @@ class NearestBody:
         return {name: value - self.before[name] for name, value in self.after.items()}
 
 
+@checked(measurements=instance(Measurements), tolerance=positive, max_iter=whole(minimum=1))
 def nearest_body(
     measurements: Measurements,
     metric: RiemannianMetric,
@@ -88,7 +90,8 @@ def nearest_body(
     point : array_like, shape (V, 3)
         The given body, metres; it is measured in its own pose.
     wanted : mapping of str to float
-        Values of some of the measurements; the others are free.
+        Values of some of the measurements; the others are free. Values that nobody has raise an
+        error that suggests another unit.
     tolerance : float
         Largest relative error of the values. The search stops when the values are reached and no
         coordinate changes by more than this many metres.
@@ -104,14 +107,12 @@ def nearest_body(
     >>> round(result.after["waist girth"], 3)
     0.7
     """
-    real_number(tolerance, "tolerance", minimum=0.0, strict=True)
-    whole_number(max_iter, "max_iter", minimum=1)
-    check_instance(measurements, "measurements", Measurements)
     check_metric(metric)
     if not metric.has_metric_matrix:
         raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
     start = real_array(point, "point", metric.space.shape, batched=False)
     goals = as_mapping(wanted, measurements.names)
+    check_values(goals)
     wanted_measurements = Measurements(measurements.definitions, list(goals))
     targets = np.array(list(goals.values()))
     problem = _Problem(wanted_measurements, metric, start, targets)

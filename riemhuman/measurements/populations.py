@@ -21,7 +21,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
-from riemhuman.measurements.predicted_measurements import SEXES
+from riemhuman.measurements.predicted_measurements import SEXES, check_values
 
 _STATURE = "stature"
 # Standard deviations of the logarithm of stature beyond which there are hardly any adults.
@@ -43,6 +43,7 @@ def percentiles(
     ----------
     values : mapping of str to float
         Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
+        Values that nobody has raise an error that suggests another unit.
     sex : {"adult", "woman", "man"}
         Population; for "adult", women and men are weighted by how many of them have the stature.
     stature : float, optional
@@ -63,6 +64,7 @@ def percentiles(
     one_of(sex, "sex", ("adult", *SEXES))
     given = as_mapping(values, list(_adults()["woman"]["measurements"]), may_miss=True)
     height = given.get(_STATURE, np.nan) if stature is None else real_number(stature, "stature")
+    check_values({**given, _STATURE: height}, sex)
     if np.isnan(height):
         raise ArgumentError("stature must be given, as an argument or among the values")
     shares = _shares_of_sexes(height, sex)
@@ -70,12 +72,10 @@ def percentiles(
     if not shares:
         return percentages
     for name, value in given.items():
-        if np.isnan(value):
-            continue
-        real_number(value, name, minimum=0.0, strict=True)
-        percentages[name] = sum(
-            share * _percentile(name, value, height, group) for group, share in shares.items()
-        )
+        if not np.isnan(value):
+            percentages[name] = sum(
+                share * _percentile(name, value, height, group) for group, share in shares.items()
+            )
     return percentages
 
 

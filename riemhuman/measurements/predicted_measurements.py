@@ -37,6 +37,10 @@ _SHARES = {"m": (0.33, 2.0), "m²": (0.1, 4.0), "m³": (0.03, 10.0), "kg": (0.03
 _SHARES_AROUND = (0.25, 3.0)  # of girths, breadths and depths, which grow with weight
 # The tallest person was 2.72 m tall, and no arm span was longer than 2.9 m.
 _LARGEST_LENGTH = 2.9
+# Body mass over the square of stature, kg/m²: the heaviest people known had 204, and nobody
+# survived below 6. Kilograms by the unit of what stands for mass.
+_MASS_INDICES = (6.0, 205.0)
+_DENSITIES = {"body mass": 1.0, "volume": 1000.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +100,7 @@ def predict_measurements(
     (0.88, 0.022)
     """
     one_of(sex, "sex", ("adult", *SEXES))
-    given, errors = checked_values(values, tolerances)
+    given, errors = checked_values(values, tolerances, sex)
     prediction = predict(given, sex, errors)
     return PredictedMeasurements(
         prediction.mean,
@@ -108,20 +112,15 @@ def predict_measurements(
 
 
 def checked_values(
-    values: Mapping[str, float], tolerances: Mapping[str, float] | None
+    values: Mapping[str, float], tolerances: Mapping[str, float] | None, sex: str
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return given values and their standard deviations by name."""
-    standing = open_measurements("coarse")
-    assert standing is not None, "the open model has measurements"
-    given = as_mapping(values, list(dict.fromkeys((*standing.names, *adults()["names"]))))
-    units = {measurement.name: measurement.units for measurement in standing.measurements}
-    typical = dict(zip(adults()["names"], adults()["woman"]["mean"], strict=True))
+    given = as_mapping(values, list(dict.fromkeys((*_units(), *adults()["names"]))))
+    check_values(given, sex)
     errors = {}
     for name, value in given.items():
-        real_number(value, name, minimum=0.0, strict=True)
-        unit = units.get(name, "m")
-        _check_value(name, value, typical.get(name, value), unit)
-        errors[name] = _LENGTH_TOLERANCE if unit == "m" else _SHARE_TOLERANCE * value
+        is_length = _units().get(name, "m") == "m"
+        errors[name] = _LENGTH_TOLERANCE if is_length else _SHARE_TOLERANCE * value
     for name, error in _given_tolerances(tolerances, given).items():
         errors[name] = metric_weight(error, f"tolerance of {name}", strict=True)
     return given, errors
@@ -135,8 +134,52 @@ def _given_tolerances(
     return as_mapping(tolerances, list(given))
 
 
-def _check_value(name: str, value: float, usual: float, unit: str) -> None:
-    """Raise an error that suspects the unit if no person has a value, given the mean woman's."""
+def check_values(values: Mapping[str, float], sex: str = "adult") -> None:
+    """Raise an error for values that no person has, alone or together; NaN is no value.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Measurements by name, in SI units; names that are not the open body's are not checked.
+    sex : {"adult", "woman", "man"}
+        Whose means messages name.
+    """
+    people = "man" if sex == "man" else "woman"
+    typical = dict(zip(adults()["names"], adults()[people]["mean"].tolist(), strict=True))
+    given = {name: value for name, value in values.items() if not np.isnan(value)}
+    for name, value in given.items():
+        real_number(value, name, minimum=0.0, strict=True)
+        if name in typical:
+            unit = _units().get(name, "m")
+            _check_value(name, value, typical[name], unit, "men" if sex == "man" else "women")
+    stature = given.get("stature")
+    if stature is None:
+        return
+    for name, value in given.items():
+        if "height" in name and name in typical and value >= stature:
+            raise ArgumentError(
+                f"{name} must be smaller than the stature; found {value:g} m, and a stature of "
+                f"{stature:g} m"
+            )
+        if name in _DENSITIES:
+            lowest, highest = (index * stature**2 / _DENSITIES[name] for index in _MASS_INDICES)
+            if not lowest < value < highest:
+                raise ArgumentError(
+                    f"{name} must lie between {lowest:.3g} and {highest:.3g} {_units()[name]} with "
+                    f"a stature of {stature:g} m; found {value:g}, which nobody has"
+                )
+
+
+@cache
+def _units() -> dict[str, str]:
+    """Return the unit of each standing measurement; all seated ones are lengths."""
+    standing = open_measurements("coarse")
+    assert standing is not None, "the open model has measurements"
+    return {measurement.name: measurement.units for measurement in standing.measurements}
+
+
+def _check_value(name: str, value: float, usual: float, unit: str, people: str) -> None:
+    """Raise an error that suspects the unit if no person has a value, given the usual one."""
     if _is_human(name, value, usual, unit):
         return
     units = []
@@ -146,13 +189,13 @@ def _check_value(name: str, value: float, usual: float, unit: str) -> None:
                 units.append(suspected)
     question = f": is it in {' or '.join(units)}?" if units else ""
     raise ArgumentError(
-        f"{name} must be in {unit}, in which the mean of women is {usual:.3g}; found {value:g}, "
+        f"{name} must be in {unit}, in which the mean of {people} is {usual:.3g}; found {value:g}, "
         f"which nobody has{question}"
     )
 
 
 def _is_human(name: str, value: float, usual: float, unit: str) -> bool:
-    """Return whether a person can have a value, given the mean woman's."""
+    """Return whether a person can have a value, given the usual one."""
     is_around = any(word in name for word in ("girth", "breadth", "depth", "clearance"))
     low, high = _SHARES_AROUND if unit == "m" and is_around else _SHARES[unit]
     return low * usual < value < high * usual and not (unit == "m" and value >= _LARGEST_LENGTH)
