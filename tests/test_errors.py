@@ -229,8 +229,10 @@ def doors():
         "ModelPoseVectors distances": rh.descriptors.ModelPoseVectors(
             bodies.model, "rotation"
         ).distances,
-        "SearchSettings poses": lambda odd: rh.registration.SearchSettings(poses=odd),
-        "SearchSettings headings": lambda odd: rh.registration.SearchSettings(headings=odd),
+        "RegistrationSettings poses": lambda odd: rh.registration.RegistrationSettings(poses=odd),
+        "RegistrationSettings headings": lambda odd: rh.registration.RegistrationSettings(
+            headings=odd
+        ),
         "BodySizes": lambda odd: measured[odd],
         "motion index": lambda odd: motion[odd],
         "covector": lambda odd: space.metric.covector(odd, points[0]),
@@ -453,7 +455,7 @@ def test_absurd_counts_are_refused(count):
         lambda: rh.DeformationBasis.from_laplacian(template, count),
         lambda: rh.NearestNeighbors(space.metric, count).fit(points).kneighbors(points),
         lambda: rh.registration.simulated_scan(points[0], template.faces, n_points=count),
-        lambda: rh.registration.SearchSettings(n_headings=count),
+        lambda: rh.registration.RegistrationSettings(n_headings=count),
     ):
         with pytest.raises(errors.RiemhumanError, match="must be|exceeds|at most"):
             door()

@@ -17,51 +17,27 @@ from riemhuman.registration.folders import (
     register_folder,
 )
 from riemhuman.registration.registered_scans import RegisteredScan
+from riemhuman.registration.registration_settings import RegistrationSettings
 from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_landmarks, load_scan
 from riemhuman.registration.scans_over_bodies import ScanOverBody, lay_over_body
-from riemhuman.registration.settings import (
-    ArmSettings,
-    AssignmentSettings,
-    DenseFitSettings,
-    ElasticSettings,
-    MatchingSettings,
-    PreparationSettings,
-    RegistrationSettings,
-    RetrySettings,
-    RivalSettings,
-    SearchRound,
-    SearchSettings,
-    TrustSettings,
-)
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 from riemhuman.registration.template_registration import TemplateRegistration
 from riemhuman.surfaces.measures import find_inward_triangles
 
 __all__ = [
-    "ArmSettings",
-    "AssignmentSettings",
-    "DenseFitSettings",
-    "ElasticSettings",
     "FolderResult",
-    "MatchingSettings",
-    "PreparationSettings",
     "RegisteredScan",
     "RegistrationSettings",
     "RegistrationTrace",
-    "RetrySettings",
-    "RivalSettings",
     "Scan",
     "ScanCorrespondence",
     "ScanOverBody",
     "ScanRecord",
     "ScanRegistration",
-    "SearchRound",
-    "SearchSettings",
     "SimulatedScan",
     "TemplateRegistration",
-    "TrustSettings",
     "correspondence",
     "find_inward_triangles",
     "geodesic_errors",

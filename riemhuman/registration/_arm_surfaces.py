@@ -14,8 +14,12 @@ from riemhuman.arrays import Array, Integers, Triangles
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import (
+    ELBOW_DEGREES,
+    HAND_MOVES_METRES,
+    HINGE_DEGREES,
+)
 from riemhuman.registration._posed_body import ModelSamples
-from riemhuman.registration.settings import ArmSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
@@ -29,7 +33,6 @@ class ArmSurface:
     joints : array of int, shape (4,)
         From the collar to the wrist.
     side : {"left", "right"}
-    settings : ArmSettings
     vertices : array of int, shape (n,)
         Numbers in the model of the vertices of the surface.
     faces : array of int, shape (F, 3)
@@ -52,7 +55,6 @@ class ArmSurface:
 
     joints: Integers
     side: str
-    settings: ArmSettings
     vertices: Integers
     faces: Triangles
     metric: ElasticMetric
@@ -75,8 +77,7 @@ class ArmSurface:
         outward = np.degrees(np.arcsin(np.clip(height, 0.0, 1.0)))
         turned = Rotation.from_matrix(self.straight @ wrist @ self.straight.T).as_rotvec()
         off_hinge = np.degrees(np.hypot(turned[0], turned[1]))
-        settings = self.settings
-        outward, off_hinge = outward / settings.elbow_degrees, off_hinge / settings.hinge_degrees
+        outward, off_hinge = outward / ELBOW_DEGREES, off_hinge / HINGE_DEGREES
         return float(1.0 + outward**2 + off_hinge**2)
 
     def rotated(self, local: Array, forearm: float, wrist: float) -> Array:
@@ -94,11 +95,7 @@ class ArmSurface:
 
 
 def make_arm_surface(
-    parts: BodyParts,
-    joints: Integers,
-    skin: ModelSamples,
-    few: ModelSamples,
-    settings: ArmSettings,
+    parts: BodyParts, joints: Integers, skin: ModelSamples, few: ModelSamples
 ) -> ArmSurface:
     """Return the surface of an arm; `skin` are all vertices of the model, `few` some points."""
     model, side = parts.model, parts.names[joints[-1]].split("_")[0]
@@ -118,13 +115,12 @@ def make_arm_surface(
     return ArmSurface(
         joints=joints,
         side=side,
-        settings=settings,
         vertices=vertices,
         faces=faces,
         metric=ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=1.0),
         skin=skin.only(vertices),
         samples=samples,
-        on_hand=vertices[moves > settings.hand_moves_metres],
+        on_hand=vertices[moves > HAND_MOVES_METRES],
         hands=[np.where(on_side, both, np.nan).ravel() for both in hands],
         forearm=forearm,
         raised=raised,

@@ -16,6 +16,20 @@ import numpy as np
 from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._arm_surfaces import ArmSurface
+from riemhuman.registration._constants import (
+    ARM_LEAST_LIKELY,
+    ARM_METRES,
+    ARM_MOST_FARTHER,
+    ARM_STIFFNESSES,
+    DENSE_SCALES,
+    DIFFERENT_METRES,
+    FOREARM_ANGLES,
+    HAND_METRES,
+    N_ARM_COMPARED,
+    N_FIRST_STEPS,
+    UNEXPLAINED_METRES,
+    WRIST_ANGLES,
+)
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
 from riemhuman.registration._limb_distances import are_less, points_on
@@ -93,7 +107,7 @@ def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
 
 def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[Pose]]]:
     """Return a body whose forearms are turned to be nearest to the scan, and doubtful arms."""
-    doubtful, scales = {}, task.body.settings.dense.scales
+    doubtful, scales = {}, DENSE_SCALES
     for arm in task.body.arm_surfaces:
         points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
         if not len(points):
@@ -104,14 +118,14 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface,
         doubtful[arm] = [pose, *near]
         current, *others = elastic_arms(task, arm, points, doubtful[arm])
         nearest = min(others, key=lambda fit: fit.cost)
-        if are_less(nearest.strained, current.strained, arm.settings):
+        if are_less(nearest.strained, current.strained):
             pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, scales)
     return pose, doubtful
 
 
 def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[Pose]) -> list[Pose]:
     """Return a body with one arm as in other poses, fitted again where that moves it."""
-    scales = task.body.settings.dense.scales[arm.settings.n_first_steps :]
+    scales = DENSE_SCALES[N_FIRST_STEPS:]
     starts = []
     for candidate in poses:
         local = pose.local.copy()
@@ -123,27 +137,26 @@ def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[P
 
 def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array) -> list[Pose]:
     """Return other fits of one arm that are almost as near to points of a scan, or nearer."""
-    settings = arm.settings
     starts = [
         pose._replace(local=arm.rotated(pose.local, forearm, wrist))
-        for forearm in settings.forearm_angles
-        for wrist in settings.wrist_angles
+        for forearm in FOREARM_ANGLES
+        for wrist in WRIST_ANGLES
     ]
     # Many starts soon lead to the same arm.
-    n_first, scales = settings.n_first_steps, task.body.settings.dense.scales
+    n_first, scales = N_FIRST_STEPS, DENSE_SCALES
     fitted = starts
     for some_scales, known in ((scales[:n_first], []), (scales[n_first:], [pose])):
         fitted = fit_starts(task, arm.joints[1:], arm.samples, fitted, some_scales)
         fitted = _different(arm, fitted, known)
     likelihoods = find_likelihoods(task.body, fitted, task.scan, task.up)
-    least = max(likelihoods, default=0.0) - settings.least_likely
+    least = max(likelihoods, default=0.0) - ARM_LEAST_LIKELY
     likely = [
         candidate for candidate, value in zip(fitted, likelihoods, strict=True) if value > least
     ]
     # The elastic step takes longest and hardly changes which arms are near.
-    few = points[:: max(len(points) // settings.n_compared, 1)]
+    few = points[:: max(len(points) // N_ARM_COMPARED, 1)]
     costs = [_cost(arm, few, candidate) for candidate in (pose, *likely)]
-    most = settings.most_farther * min(costs)
+    most = ARM_MOST_FARTHER * min(costs)
     return [candidate for candidate, cost in zip(likely, costs[1:], strict=True) if cost < most]
 
 
@@ -157,7 +170,7 @@ def elastic_arms(
 def _cost(arm: ArmSurface, points: Array, pose: Pose) -> float:
     """Return the mean distance of points from an arm, raised if the arm is implausible."""
     surface = pose_body(arm.skin, pose).points
-    distances = arm.distances(surface, points, arm.settings.arm_metres)
+    distances = arm.distances(surface, points, ARM_METRES)
     return arm.strain(pose.local) * float(distances.mean())
 
 
@@ -170,7 +183,7 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
         gaps = (
             np.linalg.norm(surface - known_surface, axis=1).mean() for known_surface in surfaces
         )
-        if min(gaps, default=np.inf) > arm.settings.different_metres:
+        if min(gaps, default=np.inf) > DIFFERENT_METRES:
             surfaces.append(surface)
             different.append(pose)
     return different
@@ -178,8 +191,8 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
 
 def _elastic_arm(task: DenseTask, arm: ArmSurface, points: Array, pose: Pose) -> ArmFit:
     surface = pose_body(arm.skin, pose).points
-    fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, arm.settings.stiffnesses)
-    distances = arm.distances(fitted, points, arm.settings.arm_metres)
+    fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, ARM_STIFFNESSES)
+    distances = arm.distances(fitted, points, ARM_METRES)
     return ArmFit(pose, surface, distances, arm.strain(pose.local))
 
 
@@ -189,7 +202,7 @@ def pose_hands(
     """Return a body whose hands come nearest to the scan, with its prior, and all fits of hands."""
     # The elastic step would hide a wrong one: it presses fingers into a fist. Only points on
     # the hand count, because those on the forearm lie as near in all poses.
-    n_betas, scales = task.body.model.n_betas, task.body.settings.dense.scales
+    n_betas, scales = task.body.model.n_betas, DENSE_SCALES
     # Twice, because the wrist moves with the first change, if there is one.
     tried: dict[ArmSurface, Pose] = {}
     hand_fits: dict[ArmSurface, list[HandFit]] = {}
@@ -208,8 +221,8 @@ def pose_hands(
         current = min(unmoved, current, key=lambda fit: fit.cost)
         hand_fits[arm] = [current, *fits]
         nearest = min(fits, key=lambda fit: fit.cost)
-        is_explained = nearest.cost < arm.settings.unexplained_metres
-        if is_explained and are_less(nearest.distances, current.distances, arm.settings):
+        is_explained = nearest.cost < UNEXPLAINED_METRES
+        if is_explained and are_less(nearest.distances, current.distances):
             task = replace(task, prior=nearest.prior)
             pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, scales)
     return task, pose, hand_fits
@@ -220,14 +233,14 @@ def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
-    task, scales = replace(task, prior=prior), task.body.settings.dense.scales
+    task, scales = replace(task, prior=prior), DENSE_SCALES
     fitted = fit_joints(task, arm.joints[1:], arm.samples, scales, start)
     return _hand_as_it_is(prior, fitted, arm, points)
 
 
 def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: Array) -> HandFit:
     surface = pose_body(arm.skin, pose).points
-    distances = arm.distances(surface, points, arm.settings.hand_metres)
+    distances = arm.distances(surface, points, HAND_METRES)
     return HandFit(pose, prior, surface, distances)
 
 

@@ -16,6 +16,13 @@ from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.registration._arm_positions import move_end
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import (
+    CROSSING_METRES,
+    CROSSING_SHARE,
+    DENSE_SCALES,
+    DIFFERENT_METRES,
+    EXCHANGED_METRES,
+)
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
 from riemhuman.registration._limb_distances import (
     are_less,
@@ -51,7 +58,7 @@ class Crossing:
         """Return the distances of the points, raised if the arms are implausible, metres."""
         surface = task.body.surface(pose)[self.vertices]
         faces = faces_among(task.body.model.faces, self.vertices)
-        farthest = task.body.settings.rivals.exchanged_metres
+        farthest = EXCHANGED_METRES
         arms = task.body.arm_surfaces if self.joint == "elbow" else []
         strain = np.mean([arm.strain(pose.local) for arm in arms]) if arms else 1.0
         strained: Array = strain * limited_distances(self.points, surface, faces, farthest)
@@ -64,11 +71,11 @@ def crossing_joints(body: RegistrationModel, pose: Pose) -> list[str]:
 
 
 def _are_near(body: RegistrationModel, pose: Pose, joint: str) -> bool:
-    settings, surface = body.settings.rivals, body.surface(pose)
+    surface = body.surface(pose)
     lower = _lower_limbs(body.parts, joint)
     return any(
-        np.mean(cKDTree(surface[opposite]).query(surface[limb])[0] < settings.crossing_metres)
-        > settings.crossing_share
+        np.mean(cKDTree(surface[opposite]).query(surface[limb])[0] < CROSSING_METRES)
+        > CROSSING_SHARE
         for limb, opposite in permutations(lower, 2)
     )
 
@@ -97,7 +104,7 @@ def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose,
     starts = [(pose._replace(local=mirrored[0]), task.prior._replace(local=mirrored[1]))]
     if len(pairs) == len(_LIMBS[joint]):
         starts.append((_swap_ends(task.samples.skeleton, pose, joint, np.array(pairs)), task.prior))
-    scales = task.body.settings.dense.scales
+    scales = DENSE_SCALES
     return [
         (fit_joints(replace(task, prior=prior), moving, samples, scales, start), prior)
         for start, prior in starts
@@ -108,7 +115,6 @@ def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
     """Return a body with crossed arms and legs exchanged where that is nearer to the scan."""
     if known or dense.is_refused:  # limbs are as a moment before, or do not matter
         return dense
-    settings = dense.task.body.settings
     for joint in crossing_joints(dense.task.body, dense.pose):
         task, pose = dense.task, dense.pose
         crossing = find_crossing(task, pose, joint)
@@ -118,11 +124,11 @@ def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
         distances = [crossing.distances(task, exchanged) for exchanged, _ in fits]
         nearest = int(np.argmin([strained.mean() for strained in distances]))
         start, prior = fits[nearest]
-        is_elsewhere = crossing.gap(task, pose, start) > settings.arms.different_metres
-        is_nearer = are_less(distances[nearest], crossing.distances(task, pose), settings.arms)
+        is_elsewhere = crossing.gap(task, pose, start) > DIFFERENT_METRES
+        is_nearer = are_less(distances[nearest], crossing.distances(task, pose))
         if is_elsewhere and is_nearer:
             task = replace(task, prior=prior)
-            pose = fit_closest(task.samples, start, prior, task.scan, settings.dense.scales)
+            pose = fit_closest(task.samples, start, prior, task.scan, DENSE_SCALES)
             dense = replace(dense, task=task, pose=pose)
     return dense
 

@@ -13,6 +13,21 @@ from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._constants import (
+    CLEARLY_NEAR,
+    DENSE_ALONG,
+    DENSE_KNOWN_SCALES,
+    DENSE_LONGEST_ROTATION,
+    DENSE_SCALES,
+    FARTHEST_HAIR,
+    HAIR_METRES,
+    HANDS_PRECISION,
+    MOST_HAIR,
+    N_DENSE,
+    N_NEAR,
+    NEAR_METRES,
+    WRIST_DEGREES,
+)
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
 from riemhuman.registration._registration_model import RegistrationModel
@@ -50,22 +65,22 @@ class DenseFit:
 
 def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> DenseFit:
     """Return the body of the likeliest start, fitted to all points of a scan except hair."""
-    settings, whole = body.settings.dense, scan.points
+    whole = scan.points
     precisions = best.prior.precisions.copy()
     for arm in body.arm_surfaces:
-        precisions[arm.joints[-1]] = np.radians(arm.settings.wrist_degrees) ** -2.0
+        precisions[arm.joints[-1]] = np.radians(WRIST_DEGREES) ** -2.0
     prior = best.prior._replace(
         local=expect_feet(body, best),
         precisions=np.minimum(precisions, best.prior.precisions),
-        betas_precisions=np.minimum(best.prior.betas_precisions, settings.hands_precision),
+        betas_precisions=np.minimum(best.prior.betas_precisions, HANDS_PRECISION),
     )
     # Soft assignment moves curved surfaces inward; closest points do not.
     pose = anneal_finely(body, best, scan)
     visible = body.find_visible(body.surface(pose), scan.points, best.up)
-    samples = body.samples(settings.n_samples)
+    samples = body.samples(N_DENSE)
     areas = samples.areas * visible[samples.numbers]
     samples = samples._replace(areas=areas / areas.sum())
-    scales = settings.known_scales if best.known else settings.scales
+    scales = DENSE_KNOWN_SCALES if best.known else DENSE_SCALES
     pose = fit_closest(samples, pose, prior, scan, scales)
     hair = find_hair(body, body.surface(pose), scan.points)
     if hair.any():
@@ -98,7 +113,6 @@ def fit_closest(
     scales: tuple[float, ...],
 ) -> Pose:
     """Return the parameters that bring a body's points to the closest points of a scan."""
-    settings = scan.settings.dense
     for scale in scales:
         posed = pose_body(body, pose)
         gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, scale)
@@ -110,8 +124,8 @@ def fit_closest(
             shares,
             gaps,
             normals,
-            settings.along,
-            settings.longest_rotation,
+            DENSE_ALONG,
+            DENSE_LONGEST_ROTATION,
         )
     return pose
 
@@ -139,30 +153,29 @@ def fit_joints(
 
 def is_clearly_refused(body: RegistrationModel, pose: Pose, points: Array) -> bool:
     """Return whether too many of a scan's points are far from a body for details to matter."""
-    settings = body.settings
-    some = points[even_points(points, settings.retries.n_near)]
+    some = points[even_points(points, N_NEAR)]
     _, gaps = nearest_points(some, body.surface(pose), body.model.faces)
-    return bool(np.mean(gaps < settings.trust.near_metres) < settings.retries.clearly_near)
+    return bool(np.mean(gaps < NEAR_METRES) < CLEARLY_NEAR)
 
 
 def find_hair(body: RegistrationModel, surface: Array, points: Array) -> Booleans:
     """Return which points of a scan lie so far outside the head that they are hair or a hat."""
-    settings, parts, faces = body.settings.dense, body.parts, body.model.faces
+    parts, faces = body.parts, body.model.faces
     on_head = np.isin(parts.owners, parts.numbers("head", "neck"))
     hair = np.zeros(len(points), dtype=bool)
     head = surface[on_head]
     if not len(head):
         return hair
-    low, high = head.min(axis=0) - settings.farthest_hair, head.max(axis=0) + settings.farthest_hair
+    low, high = head.min(axis=0) - FARTHEST_HAIR, head.max(axis=0) + FARTHEST_HAIR
     around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
     # Points near a vertex are near the surface.
-    around = around[cKDTree(surface).query(points[around])[0] > settings.hair_metres]
+    around = around[cKDTree(surface).query(points[around])[0] > HAIR_METRES]
     if not len(around):
         return hair
     places, gaps = nearest_points(points[around], surface, faces)
     near = faces[places.triangles, places.barycentric.argmax(axis=1)]
     normals = vertex_normals(surface, faces)[near]
     heights = np.einsum("nx,nx->n", points[around] - surface[near], normals)
-    far = (gaps > settings.hair_metres) & (gaps < settings.farthest_hair) & (heights > 0.0)
+    far = (gaps > HAIR_METRES) & (gaps < FARTHEST_HAIR) & (heights > 0.0)
     hair[around[far & on_head[near]]] = True
-    return hair if hair.mean() < settings.most_hair else np.zeros_like(hair)
+    return hair if hair.mean() < MOST_HAIR else np.zeros_like(hair)

@@ -16,10 +16,24 @@ from scipy.sparse.linalg import cg
 from riemhuman.arrays import Array, Booleans
 from riemhuman.geometry import ElasticMetric
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._constants import (
+    CONJUGATE_TOLERANCE,
+    DENSE_LONGEST_ROTATION,
+    ELASTIC_ALONG,
+    ELASTIC_SCALE,
+    FIRST_STIFFNESS,
+    MOST_HALVINGS,
+    N_CONJUGATE,
+    N_ELASTIC_REPEATS,
+    N_ELASTIC_STEPS,
+    N_ELASTIC_STEPS_AGAIN,
+    N_SURFACE_STEPS,
+    NOISE_METRES,
+    UNMATCHED_WEIGHT,
+)
 from riemhuman.registration._dense_fit import DenseTask
 from riemhuman.registration._posed_body import Pose, pose_body, take_step
 from riemhuman.registration._scan_preparation import Matches, PreparedScan
-from riemhuman.registration.settings import ElasticSettings
 
 
 @dataclass(frozen=True)
@@ -34,14 +48,13 @@ class ElasticFit:
 
 def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
     """Take the elastic step, then fit the model to its result again, twice."""
-    metric, scan, settings = task.body.metric, task.scan, task.body.settings.elastic
-    softer = np.geomspace(
-        settings.first_stiffness, last_stiffness(task.noise, settings), settings.n_steps
-    )
+    metric, scan = task.body.metric, task.scan
+    last = last_stiffness(task.noise, task.body.settings.last_stiffness)
+    softer = np.geomspace(FIRST_STIFFNESS, last, N_ELASTIC_STEPS)
     reference = task.body.surface(pose)
     points, matches = fit_elastic(metric, reference, reference, scan, softer, visible=task.visible)
-    for _ in range(settings.n_repeats):
-        weights = np.maximum(matches.weights, settings.unmatched)
+    for _ in range(N_ELASTIC_REPEATS):
+        weights = np.maximum(matches.weights, UNMATCHED_WEIGHT)
         pose = _fit_surface(task, pose, points, weights)
         reference = task.body.surface(pose)
         points, matches = fit_elastic(
@@ -49,25 +62,25 @@ def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
             points,
             reference,
             scan,
-            softer[-settings.n_steps_again :],
+            softer[-N_ELASTIC_STEPS_AGAIN:],
             visible=task.visible,
         )
     return ElasticFit(pose, reference, points, matches)
 
 
-def last_stiffness(noise: float, settings: ElasticSettings) -> float:
+def last_stiffness(noise: float, least: float) -> float:
     """Return the stiffness α of the last elastic steps for a scan with such noise, metres."""
-    softest = settings.last_stiffness * max(1.0, noise / settings.noise_metres) ** 2
-    return min(softest, settings.first_stiffness)
+    softest = least * max(1.0, noise / NOISE_METRES) ** 2
+    return min(softest, FIRST_STIFFNESS)
 
 
 def _fit_surface(task: DenseTask, pose: Pose, points: Array, weights: Array) -> Pose:
     """Return the pose nearest to the vertices that left the model, with weights (V,)."""
-    settings, numbers = task.body.settings, task.samples.numbers
+    numbers = task.samples.numbers
     is_vertex = (numbers >= 0)[:, np.newaxis]
     shares = task.samples.areas * weights[numbers]
-    longest = settings.dense.longest_rotation
-    for _ in range(settings.elastic.n_surface_steps):
+    longest = DENSE_LONGEST_ROTATION
+    for _ in range(N_SURFACE_STEPS):
         posed = pose_body(task.samples, pose)
         gaps = np.where(is_vertex, points[numbers] - posed.points, 0.0)
         pose = take_step(posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0, longest)
@@ -86,8 +99,8 @@ def fit_elastic(
     """Return a surface near a scan, elastically near a reference, and the matches of vertices."""
     # Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with
     # the matrix of the metric at the reference.
-    settings, template = scan.settings.elastic, metric.space.template
-    scale = settings.scale if scale is None else scale
+    template = metric.space.template
+    scale = ELASTIC_SCALE if scale is None else scale
     faces, areas = template.faces, template.vertex_areas
 
     def match(points: Array) -> Matches:
@@ -110,7 +123,7 @@ def fit_elastic(
     for stiffness in stiffnesses:
         weights = areas * matches.weights
         blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
-        blocks = weights[:, np.newaxis, np.newaxis] * (blocks + settings.along * np.eye(3))
+        blocks = weights[:, np.newaxis, np.newaxis] * (blocks + ELASTIC_ALONG * np.eye(3))
         right = np.einsum("nxy,ny->nx", blocks, matches.gaps) - 0.5 * stiffness * pull
         system.data = np.float32(stiffness) * elastic
         system.data[on_diagonal] += blocks
@@ -118,15 +131,15 @@ def fit_elastic(
         step, _ = cg(
             system,
             right.ravel().astype(np.float32),
-            rtol=settings.conjugate_tolerance,
-            maxiter=settings.n_conjugate,
+            rtol=CONJUGATE_TOLERANCE,
+            maxiter=N_CONJUGATE,
             M=sparse.bsr_array((inverse, numbers[:-1], numbers)),
         )
         step = step.reshape(-1, 3)
         cost = _squares(matches.gaps, blocks) + stiffness * energy
         # Where triangles nearly vanish, a full step may go too far.
         energy, pull = pull_to(points + step)
-        for _ in range(settings.most_halvings):
+        for _ in range(MOST_HALVINGS):
             if _squares(matches.gaps - step, blocks) + stiffness * energy <= cost:
                 break
             step = 0.5 * step

@@ -6,7 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Integers, Triangles
-from riemhuman.registration.settings import ArmSettings
+from riemhuman.registration._constants import (
+    LEAST_GAIN,
+    N_STANDARD_ERRORS,
+)
 from riemhuman.surfaces.nearest_points import nearest_points
 
 # Points of a scan that are farther from all vertices belong to no part, metres: a point near the
@@ -33,8 +36,8 @@ def limited_distances(points: Array, surface: Array, faces: Triangles, farthest:
     return np.minimum(nearest_points(points, surface, faces)[1], farthest)
 
 
-def are_less(some: Array, others: Array, settings: ArmSettings) -> bool:
+def are_less(some: Array, others: Array) -> bool:
     """Return whether distances of the same points are smaller by more than chance."""
     gains = others - some
-    chance = settings.n_errors * np.sqrt(np.mean(gains**2) / len(gains))
-    return bool(gains.mean() > max(settings.least_gain * others.mean(), chance))
+    chance = N_STANDARD_ERRORS * np.sqrt(np.mean(gains**2) / len(gains))
+    return bool(gains.mean() > max(LEAST_GAIN * others.mean(), chance))

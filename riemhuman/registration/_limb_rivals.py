@@ -29,6 +29,33 @@ from riemhuman.registration._arms_and_hands import (
     fit_starts,
     other_arms_again,
 )
+from riemhuman.registration._constants import (
+    ACROSS_CONTACT,
+    CROSSING_SHARE,
+    DENSE_SCALES,
+    DISPLACED_METRES,
+    ELBOW_SWINGS,
+    EXCHANGED_METRES,
+    HAND_MARGIN,
+    HAND_METRES,
+    HEAD_MARGIN,
+    HEAD_TURNS,
+    LEAST_DISPLACED,
+    LEAST_HAND_SHOWN,
+    LEAST_SWUNG,
+    LEAST_TOLD_APART,
+    LEAST_USUAL_METRES,
+    LIMB_MARGIN,
+    MOST_FINGER_EXCESS,
+    MOST_HAND_EXCESS,
+    MOST_LIMB_EXCESS,
+    MOST_TOUCHING,
+    N_FIRST_STEPS,
+    N_RIVAL_COMPARED,
+    RIVAL_COMPARED_EVERY,
+    RIVAL_MOST_FARTHER,
+    TOUCHING_METRES,
+)
 from riemhuman.registration._crossed_limbs import (
     crossing_joints,
     exchanged_limbs,
@@ -37,7 +64,6 @@ from riemhuman.registration._crossed_limbs import (
 from riemhuman.registration._limb_distances import faces_among, limited_distances, points_on
 from riemhuman.registration._messages import LANDMARKS_DECIDE, OPEN_HANDS, part_in_words
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
-from riemhuman.registration.settings import RivalSettings
 from riemhuman.surfaces.nearest_points import nearest_points
 
 _EQUAL = "two explanations fit almost equally"
@@ -107,27 +133,25 @@ class ShownLimbs(NamedTuple):
     excess: Array  # (J,) how many times farther it is from a limb than from the rest
 
 
-def find_limb_doubts(body: BodyFit, shown: ShownLimbs, settings: RivalSettings) -> list[LimbDoubt]:
+def find_limb_doubts(body: BodyFit, shown: ShownLimbs) -> list[LimbDoubt]:
     """Return the limbs that fit badly, or that other poses explain almost as well."""
-    touching = _touching_hands(body, settings)
-    others = _ill_fitting_limbs(body, shown, settings)
+    touching = _touching_hands(body)
+    others = _ill_fitting_limbs(body, shown)
     for arm, poses in body.doubtful_arms.items():
-        others += _turned_arm(body, arm, poses, settings)
+        others += _turned_arm(body, arm, poses)
     for arm, fits in body.hand_fits.items():
-        others += _other_hand(body, arm, fits, shown, settings)
-        others += _arm_elsewhere(body, arm, settings)
-    others += _turned_head(body, settings)
+        others += _other_hand(body, arm, fits, shown)
+        others += _arm_elsewhere(body, arm)
+    others += _turned_head(body)
     for joint in crossing_joints(body.task.body, body.fit.pose):
-        others += _exchanged_limbs(body, joint, settings)
+        others += _exchanged_limbs(body, joint)
     # What is said about both hands need not be repeated for one.
     known = [doubt.vertices for doubt in touching]
     others = [doubt for doubt in others if not known or (doubt.vertices & ~known[0]).any()]
     return [*touching, *others]
 
 
-def _ill_fitting_limbs(
-    body: BodyFit, shown: ShownLimbs, settings: RivalSettings
-) -> list[LimbDoubt]:
+def _ill_fitting_limbs(body: BodyFit, shown: ShownLimbs) -> list[LimbDoubt]:
     """Return doubt about limbs that fit worse than the rest of the body, with what they carry."""
     parts = body.task.body.parts
     return [
@@ -137,33 +161,31 @@ def _ill_fitting_limbs(
             "from the rest of the body",
         )
         for k, name in enumerate(parts.names)
-        if not name.endswith("wrist") and shown.excess[k] > settings.most_limb_excess
+        if not name.endswith("wrist") and shown.excess[k] > MOST_LIMB_EXCESS
     ]
 
 
-def _touching_hands(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
+def _touching_hands(body: BodyFit) -> list[LimbDoubt]:
     """Return doubt about the fingers of both hands if they hide each other's."""
     parts, points = body.task.body.parts, body.fit.points
     hands = [np.flatnonzero(parts.vertices([int(arm[-1])])) for arm in parts.arms]
     if len(hands) < 2 or not all(map(len, hands)):
         return []
     shares = [
-        np.mean(cKDTree(points[opposite]).query(points[hand])[0] < settings.touching_metres)
+        np.mean(cKDTree(points[opposite]).query(points[hand])[0] < TOUCHING_METRES)
         for hand, opposite in (hands, hands[::-1])
     ]
-    if max(shares) < settings.most_touching:
+    if max(shares) < MOST_TOUCHING:
         return []
     uncertain = [
-        _uncertain_fingers(arm, body.hand_fits.get(arm, []), np.inf, settings)
+        _uncertain_fingers(arm, body.hand_fits.get(arm, []), np.inf)
         for arm in body.task.body.arm_surfaces
     ]
     reason = "hands: they touch, and the scan does not tell their fingers apart"
     return _doubts_about(body, np.concatenate(uncertain), reason, OPEN_HANDS)
 
 
-def _uncertain_fingers(
-    arm: ArmSurface, fits: list[HandFit], margin: float, settings: RivalSettings
-) -> Integers:
+def _uncertain_fingers(arm: ArmSurface, fits: list[HandFit], margin: float) -> Integers:
     """Return the vertices of a hand that are elsewhere in poses of it hardly farther from a scan.
 
     Where all poses agree, nothing depends on them; without fits, all of the hand is uncertain.
@@ -174,13 +196,11 @@ def _uncertain_fingers(
     displaced = np.zeros(len(arm.vertices), dtype=bool)
     for rival in fits:
         if rival.cost < (1.0 + margin) * best.cost:
-            displaced |= _displaced(best.surface, rival.surface, settings)
+            displaced |= _displaced(best.surface, rival.surface)
     return arm.vertices[displaced]
 
 
-def _turned_arm(
-    body: BodyFit, arm: ArmSurface, poses: list[Pose], settings: RivalSettings
-) -> list[LimbDoubt]:
+def _turned_arm(body: BodyFit, arm: ArmSurface, poses: list[Pose]) -> list[LimbDoubt]:
     """Return doubt about a forearm and hand that another pose brings almost as near to the scan."""
     task, pose = body.task, body.fit.pose
     points = points_on(task.scan.points, body.fit.model_points, arm.vertices)
@@ -190,44 +210,40 @@ def _turned_arm(
     elsewhere = [
         candidate
         for candidate in other_arms_again(task, pose, arm, poses)
-        if _displaced(surface, pose_body(arm.skin, candidate).points, settings).any()
+        if _displaced(surface, pose_body(arm.skin, candidate).points).any()
     ]
     if not elsewhere:
         return []
     current, *others = elastic_arms(task, arm, points, [pose, *elsewhere])
-    most = (1.0 + settings.least_margin) * current.cost
+    most = (1.0 + LIMB_MARGIN) * current.cost
     displaced = np.zeros(len(arm.vertices), dtype=bool)
     for rival in others:
         if rival.cost < most:
-            displaced |= _displaced(surface, rival.surface, settings)
+            displaced |= _displaced(surface, rival.surface)
     reason = f"{arm.side} hand: {_EQUAL}, in which the forearm is turned differently"
     return _doubts_about(body, arm.vertices[displaced], reason)
 
 
 def _other_hand(
-    body: BodyFit,
-    arm: ArmSurface,
-    fits: list[HandFit],
-    shown: ShownLimbs,
-    settings: RivalSettings,
+    body: BodyFit, arm: ArmSurface, fits: list[HandFit], shown: ShownLimbs
 ) -> list[LimbDoubt]:
     """Return doubt about fingers that might just as well be in another pose."""
     costs = np.array([fit.cost for fit in fits])
-    usual = _usual_distance(body, arm, settings)
-    is_far = costs.min() > settings.most_hand_excess * usual
-    is_far |= shown.excess[arm.joints[-1]] > settings.most_finger_excess
+    usual = _usual_distance(body, arm)
+    is_far = costs.min() > MOST_HAND_EXCESS * usual
+    is_far |= shown.excess[arm.joints[-1]] > MOST_FINGER_EXCESS
     # If one pose explains a hand, others are much farther, whatever noise and flesh add.
-    is_no_better = costs.min() > settings.least_told_apart * np.median(costs)
+    is_no_better = costs.min() > LEAST_TOLD_APART * np.median(costs)
     margin, why = np.inf, "no pose of its fingers fits the scan"
-    if shown.matched[arm.on_hand].mean() < settings.least_hand_shown:
+    if shown.matched[arm.on_hand].mean() < LEAST_HAND_SHOWN:
         why = "the scan shows little of it"
     elif not is_far and not is_no_better:
-        margin, why = settings.hand_margin, f"{_EQUAL}, in which its fingers are open or bent"
-    uncertain = _uncertain_fingers(arm, fits, margin, settings)
+        margin, why = HAND_MARGIN, f"{_EQUAL}, in which its fingers are open or bent"
+    uncertain = _uncertain_fingers(arm, fits, margin)
     return _doubts_about(body, uncertain, f"{arm.side} hand: {why}", OPEN_HANDS)
 
 
-def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> float:
+def _usual_distance(body: BodyFit, arm: ArmSurface) -> float:
     """Return the mean distance of points from a hand where the model fits it like its arm, metres.
 
     The noise of a scan and what the model cannot show of a person are in both.
@@ -236,16 +252,16 @@ def _usual_distance(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> 
     on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
     points = points_on(task.scan.points, body.fit.model_points, on_arm)
     if not len(points):
-        return settings.least_usual_metres
-    points = points[:: max(len(points) // settings.n_compared, 1)]
+        return LEAST_USUAL_METRES
+    points = points[:: max(len(points) // N_RIVAL_COMPARED, 1)]
     around = np.flatnonzero(parts.vertices([int(arm.joints[0])]))
     surface = pose_body(task.body.samples(None).only(around), pose).points
     faces = faces_among(task.body.model.faces, around)
-    usual = limited_distances(points, surface, faces, arm.settings.hand_metres).mean()
-    return float(max(usual, settings.least_usual_metres))
+    usual = limited_distances(points, surface, faces, HAND_METRES).mean()
+    return float(max(usual, LEAST_USUAL_METRES))
 
 
-def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> list[LimbDoubt]:
+def _arm_elsewhere(body: BodyFit, arm: ArmSurface) -> list[LimbDoubt]:
     """Return doubt about an arm that would be almost as near to the scan elsewhere."""
     skeleton, pose = arm.samples.skeleton, body.fit.pose
     vertices = np.flatnonzero(body.task.body.parts.vertices(arm.joints[1:].tolist()))
@@ -253,19 +269,19 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
     swings: list[_Start] = []
     shifts: list[_Start] = []
     elbow, wrist = map(int, arm.joints[2:])
-    if elbow_bend(skeleton, pose, arm.joints) > settings.least_swung:
+    if elbow_bend(skeleton, pose, arm.joints) > LEAST_SWUNG:
         swings = [
             _Start(swing_elbow(skeleton, pose, arm.joints, degrees), elbow)
-            for degrees in settings.elbow_swings
+            for degrees in ELBOW_SWINGS
         ]
-    inward = find_contact(body, arm, settings)
+    inward = find_contact(body, arm)
     if inward is not None:
         shifts = [
             _Start(move_end(skeleton, pose, arm.joints[1:], distance * inward), wrist)
-            for distance in settings.across
+            for distance in ACROSS_CONTACT
         ]
     starts = [*swings, *shifts]
-    displaced = _displaced_in_rivals(body, limb, starts, settings.least_margin, settings)
+    displaced = _displaced_in_rivals(body, limb, starts, LIMB_MARGIN)
     by_swings, by_shifts = (
         rows.any(axis=0) for rows in (displaced[: len(swings)], displaced[len(swings) :])
     )
@@ -275,21 +291,21 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> l
     return _doubts_about(body, vertices[by_swings | by_shifts], reason)
 
 
-def find_contact(body: BodyFit, arm: ArmSurface, settings: RivalSettings) -> Array | None:
+def find_contact(body: BodyFit, arm: ArmSurface) -> Array | None:
     """Return the direction from a hand into what it touches, or None if it hardly touches."""
     parts, points, faces = body.task.body.parts, body.fit.points, body.task.body.model.faces
     hand = np.flatnonzero(parts.vertices([int(arm.joints[-1])]))
     others = faces[~parts.vertices(arm.joints[1:].tolist())[faces].any(axis=1)]
     places, gaps = nearest_points(points[hand], points, others)
-    touching = gaps < settings.touching_metres
-    if np.mean(touching) < settings.crossing_share:
+    touching = gaps < TOUCHING_METRES
+    if np.mean(touching) < CROSSING_SHARE:
         return None
     normals = vertex_normals(points, faces)[others[places.triangles[touching], 0]]
     inward: Array = -unit_vectors(normals.mean(axis=0))
     return inward
 
 
-def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
+def _turned_head(body: BodyFit) -> list[LimbDoubt]:
     """Return doubt about a head that would be almost as near to the scan if turned or nodded."""
     task, parts, pose = body.task, body.task.body.parts, body.fit.pose
     joints = parts.numbers("neck", "head")
@@ -299,17 +315,17 @@ def _turned_head(body: BodyFit, settings: RivalSettings) -> list[LimbDoubt]:
     samples = task.samples.only((task.samples.numbers >= 0) & on_neck[task.samples.numbers])
     limb = _Limb(np.flatnonzero(parts.vertices(joints[1:])), np.array(joints), samples)
     starts = []
-    for turn in settings.head_turns:
+    for turn in HEAD_TURNS:
         local = pose.local.copy()
         local[joints[1]] = local[joints[1]] @ rotation_matrix(np.radians([*turn, 0.0]))
         starts.append(_Start(pose._replace(local=local)))
-    displaced = _displaced_in_rivals(body, limb, starts, settings.head_margin, settings)
+    displaced = _displaced_in_rivals(body, limb, starts, HEAD_MARGIN)
     reason = f"head: {_EQUAL}, in which it is turned or nods differently"
     return _doubts_about(body, limb.vertices[displaced.any(axis=0)], reason)
 
 
 def _displaced_in_rivals(
-    body: BodyFit, limb: _Limb, starts: list[_Start], margin: float, settings: RivalSettings
+    body: BodyFit, limb: _Limb, starts: list[_Start], margin: float
 ) -> Booleans:
     """Return which vertices of a limb are elsewhere in rivals almost as near, a row for each start.
 
@@ -322,16 +338,16 @@ def _displaced_in_rivals(
     seen = points_on(task.scan.points, body.fit.model_points, vertices)
     if not len(seen):
         return displaced
-    seen = seen[:: max(len(seen) // settings.n_compared, 1)]
+    seen = seen[:: max(len(seen) // N_RIVAL_COMPARED, 1)]
     skin, faces = task.body.samples(None).only(vertices), task.body.model.faces
     surface_of_limb = _LimbSurface(limb, skin, faces_among(faces, vertices))
-    n_first, scales = task.body.settings.arms.n_first_steps, task.body.settings.dense.scales
+    n_first, scales = N_FIRST_STEPS, DENSE_SCALES
     unfitted = [pose, *(start.pose for start in starts)]
     first = fit_starts(task, limb.joints, limb.samples, unfitted, scales[:n_first])
-    few, farthest = seen[:: settings.n_compared_first], settings.exchanged_metres
+    few, farthest = seen[::RIVAL_COMPARED_EVERY], EXCHANGED_METRES
     costs = surface_of_limb.costs([pose, *first], few, farthest)
     # Fits that are still far away will not come nearer.
-    near = np.flatnonzero(costs[2:] < settings.most_farther * min(costs[:2]))
+    near = np.flatnonzero(costs[2:] < RIVAL_MOST_FARTHER * min(costs[:2]))
     nearer = [first[0], *(first[1 + k] for k in near)]
     poses = [pose, *fit_starts(task, limb.joints, limb.samples, nearer, scales[n_first:])]
     costs = surface_of_limb.costs(poses, seen, farthest)
@@ -340,15 +356,15 @@ def _displaced_in_rivals(
     for k, surface, cost, rival in zip(near, surfaces[2:], costs[2:], joints[2:], strict=True):
         joint = starts[k].joint
         moved = np.inf if joint is None else np.linalg.norm(rival[joint] - joints[0][joint])
-        if moved > settings.displaced_metres and cost < (1.0 + margin) * min(costs[:2]):
-            displaced[k] = _displaced(surfaces[0], surface, settings)
-    return displaced | _displaced(surfaces[0], surfaces[1], settings)
+        if moved > DISPLACED_METRES and cost < (1.0 + margin) * min(costs[:2]):
+            displaced[k] = _displaced(surfaces[0], surface)
+    return displaced | _displaced(surfaces[0], surfaces[1])
 
 
-def _displaced(surface: Array, rival: Array, settings: RivalSettings) -> Booleans:
+def _displaced(surface: Array, rival: Array) -> Booleans:
     """Return which vertices are elsewhere in a rival; none if there are only a few."""
-    displaced = np.linalg.norm(surface - rival, axis=1) > settings.displaced_metres
-    clearly: Booleans = displaced & bool(displaced.mean() > settings.least_displaced)
+    displaced = np.linalg.norm(surface - rival, axis=1) > DISPLACED_METRES
+    clearly: Booleans = displaced & bool(displaced.mean() > LEAST_DISPLACED)
     return clearly
 
 
@@ -360,7 +376,7 @@ def _doubts_about(
     return [LimbDoubt(vertices, reason, remedy)] if len(numbers) else []
 
 
-def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list[LimbDoubt]:
+def _exchanged_limbs(body: BodyFit, joint: str) -> list[LimbDoubt]:
     """Return doubt about crossed forearms or shins that fit almost as well exchanged."""
     task, pose = body.task, body.fit.pose
     crossing = find_crossing(task, pose, joint)
@@ -370,7 +386,7 @@ def _exchanged_limbs(body: BodyFit, joint: str, settings: RivalSettings) -> list
     surface, most = body.fit.model_points[both], crossing.distances(task, pose).mean()
     displaced = np.zeros(len(both), dtype=bool)
     for rival, _ in exchanged_limbs(task, pose, joint):
-        if crossing.distances(task, rival).mean() < (1.0 + settings.least_margin) * most:
-            displaced |= _displaced(surface, task.body.surface(rival)[both], settings)
+        if crossing.distances(task, rival).mean() < (1.0 + LIMB_MARGIN) * most:
+            displaced |= _displaced(surface, task.body.surface(rival)[both])
     limbs = "arms" if joint == "elbow" else "legs"
     return _doubts_about(body, both[displaced], f"{limbs}: they cross, and {_EQUAL}")

@@ -17,6 +17,13 @@ from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import (
+    DENSE_SCALES,
+    FARTHER_WITHOUT_LIMBS,
+    LEAST_NEAR_OF_LIMB,
+    N_JUDGED,
+    NEAR_METRES,
+)
 from riemhuman.registration._dense_fit import DenseTask, fit_closest
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._even_points import even_points
@@ -42,14 +49,14 @@ def leave_out_lost_limbs(
     A body that is refused anyway stays as it is, and so does one whose limb may be elsewhere in
     the scan.
     """
-    shown, settings = find_shown_parts(fitted, scan), fitted.task.body.settings
+    shown = find_shown_parts(fitted, scan)
     if is_refused or not (shown.lost & fitted.task.visible).any():
         return fitted, shown
     if not _explains_scan(fitted):
         return fitted, shown  # the limb may be where points are far from the body
     without = _fit_without(fitted, shown.lost)
     # If the limb is in the scan after all, its points are now far from the body.
-    farther = settings.retries.farther_without_limbs
+    farther = FARTHER_WITHOUT_LIMBS
     is_farther = _distances_from(without).mean() > farther * _distances_from(fitted).mean()
     if is_farther or not _explains_scan(without):
         return fitted, shown
@@ -69,7 +76,7 @@ def _fit_without(fitted: BodyFit, lost: Booleans) -> BodyFit:
     task = replace(
         task, visible=visible, samples=samples, prior=task.prior._replace(local=expected)
     )
-    start, scales = fitted.fit.pose._replace(local=local), task.body.settings.dense.scales
+    start, scales = fitted.fit.pose._replace(local=local), DENSE_SCALES
     pose = fit_closest(samples, start, task.prior, task.scan, scales)
     return replace(fitted, task=task, fit=leave_model(task, pose))
 
@@ -107,15 +114,14 @@ def _with_usual_twist(task: DenseTask, local: Array, carrier: int, end: int) -> 
 
 def _explains_scan(fitted: BodyFit) -> bool:
     """Return whether so much of a scan is near a body that no limb of the scan is elsewhere."""
-    settings = fitted.task.body.settings.trust
-    share = np.mean(_distances_from(fitted) < settings.near_metres)
-    return bool(share >= settings.least_near_of_limb)
+    share = np.mean(_distances_from(fitted) < NEAR_METRES)
+    return bool(share >= LEAST_NEAR_OF_LIMB)
 
 
 def _distances_from(fitted: BodyFit) -> Array:
     """Return the distances of some points of a scan from a body, limited, metres."""
-    settings, points = fitted.task.body.settings.trust, fitted.task.scan.points
-    some = points[even_points(points, settings.n_samples)]
+    points = fitted.task.scan.points
+    some = points[even_points(points, N_JUDGED)]
     _, distances = nearest_points(some, fitted.fit.points, fitted.task.body.model.faces)
-    limited: Array = np.minimum(distances, settings.near_metres)
+    limited: Array = np.minimum(distances, NEAR_METRES)
     return limited

@@ -14,6 +14,18 @@ from time import perf_counter
 import numpy as np
 
 from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._constants import (
+    BODY_MARGIN,
+    CLEARLY_NEAR,
+    LEAST_MATCHED_HALF,
+    LEAST_NEAR,
+    MOST_MATCHED_HALF,
+    NEAR_METRES,
+    NEAR_OF_HALF,
+    RETRY_GAIN,
+    SAME_METRES,
+    SEARCH_ROUNDS,
+)
 from riemhuman.registration._crossed_limbs import uncross_limbs
 from riemhuman.registration._dense_fit import fit_densely, is_clearly_refused
 from riemhuman.registration._elastic_step import leave_model
@@ -65,7 +77,7 @@ def register_scan(task: ScanTask, known: KnownBody | None = None) -> Registratio
     if first.verdict.trusted:
         return first
     retry = _register_again(task, first, again=known is None)
-    gain = task.models.whole.settings.retries.retry_gain
+    gain = RETRY_GAIN
     likelier = retry.verdict.likelihood > first.verdict.likelihood + gain
     return retry if retry.verdict.trusted or likelier else first
 
@@ -104,16 +116,16 @@ def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:
     whole, verdict = task.models.whole, trace.verdict
     halves = whole.parts.halves if verdict.trusted_vertices.any() else []
     for number, missing in enumerate(halves):
-        few = verdict.matched[missing].mean() < whole.settings.retries.least_matched_half
-        if few and _near_share(task.half(number)) >= whole.settings.trust.least_near:
+        few = verdict.matched[missing].mean() < LEAST_MATCHED_HALF
+        if few and _near_share(task.half(number)) >= LEAST_NEAR:
             return task.half(number)
     return trace
 
 
 def _near_share(trace: RegistrationTrace) -> float:
     """Return the share of a scan, without its background, that is near the body."""
-    verdict, settings = trace.verdict, trace.search.body.settings.trust
-    return float(np.mean(verdict.distances[~verdict.background] < settings.near_metres))
+    verdict = trace.verdict
+    return float(np.mean(verdict.distances[~verdict.background] < NEAR_METRES))
 
 
 def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) -> RegistrationTrace:
@@ -134,39 +146,38 @@ def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
 def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) -> Iterator[Search]:
     """Yield searches that may explain a doubtful scan better."""
     whole, scan, near = task.models.whole, task.scan, _near_share(first)
-    settings = whole.settings.retries
     if scan.floor is not None and not task.up_is_known:
         without_floor = replace(scan, up=None, floor=None, other_ups=())
         search = search_scan(whole, without_floor, quick=True)
         yield search
-        if _likelihood_of(search) > _likelihood_of(first.search) + settings.retry_gain:
+        if _likelihood_of(search) > _likelihood_of(first.search) + RETRY_GAIN:
             return  # the floor was none
     # Much of the scan is far from the body: usually it includes something else, and the first
     # search has shown that its normals do not agree with a body's.
-    quick = again and near < settings.clearly_near
+    quick = again and near < CLEARLY_NEAR
     scan = replace(scan, signed=first.search.signed) if quick else scan
     yield search_scan(whole, scan, again=again, quick=quick)
-    if first.verdict.trusted_vertices.any() or near < settings.near_of_half:
+    if first.verdict.trusted_vertices.any() or near < NEAR_OF_HALF:
         return
     for half, missing in zip(task.models.halves, whole.parts.halves, strict=True):
-        if first.verdict.matched[missing].mean() < settings.most_matched_half:
+        if first.verdict.matched[missing].mean() < MOST_MATCHED_HALF:
             yield search_scan(half, scan, quick=True)
 
 
 def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> bool:
     """Return whether a search leads to the refused body, or to one that will be refused."""
-    settings, search = task.models.whole.settings, first.search
+    search = first.search
     if retry.body is not search.body:
         return False
-    samples = retry.body.samples(settings.search.rounds[-1].n_model)
+    samples = retry.body.samples(SEARCH_ROUNDS[-1].n_model)
     bodies = [
         pose_body(samples, searched.candidates[0].pose).points for searched in (search, retry)
     ]
     gap = np.sqrt(np.mean(np.sum((bodies[0] - bodies[1]) ** 2, axis=1)))
-    if gap < settings.search.same_metres:
+    if gap < SAME_METRES:
         # All doubts concern the body alone, except the one about its likelihood among others.
-        return find_margin(search) > settings.trust.least_margin
-    is_likelier = _likelihood_of(retry) > _likelihood_of(search) + settings.retries.retry_gain
+        return find_margin(search) > BODY_MARGIN
+    is_likelier = _likelihood_of(retry) > _likelihood_of(search) + RETRY_GAIN
     best = retry.candidates[0].pose
     return not is_likelier and is_clearly_refused(retry.body, best, retry.scan.points)
 

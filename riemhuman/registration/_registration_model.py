@@ -15,9 +15,13 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.registration._arm_surfaces import ArmSurface, make_arm_surface
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import (
+    N_FOR_ARMS,
+    STILL_HANDS,
+)
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, sample_model
 from riemhuman.registration._start_poses import joint_precisions, start_poses
-from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
+from riemhuman.registration.registration_settings import DEFAULT_SETTINGS, RegistrationSettings
 
 
 class End(NamedTuple):
@@ -51,24 +55,26 @@ class RegistrationModel:
     @cached_property
     def arms(self) -> list[Integers]:
         """The joints of the arms for which other poses are tried."""
-        return self.parts.arms if self.settings.search.tries_arms else []
+        return self.parts.arms if self.settings.tries_arms else []
 
     @cached_property
     def arm_surfaces(self) -> list[ArmSurface]:
-        settings, parts = self.settings.arms, self.parts
-        skin, few = self.samples(None), self.samples(settings.n_samples)
-        return [make_arm_surface(parts, joints, skin, few, settings) for joints in self.arms]
+        parts = self.parts
+        skin, few = self.samples(None), self.samples(N_FOR_ARMS)
+        return [make_arm_surface(parts, joints, skin, few) for joints in self.arms]
 
     @cached_property
     def poses(self) -> dict[str, Array]:
         """The start poses, rotations of the joints."""
-        poses, chosen = start_poses(self.model), self.settings.search.poses
-        unknown = [] if chosen is None else [name for name in chosen if name not in poses]
-        if unknown:
+        poses, chosen = start_poses(self.model), self.settings.poses
+        if chosen is None:
+            return poses
+        if not chosen or not set(chosen) <= set(poses):
             raise ArgumentError(
-                f"settings.search.poses has {unknown[0]!r}; the model has {', '.join(poses)}"
+                f"settings.poses has {', '.join(chosen) or 'none'}; the model has "
+                f"{', '.join(poses)}"
             )
-        return poses if chosen is None else {name: poses[name] for name in chosen}
+        return {name: poses[name] for name in chosen}
 
     @cached_property
     def precisions(self) -> Array:
@@ -79,7 +85,7 @@ class RegistrationModel:
     def betas_precisions(self) -> Array:
         """Inverse variances of the coefficients; hands stay relaxed until the dense fit."""
         counts = [self.model.n_betas, self.model.hand_directions.shape[2]]
-        return np.repeat([1.0, self.settings.search.still_hands], counts)
+        return np.repeat([1.0, STILL_HANDS], counts)
 
     @cached_property
     def metric(self) -> ElasticMetric:

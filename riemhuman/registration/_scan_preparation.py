@@ -18,15 +18,54 @@ from scipy.spatial import ConvexHull, cKDTree
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.registration._constants import (
+    ABOVE_FLOOR,
+    BLUR_METRES,
+    CELL_METRES,
+    CELL_QUANTILE,
+    DENSE_METRES,
+    FEW_SPARSE,
+    FIRST_POINTS,
+    FLOOR_METRES,
+    FLOOR_SHARE,
+    IN_PLANE,
+    LARGEST_STRAY,
+    LEAST_LEVEL_FLOOR,
+    LEAST_OUTSIDE,
+    LEAST_RESTING,
+    LEAST_WIDTH,
+    LONELY_METRES,
+    LONG_EDGE,
+    LONGEST_EDGE,
+    MATCH_NORMAL_METRES,
+    MIXED_TRIANGLES,
+    MORE_NORMAL_NEIGHBOURS,
+    MOST_PLANES,
+    N_CLOSE,
+    N_MATCHED,
+    N_NOISE,
+    N_NORMAL_NEIGHBOURS,
+    N_PLANES,
+    NEAR_FLOOR_METRES,
+    ON_LINE,
+    OUTLINE_METRES,
+    PLANE_METRES,
+    PRIOR_METRES,
+    RESTING_METRES,
+    SAME_WAY,
+    SMOOTHING_NORMAL_METRES,
+    SPARSE_METRES,
+    SPARSE_SPACINGS,
+    SPARSER_SPACINGS,
+    STRAY_METRES,
+    WIDEST_CELL,
+    WIDEST_SPACING,
+)
 from riemhuman.registration._even_points import thin_points
+from riemhuman.registration.registration_settings import DEFAULT_SETTINGS
 from riemhuman.registration.scans import (
     FEWEST_POINTS,
     Scan,
-)
-from riemhuman.registration.settings import (
-    DEFAULT_SETTINGS,
-    PreparationSettings,
-    RegistrationSettings,
 )
 from riemhuman.surfaces.measures import (
     find_inward_triangles,
@@ -69,7 +108,6 @@ class PreparedScan:
     parts: Integers | None = None  # (n,) connected parts of a mesh that has several
     signed: bool = True  # whether the signs of the normals are known
     landmarks: Mapping[int, Array] = field(default_factory=dict)  # positions of joints
-    settings: RegistrationSettings = DEFAULT_SETTINGS
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -77,24 +115,24 @@ class PreparedScan:
 
     def _places(self, points: Array, normals: Array) -> Array:
         """Return points with six coordinates, so that distances include normals."""
-        return np.concatenate([points, self.settings.matching.normal_metres * normals], axis=1)
+        return np.concatenate([points, MATCH_NORMAL_METRES * normals], axis=1)
 
     @cached_property
     def spacing(self) -> Array:
         """The distance within which every point has neighbours on all sides, metres."""
-        return point_spacing(self.points, self.settings.preparation)
+        return point_spacing(self.points)
 
     @property
     def prior_weight(self) -> float:
         """The weight of the prior, square metres."""
-        return self.settings.matching.prior_metres**2 / len(self.points)
+        return PRIOR_METRES**2 / len(self.points)
 
     @cached_property
     def noise(self) -> float:
         """The standard deviation of the points along their normals, metres."""
         # On a circle, the chord between two points is perpendicular to the mean of their normals,
         # so what is left of it along this mean is noise.
-        chosen = np.linspace(0, len(self.points) - 1, self.settings.matching.n_noise).astype(int)
+        chosen = np.linspace(0, len(self.points) - 1, N_NOISE).astype(int)
         near = self._tree.query(self._tree.data[chosen], k=5)[1][:, 1:]
         chords = self.points[near] - self.points[chosen, np.newaxis]
         means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
@@ -104,9 +142,9 @@ class PreparedScan:
     def match(self, points: Array, normals: Array, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
         places = self._places(points, normals)
-        count = self.settings.matching.n_matched
+        count = N_MATCHED
         far, near = self._tree.query(places, k=count, workers=_n_workers(len(places)))
-        shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / self.settings.matching.blur_metres**2)
+        shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / BLUR_METRES**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
         mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
@@ -133,9 +171,9 @@ class PreparedScan:
         must be near.
         """
         allowed = np.clip(
-            self.spacing[nearest] - self.settings.matching.dense_metres,
+            self.spacing[nearest] - DENSE_METRES,
             0.0,
-            self.settings.preparation.widest_spacing,
+            WIDEST_SPACING,
         )
         sparse_parts = np.flatnonzero(allowed > 0.0)
         if not len(sparse_parts):
@@ -172,15 +210,15 @@ class _LoosePoints:
 
 def prepare_scan(
     scan: Scan,
-    settings: RegistrationSettings = DEFAULT_SETTINGS,
     *,
+    most_points: int = DEFAULT_SETTINGS.most_points,
     surroundings: bool = True,
     up: Array | None = None,
     landmarks: Mapping[int, Array] | None = None,
 ) -> PreparedScan:
     """Return evenly spread points of the body with normals, and what the user says about it."""
     rng = np.random.default_rng(0)
-    loose = _spread_points(scan, settings.preparation, rng)
+    loose = _spread_points(scan, most_points, rng)
     if not surroundings:
         return PreparedScan(
             loose.everything[loose.numbers],
@@ -188,61 +226,58 @@ def prepare_scan(
             loose.background[: len(scan.points)],
             scan,
             estimated=loose.estimated,
-            settings=settings,
         )
-    prepared = _without_surroundings(scan, loose, settings, rng)
+    prepared = _without_surroundings(scan, loose, rng)
     if landmarks is not None:
         prepared = replace(prepared, landmarks=landmarks)
     if up is None:
         return prepared
     # A plane that leans from the direction up is a wall.
-    is_floor = prepared.up is not None and prepared.up @ up > settings.preparation.least_level_floor
+    is_floor = prepared.up is not None and prepared.up @ up > LEAST_LEVEL_FLOOR
     return replace(prepared, up=up, floor=prepared.floor if is_floor else None, other_ups=())
 
 
-def _spread_points(
-    scan: Scan, settings: PreparationSettings, rng: np.random.Generator
-) -> _LoosePoints:
+def _spread_points(scan: Scan, most_points: int, rng: np.random.Generator) -> _LoosePoints:
     everything, faces, all_normals = scan.points, scan.faces, scan.normals
     numbers = np.arange(len(everything))
     estimated = all_normals is None
     if faces is not None:
-        estimated = bool(np.sum(~oriented_alike(faces)[1]) > settings.mixed * 3 * len(faces))
-        everything, faces = _outward_fine_mesh(everything, faces, settings)
+        estimated = bool(np.sum(~oriented_alike(faces)[1]) > MIXED_TRIANGLES * 3 * len(faces))
+        everything, faces = _outward_fine_mesh(everything, faces)
         all_normals = vertex_normals(everything, faces)
         numbers = np.unique(faces)
-    if len(numbers) > settings.first_points:
-        numbers = np.sort(rng.choice(numbers, settings.first_points, replace=False))
+    if len(numbers) > FIRST_POINTS:
+        numbers = np.sort(rng.choice(numbers, FIRST_POINTS, replace=False))
     distances = np.abs(everything - np.median(scan.points, axis=0)).max(axis=1)
-    background = distances > settings.far_metres
+    background = distances > STRAY_METRES
     numbers = numbers[~background[numbers]]
     if not len(numbers):
         raise ArgumentError(
-            f"scan has no point within {settings.far_metres:g} m of its middle; is it in metres?"
+            f"scan has no point within {STRAY_METRES:g} m of its middle; is it in metres?"
         )
-    numbers = numbers[thin_points(everything[numbers], settings.most_points, rng)]
+    numbers = numbers[thin_points(everything[numbers], most_points, rng)]
     points = everything[numbers]
     if all_normals is None or estimated:
-        normals = estimate_normals(points, settings)
+        normals = estimate_normals(points)
     else:
-        normals = smooth_normals(points, all_normals[numbers], settings)
+        normals = smooth_normals(points, all_normals[numbers])
         if faces is None and np.sum((points - points.mean(axis=0)) * normals) < 0:
             normals = -normals
     return _LoosePoints(everything, faces, numbers, normals, estimated, background)
 
 
 def _without_surroundings(
-    scan: Scan, loose: _LoosePoints, all_settings: RegistrationSettings, rng: np.random.Generator
+    scan: Scan, loose: _LoosePoints, rng: np.random.Generator
 ) -> PreparedScan:
     """Return the points of the body, and the floors and walls beside it."""
-    settings, everything, numbers = all_settings.preparation, loose.everything, loose.numbers
+    everything, numbers = loose.everything, loose.numbers
     background = loose.background.copy()
-    planes = find_planes(everything[numbers], loose.normals, rng, settings)
+    planes = find_planes(everything[numbers], loose.normals, rng)
     for up, height, _ in planes:
-        background |= everything @ up < height + settings.near_floor_metres
+        background |= everything @ up < height + NEAR_FLOOR_METRES
     if loose.faces is None:
-        background |= _find_sparse_points(everything, ~background, settings)
-    background |= _find_strays(everything, ~background, settings)
+        background |= _find_sparse_points(everything, ~background)
+    background |= _find_strays(everything, ~background)
     keep = ~background[numbers]
     if keep.sum() < FEWEST_POINTS:
         raise ArgumentError(
@@ -252,10 +287,10 @@ def _without_surroundings(
     points, normals = everything[numbers[keep]], loose.normals[keep]
     parts = None
     if loose.estimated and background.any():
-        normals = estimate_normals(points, settings)  # the background may have flipped signs
+        normals = estimate_normals(points)  # the background may have flipped signs
     elif loose.faces is not None:
         parts = vertex_components(loose.faces, len(everything))[numbers[keep]]
-    floors = [plane for plane in planes if plane.resting > settings.least_resting]
+    floors = [plane for plane in planes if plane.resting > LEAST_RESTING]
     floors.sort(key=lambda plane: -plane.resting)
     return PreparedScan(
         points,
@@ -267,20 +302,17 @@ def _without_surroundings(
         other_ups=tuple(plane.normal for plane in floors[1:]),
         estimated=loose.estimated,
         parts=parts,
-        settings=all_settings,
     )
 
 
-def _outward_fine_mesh(
-    points: Array, faces: Triangles, settings: PreparationSettings
-) -> tuple[Array, Triangles]:
+def _outward_fine_mesh(points: Array, faces: Triangles) -> tuple[Array, Triangles]:
     """Return a mesh whose triangles face outward, and its large triangles split."""
     inward = find_inward_triangles(points, faces)
     faces = np.where(inward[:, np.newaxis], faces[:, ::-1], faces)
-    while len(points) < settings.first_points:
+    while len(points) < FIRST_POINTS:
         corners = points[faces]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        large = (longest > settings.long_edge) & (longest < settings.longest_edge)
+        large = (longest > LONG_EDGE) & (longest < LONGEST_EDGE)
         if not large.any():
             break
         points, parts = split_triangles(points, faces[large])
@@ -296,140 +328,124 @@ class Plane(NamedTuple):
     resting: float  # share of the other points that are near to it
 
 
-def find_planes(
-    points: Array,
-    normals: Array,
-    rng: np.random.Generator,
-    settings: PreparationSettings,
-) -> list[Plane]:
+def find_planes(points: Array, normals: Array, rng: np.random.Generator) -> list[Plane]:
     """Return floors and walls: wide planes that have all other points on one side of them."""
     planes: list[Plane] = []
-    while len(planes) < settings.most_planes and len(points) > FEWEST_POINTS:
-        plane = _find_plane(points, normals, rng, settings)
+    while len(planes) < MOST_PLANES and len(points) > FEWEST_POINTS:
+        plane = _find_plane(points, normals, rng)
         if plane is None:
             break
         planes.append(plane)
-        rest = points @ plane.normal > plane.height + settings.near_floor_metres
+        rest = points @ plane.normal > plane.height + NEAR_FLOOR_METRES
         points, normals = points[rest], normals[rest]
     return planes
 
 
-def _find_plane(
-    points: Array,
-    normals: Array,
-    rng: np.random.Generator,
-    settings: PreparationSettings,
-) -> Plane | None:
+def _find_plane(points: Array, normals: Array, rng: np.random.Generator) -> Plane | None:
     """Return the floor or wall that holds the most points."""
-    starts = rng.choice(len(points), min(settings.n_planes, len(points)), replace=False)
-    for _ in range(settings.most_planes):
-        best, support = None, settings.floor_share * len(points)
+    starts = rng.choice(len(points), min(N_PLANES, len(points)), replace=False)
+    for _ in range(MOST_PLANES):
+        best, support = None, FLOOR_SHARE * len(points)
         for start in starts:
-            near = _near_plane(points, normals, start, settings) & (
-                np.abs(normals @ normals[start]) > settings.same_way
+            near = _near_plane(points, normals, start) & (
+                np.abs(normals @ normals[start]) > SAME_WAY
             )
             if near.sum() > support:
                 best, support = start, near.sum()
         if best is None:
             return None
-        near = _near_plane(points, normals, best, settings)
-        plane = _as_plane(points, near, settings)
+        near = _near_plane(points, normals, best)
+        plane = _as_plane(points, near)
         if plane is not None:
             return plane
         starts = starts[~near[starts]]  # such as a wall with more floor behind it
     return None
 
 
-def _near_plane(
-    points: Array, normals: Array, start: int, settings: PreparationSettings
-) -> Booleans:
+def _near_plane(points: Array, normals: Array, start: int) -> Booleans:
     """Return which points are in the plane across the normal of one of them."""
-    near: Booleans = np.abs((points - points[start]) @ normals[start]) < settings.floor_metres
+    near: Booleans = np.abs((points - points[start]) @ normals[start]) < FLOOR_METRES
     return near
 
 
-def _as_plane(points: Array, near: Booleans, settings: PreparationSettings) -> Plane | None:
+def _as_plane(points: Array, near: Booleans) -> Plane | None:
     """Return the plane of the points near to it, if it is a floor or a wall."""
     centre = points[near].mean(axis=0)
     axes = np.linalg.svd(points[near] - centre, full_matrices=False)[2]
     heights = (points - centre) @ axes[2]
     sign = -1.0 if np.median(heights[~near]) < 0 else 1.0
-    above = sign * heights[~near] > -settings.near_floor_metres
-    is_wide = np.sort(points[near].std(axis=0))[1] > settings.least_width
-    higher = sign * heights > settings.near_floor_metres
-    if above.mean() < settings.above_floor or not is_wide or higher.sum() < FEWEST_POINTS:
+    above = sign * heights[~near] > -NEAR_FLOOR_METRES
+    is_wide = np.sort(points[near].std(axis=0))[1] > LEAST_WIDTH
+    higher = sign * heights > NEAR_FLOOR_METRES
+    if above.mean() < ABOVE_FLOOR or not is_wide or higher.sum() < FEWEST_POINTS:
         return None
     flat = (points - centre) @ axes[:2].T
-    if _share_outside(flat[near], flat[higher], settings) < settings.least_outside:
+    if _share_outside(flat[near], flat[higher]) < LEAST_OUTSIDE:
         return None
-    resting = float(np.mean(sign * heights[higher] < settings.resting_metres))
+    resting = float(np.mean(sign * heights[higher] < RESTING_METRES))
     return Plane(sign * axes[2], float(centre @ (sign * axes[2])), resting)
 
 
-def _share_outside(points: Array, others: Array, settings: PreparationSettings) -> float:
+def _share_outside(points: Array, others: Array) -> float:
     """Return the share of points in the plane, (n, 2), outside the convex outline of others."""
     low, high = np.percentile(others, [0.5, 99.5], axis=0)
     inside = ((others >= low) & (others <= high)).all(axis=1)  # without strays
     equations = ConvexHull(others[inside]).equations
     distances = points @ equations[:, :2].T + equations[:, 2]
-    return float(np.mean(distances.max(axis=1) > settings.outline_metres))
+    return float(np.mean(distances.max(axis=1) > OUTLINE_METRES))
 
 
-def point_spacing(points: Array, settings: PreparationSettings) -> Array:
+def point_spacing(points: Array) -> Array:
     """Return the distance of each point to its sixth neighbour, metres."""
-    count = min(settings.n_close + 1, len(points))
+    count = min(N_CLOSE + 1, len(points))
     distances: Array = cKDTree(points).query(points, k=[count])[0][:, 0]
     return distances
 
 
-def _areas(spacing: Array, settings: PreparationSettings) -> Array:
+def _areas(spacing: Array) -> Array:
     """Return the areas that points represent, up to a factor, from their spacing."""
-    return np.minimum(spacing, settings.widest_spacing) ** 2
+    return np.minimum(spacing, WIDEST_SPACING) ** 2
 
 
-def _quantile_over_area(spacing: Array, share: float, settings: PreparationSettings) -> float:
+def _quantile_over_area(spacing: Array, share: float) -> float:
     """Return the spacing that a share of the area stays below."""
     order = np.argsort(spacing)
-    below = np.cumsum(_areas(spacing[order], settings))
+    below = np.cumsum(_areas(spacing[order]))
     return float(spacing[order[np.searchsorted(below, share * below[-1])]])
 
 
-def _find_sparse_points(points: Array, wanted: Booleans, settings: PreparationSettings) -> Booleans:
+def _find_sparse_points(points: Array, wanted: Booleans) -> Booleans:
     """Return which loose points are remnants of floors and stands, far from their neighbours."""
     sparse_points = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
-    spacing = point_spacing(chosen, settings)
-    usual, areas = _quantile_over_area(spacing, 0.5, settings), _areas(spacing, settings)
-    is_remnant = spacing > max(settings.sparse_metres, settings.sparse * usual)
-    if areas[is_remnant].sum() > settings.few_sparse * areas.sum():
-        is_remnant &= spacing > settings.lonely_metres
-    is_remnant |= _find_sparse_floor(
-        chosen, spacing > max(settings.sparse_metres, settings.sparser * usual), settings
-    )
+    spacing = point_spacing(chosen)
+    usual, areas = _quantile_over_area(spacing, 0.5), _areas(spacing)
+    is_remnant = spacing > max(SPARSE_METRES, SPARSE_SPACINGS * usual)
+    if areas[is_remnant].sum() > FEW_SPARSE * areas.sum():
+        is_remnant &= spacing > LONELY_METRES
+    is_remnant |= _find_sparse_floor(chosen, spacing > max(SPARSE_METRES, SPARSER_SPACINGS * usual))
     sparse_points[wanted] = is_remnant
     return sparse_points
 
 
-def _find_sparse_floor(
-    points: Array, is_sparse: Booleans, settings: PreparationSettings
-) -> Booleans:
+def _find_sparse_floor(points: Array, is_sparse: Booleans) -> Booleans:
     """Return which sparse points are in one plane that has nearly all points on one side."""
     rng, numbers = np.random.default_rng(0), np.flatnonzero(is_sparse)
-    best, most = np.zeros(len(points)), int(settings.in_plane * len(numbers))
-    for _ in range(settings.n_planes if len(numbers) > settings.n_neighbours else 0):
+    best, most = np.zeros(len(points)), int(IN_PLANE * len(numbers))
+    for _ in range(N_PLANES if len(numbers) > N_NORMAL_NEIGHBOURS else 0):
         corners = points[rng.choice(numbers, 3, replace=False)]
         normal = unit_vectors(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
         heights = (points[numbers] - corners[0]) @ normal
-        count = int(np.sum(np.abs(heights) < settings.plane_metres))
+        count = int(np.sum(np.abs(heights) < PLANE_METRES))
         if count > most:
             best, most = (points - corners[0]) @ normal, count
-    in_plane = is_sparse & (np.abs(best) < settings.plane_metres)
-    sides = np.sign(best) * (np.abs(best) > settings.plane_metres)
-    is_floor = abs(sides.sum()) > (2.0 * settings.above_floor - 1.0) * np.abs(sides).sum()
+    in_plane = is_sparse & (np.abs(best) < PLANE_METRES)
+    sides = np.sign(best) * (np.abs(best) > PLANE_METRES)
+    is_floor = abs(sides.sum()) > (2.0 * ABOVE_FLOOR - 1.0) * np.abs(sides).sum()
     return in_plane if is_floor else np.zeros_like(in_plane)
 
 
-def _find_strays(points: Array, wanted: Booleans, settings: PreparationSettings) -> Booleans:
+def _find_strays(points: Array, wanted: Booleans) -> Booleans:
     """Return which points belong to small separate parts."""
     from scipy.ndimage import label  # takes long to import
 
@@ -440,37 +456,37 @@ def _find_strays(points: Array, wanted: Booleans, settings: PreparationSettings)
     low, high = np.percentile(chosen, [0.5, 99.5], axis=0)
     low, high = low - 0.5, high + 0.5
     inside = ((chosen >= low) & (chosen <= high)).all(axis=1)
-    spacing = point_spacing(chosen, settings)
+    spacing = point_spacing(chosen)
     width = np.clip(
-        _quantile_over_area(spacing, settings.cell_quantile, settings),
-        settings.cell_metres,
-        settings.widest_cell,
+        _quantile_over_area(spacing, CELL_QUANTILE),
+        CELL_METRES,
+        WIDEST_CELL,
     )
     cells = np.floor((chosen[inside] - low) / width).astype(np.int64)
     grid = np.zeros(np.ceil((high - low) / width).astype(int) + 1, dtype=bool)
     grid[tuple(cells.T)] = True
     labels, _ = label(grid, structure=np.ones((3, 3, 3)))
     parts = labels[tuple(cells.T)]
-    areas = _areas(spacing, settings)
+    areas = _areas(spacing)
     sizes = np.bincount(parts, areas[inside])
     is_stray = np.ones(len(chosen), dtype=bool)
-    is_stray[inside] = sizes[parts] < settings.stray * areas.sum()
+    is_stray[inside] = sizes[parts] < LARGEST_STRAY * areas.sum()
     strays[wanted] = is_stray
     return strays
 
 
-def estimate_normals(points: Array, settings: PreparationSettings) -> Array:
+def estimate_normals(points: Array) -> Array:
     """Return outward normals of loose points on a surface."""
     n = len(points)
     tree = cKDTree(points)
-    neighbours = tree.query(points, k=min(settings.n_neighbours, n))[1]
-    normals, on_line = _normals_of(points[neighbours], settings)
-    for count in settings.more_neighbours:
+    neighbours = tree.query(points, k=min(N_NORMAL_NEIGHBOURS, n))[1]
+    normals, on_line = _normals_of(points[neighbours])
+    for count in MORE_NORMAL_NEIGHBOURS:
         rest = np.flatnonzero(on_line)
         if not len(rest) or count > n:
             break
         more = tree.query(points[rest], k=count)[1]
-        normals[rest], on_line[rest] = _normals_of(points[more], settings)
+        normals[rest], on_line[rest] = _normals_of(points[more])
 
     first = np.repeat(np.arange(n), neighbours.shape[1] - 1)
     second = neighbours[:, 1:].ravel()
@@ -496,15 +512,15 @@ def estimate_normals(points: Array, settings: PreparationSettings) -> Array:
     return oriented
 
 
-def _normals_of(groups: Array, settings: PreparationSettings) -> tuple[Array, Booleans]:
+def _normals_of(groups: Array) -> tuple[Array, Booleans]:
     """Return the normals of groups of points, (n, k, 3), and whether these are nearly on a line."""
     around = groups - groups.mean(axis=1, keepdims=True)
     variances, axes = np.linalg.eigh(np.einsum("nkx,nky->nxy", around, around))
-    return axes[:, :, 0], variances[:, 1] < settings.on_line * variances[:, 2]
+    return axes[:, :, 0], variances[:, 1] < ON_LINE * variances[:, 2]
 
 
-def smooth_normals(points: Array, normals: Array, settings: PreparationSettings) -> Array:
+def smooth_normals(points: Array, normals: Array) -> Array:
     """Return normals averaged over neighbours with similar normals."""
-    places = np.concatenate([points, settings.normal_metres * normals], axis=1)
-    neighbours = cKDTree(places).query(places, k=min(settings.n_neighbours, len(points)))[1]
+    places = np.concatenate([points, SMOOTHING_NORMAL_METRES * normals], axis=1)
+    neighbours = cKDTree(places).query(places, k=min(N_NORMAL_NEIGHBOURS, len(points)))[1]
     return unit_vectors(normals[neighbours].mean(axis=1))

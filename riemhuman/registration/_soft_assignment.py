@@ -18,12 +18,24 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.threads import mapped
+from riemhuman.registration._constants import (
+    FAR_MISS,
+    FINE_ROUND,
+    LANDMARK_WEIGHT,
+    LEAST_SHOWN,
+    MISS_METRES,
+    SAME_METRES,
+    SCAN_WORTH,
+    SEARCH_LONGEST_ROTATION,
+    SEARCH_ROUNDS,
+    USUAL_AREA,
+    SearchRound,
+)
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
 from riemhuman.registration._registration_model import End, RegistrationModel
 from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
 from riemhuman.registration._starts import Candidate
-from riemhuman.registration.settings import AssignmentSettings, SearchRound
 from riemhuman.surfaces.measures import triangle_areas
 
 # Exponents that are larger count for nothing in the soft assignment: e⁻³⁰ is far below the share of
@@ -109,7 +121,6 @@ def anneal(
     end: End | None,
 ) -> tuple[Pose, float]:
     """Fit a body to a scan by a step for each deviation but the last, that of the likelihood."""
-    settings = scan.settings.assignment
     n, n_joints = body.weights.shape
     areas = _single(body.areas)
     points, scan_normals = _single(scan.points), _single(scan.normals)
@@ -122,7 +133,7 @@ def anneal(
         posed = pose_body(body, pose)
         if end is not None:
             shown = body.areas * end.shows(posed.points)
-            areas = _single(shown / max(shown.sum(), settings.least_shown))
+            areas = _single(shown / max(shown.sum(), LEAST_SHOWN))
         likelihood = assign(
             np.ascontiguousarray(_single(posed.points.T)),
             np.ascontiguousarray(_single(posed.normals.T)),
@@ -135,29 +146,27 @@ def anneal(
             targets,
         )
         if number == len(sigmas) - 1:
-            likelihood -= landmark_cost(posed.points[-n_joints:], scan.landmarks, settings)
+            likelihood -= landmark_cost(posed.points[-n_joints:], scan.landmarks)
             break
         # The smallest positive number stands for a mass of 0, whose share is 0.
         means = targets.T / np.maximum(masses, np.finfo(np.float32).tiny)[:, np.newaxis]
         gaps = np.where(known[:, np.newaxis], landmarks, means) - posed.points
-        shares = np.where(known, settings.landmark_weight, masses / len(points))
+        shares = np.where(known, LANDMARK_WEIGHT, masses / len(points))
         if end is not None:
             # Near the end, the points that belong to a point of the body are on one side of it.
             shares = np.where(known | end.shows(posed.points, sigma), shares, 0.0)
-        weight = sigma * sigma / settings.worth
+        weight = sigma * sigma / SCAN_WORTH
         pose = take_step(
-            posed, prior, weight, shares, gaps, posed.normals, 1.0, settings.longest_rotation
+            posed, prior, weight, shares, gaps, posed.normals, 1.0, SEARCH_LONGEST_ROTATION
         )
     return pose, likelihood
 
 
-def landmark_cost(
-    joints: Array, landmarks: Mapping[int, Array], settings: AssignmentSettings
-) -> float:
+def landmark_cost(joints: Array, landmarks: Mapping[int, Array]) -> float:
     """Return how much landmarks far from their joints lower the log-likelihood."""
     misses = [np.linalg.norm(joints[joint] - place) for joint, place in landmarks.items()]
-    squares = np.minimum(misses, settings.far_miss) ** 2
-    return settings.landmark_weight * float(np.sum(squares)) / (2.0 * settings.miss_metres**2)
+    squares = np.minimum(misses, FAR_MISS) ** 2
+    return LANDMARK_WEIGHT * float(np.sum(squares)) / (2.0 * MISS_METRES**2)
 
 
 def advance(
@@ -166,7 +175,7 @@ def advance(
     """Return the likeliest candidates after one round, the best first."""
     advanced = _fit_starts(body, candidates, stage, scan)
     advanced.sort(key=lambda candidate: -candidate.likelihood)
-    samples, same_metres = body.samples(stage.n_model), body.settings.search.same_metres
+    samples, same_metres = body.samples(stage.n_model), SAME_METRES
     return _different(advanced, samples, stage.n_best, same_metres)
 
 
@@ -216,8 +225,8 @@ def find_likelihoods(
     body: RegistrationModel, poses: Iterable[Pose], scan: PreparedScan, up: Array
 ) -> list[float]:
     """Return mean log-likelihoods of a scan with the last deviation of the last round."""
-    last = body.settings.search.rounds[-1]
-    stage = replace(last, sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
+    last = SEARCH_ROUNDS[-1]
+    stage = last._replace(sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
     candidates = [Candidate(pose, body.prior(pose), -np.inf, up) for pose in poses]
     fitted = _fit_starts(body, candidates, stage, replace(scan, landmarks={}))
     return [candidate.likelihood for candidate in fitted]
@@ -235,10 +244,10 @@ def find_likelihood_of_area(
     areas = triangle_areas(model(pose.betas[: model.n_betas]), model.faces)
     area = areas.sum() if visible is None else areas @ visible[model.faces[:, 0]]
     (likelihood,) = find_likelihoods(body, [pose], scan, up)
-    return likelihood + float(np.log(area / body.settings.trust.area))
+    return likelihood + float(np.log(area / USUAL_AREA))
 
 
 def anneal_finely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> Pose:
     """Return a body after soft assignment with smaller deviations than in the search."""
-    stage = body.settings.search.fine_round
+    stage = FINE_ROUND
     return advance(body, [best], stage, replace(scan, landmarks={}))[0].pose

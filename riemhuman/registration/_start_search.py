@@ -14,13 +14,27 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Integers
+from riemhuman.registration._constants import (
+    ARM_GAIN,
+    ARM_ROUNDS,
+    FEWER_STARTS,
+    MORE_STARTS,
+    N_DENSE,
+    NORMALS_AGREE,
+    SAME_ROTATIONS,
+    SEARCH_ROUNDS,
+    UP_MARGIN,
+    WARM_BETAS_PRECISION,
+    WARM_LOSS,
+    WARM_ROUNDS,
+    SearchRound,
+)
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._soft_assignment import advance, find_likelihood_of_area
 from riemhuman.registration._start_poses import UP_POSES, other_arms
 from riemhuman.registration._starts import Candidate, make_starts
-from riemhuman.registration.settings import SearchRound
 
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 
@@ -62,7 +76,7 @@ def search_scan(
     if not scan.estimated and scan.parts is None:
         return replace(search, seconds=perf_counter() - began)
     normals, agreement = orient_normals(body, scan, search.candidates[0].pose)
-    if scan.signed and agreement < body.settings.retries.agreement:
+    if scan.signed and agreement < NORMALS_AGREE:
         scan = replace(scan, signed=False)
         search = _search_near(body, scan, known, again=again, quick=quick)
         normals, _ = orient_normals(body, scan, search.candidates[0].pose)
@@ -84,18 +98,17 @@ def _search_near(
         search = search_from(body, scan, known.pose, known.up)
         pose = search.candidates[0].pose
         likelihood = find_likelihood_of_area(body, pose, scan, known.up)
-        if likelihood > known.likelihood - body.settings.retries.warm_loss:
+        if likelihood > known.likelihood - WARM_LOSS:
             return search
     return search_starts(body, scan, again=again, quick=quick)
 
 
 def search_from(body: RegistrationModel, scan: PreparedScan, pose: Pose, up: Array) -> Search:
     """Return the search from one known start, the body a moment before."""
-    settings = body.settings.search
-    precisions = settings.warm_betas_precision * body.betas_precisions
+    precisions = WARM_BETAS_PRECISION * body.betas_precisions
     prior = body.prior(pose)._replace(betas_precisions=precisions)
     starts = [Candidate(pose, prior, -np.inf, up, known=True)]
-    rounds = _follow(body, starts, settings.warm_rounds, scan)
+    rounds = _follow(body, starts, WARM_ROUNDS, scan)
     return Search(body, scan, starts, rounds, rounds[-1])
 
 
@@ -109,12 +122,12 @@ def search_starts(
     """Return the bodies from the likeliest starts."""
     # A repeated search starts from the headings in between and follows more starts. A quick one
     # follows fewer and tries no arms.
-    retries, offset = body.settings.retries, 0.5 if again else 0.0
-    more = retries.fewer_starts if quick else retries.more_starts if again else 1.0
-    first, *later = body.settings.search.rounds
+    offset = 0.5 if again else 0.0
+    more = FEWER_STARTS if quick else MORE_STARTS if again else 1.0
+    first, *later = SEARCH_ROUNDS
     rounds = [
-        replace(first, n_best=int(max(more, 1.0) * first.n_best)),
-        *(replace(stage, n_best=max(int(more * stage.n_best), 1)) for stage in later),
+        first._replace(n_best=int(max(more, 1.0) * first.n_best)),
+        *(stage._replace(n_best=max(int(more * stage.n_best), 1)) for stage in later),
     ]
     ups = _likely_ups(body, scan, rounds[:2], offset)
     starts = make_starts(body, scan, body.poses, ups, offset)
@@ -136,7 +149,7 @@ def _likely_ups(
         best.setdefault(tuple(candidate.up), candidate.likelihood)
     likeliest = max(best.values())
     axes = sorted(best, key=lambda axis: -best[axis])[:2]
-    margin = body.settings.search.up_margin
+    margin = UP_MARGIN
     return np.array([axis for axis in axes if best[axis] > likeliest - margin])
 
 
@@ -168,10 +181,9 @@ def _with_likeliest_arm(
     body: RegistrationModel, best: Candidate, arm: Integers, scan: PreparedScan
 ) -> Candidate:
     """Return a body with one arm as in a start pose, if that is likelier."""
-    settings = body.settings.search
-    first, last = settings.arm_rounds
+    first, last = ARM_ROUNDS
     others = []
-    for rotations in other_arms(arm, best.prior.local, body.poses, settings.same_rotations):
+    for rotations in other_arms(arm, best.prior.local, body.poses, SAME_ROTATIONS):
         local, expected = best.pose.local.copy(), best.prior.local.copy()
         local[arm] = expected[arm] = rotations
         pose, prior = best.pose._replace(local=local), best.prior._replace(local=expected)
@@ -181,12 +193,12 @@ def _with_likeliest_arm(
     others = advance(body, others, first, scan)
     (likeliest,) = advance(body, others, last, scan)
     (current,) = advance(body, [best], last, scan)
-    return likeliest if likeliest.likelihood > current.likelihood + settings.arm_gain else best
+    return likeliest if likeliest.likelihood > current.likelihood + ARM_GAIN else best
 
 
 def orient_normals(body: RegistrationModel, scan: PreparedScan, pose: Pose) -> tuple[Array, float]:
     """Return normals oriented like the body's, and the share that already were."""
-    samples = body.samples(body.settings.dense.n_samples)
+    samples = body.samples(N_DENSE)
     posed, skin = pose_body(samples, pose), samples.numbers >= 0
     near = cKDTree(posed.points[skin]).query(scan.points, k=5)[1]
     cosines = np.einsum("nkx,nx->n", posed.normals[skin][near], scan.normals)

@@ -13,6 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
 from riemhuman.bodies import rotation_matrix
+from riemhuman.registration._constants import (
+    N_SHIFTS,
+    SEARCH_ROUNDS,
+)
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import Pose, Prior, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
@@ -41,10 +45,10 @@ def make_starts(
     offset: float,
 ) -> list[Candidate]:
     """Return starts of some poses with all headings, which begin at an offset, in steps."""
-    settings = body.settings.search
+    settings = body.settings
     numbers = range(settings.n_headings) if settings.headings is None else settings.headings
     angles = (np.array(numbers) + offset) * (2.0 * np.pi / settings.n_headings)
-    first = settings.rounds[0]
+    first = SEARCH_ROUNDS[0]
     centre = scan.points[even_points(scan.points, first.n_scan)].mean(axis=0)
     betas = np.zeros(len(body.betas_precisions))
     starts: list[Candidate] = []
@@ -65,12 +69,11 @@ def _shift_to(
     body: RegistrationModel, scan: PreparedScan, pose: Pose, centre: Array, up: Array
 ) -> Array:
     """Return the translation that brings what a scan shows of a body to the centre of the scan."""
-    settings = body.settings.search
-    samples, end = body.samples(settings.rounds[0].n_model), body.end_of(scan.points, up)
+    samples, end = body.samples(SEARCH_ROUNDS[0].n_model), body.end_of(scan.points, up)
     points = pose_body(samples, pose).points
     shift: Array = centre - samples.areas @ points
     if end is not None:
-        for _ in range(settings.n_shifts):
+        for _ in range(N_SHIFTS):
             shown = samples.areas * end.shows(points + shift)
             shift = centre - shown @ points / shown.sum()
     return shift

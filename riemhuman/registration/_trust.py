@@ -13,8 +13,22 @@ import numpy as np
 from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import (
+    BODY_MARGIN,
+    EXCHANGED_METRES,
+    FAR_METRES,
+    FAR_SHARE,
+    LARGEST_BETA,
+    LARGEST_OVERLAP,
+    LEAST_LIKELIHOOD,
+    LEAST_NEAR,
+    LEAST_NEAR_OF_LIMB,
+    LEAST_REST_METRES,
+    LIMB_ELSEWHERE,
+    NEAR_METRES,
+    USUAL_LIKELIHOOD,
+)
 from riemhuman.registration._messages import LANDMARKS_DECIDE
-from riemhuman.registration.settings import RivalSettings, TrustSettings
 from riemhuman.surfaces.template import Template
 
 # Joints of the parts of limbs that are compared with the rest of the body.
@@ -36,13 +50,7 @@ def find_facet_heights(parts: BodyParts, template: Template, points: Array) -> A
     return means
 
 
-def find_excess(
-    parts: BodyParts,
-    owners: Integers,
-    distances: Array,
-    facets: Array,
-    settings: RivalSettings,
-) -> Array:
+def find_excess(parts: BodyParts, owners: Integers, distances: Array, facets: Array) -> Array:
     """Return by which factor a scan is farther from each limb than from the rest of the body.
 
     Noise, clothes and what the model cannot show of a person are in both distances. Joints that
@@ -64,14 +72,14 @@ def find_excess(
     excess = np.ones(len(parts.names))
     arms = [arm[1:] for arm in parts.arms]
     on_hands = np.isin(owners, [arm[-1] for arm in arms])
-    far = np.minimum(distances, settings.exchanged_metres)
+    far = np.minimum(distances, EXCHANGED_METRES)
     for k, name in enumerate(parts.names):
         if name.split("_")[-1] not in _LIMB_PARTS:
             continue
         limb = next((arm for arm in arms if k in arm), np.array([k]))
         on_joint, rest = owners == k, ~np.isin(owners, limb) & ~on_hands
         if on_joint.sum() >= _LEAST_POINTS and rest.any():
-            usual = np.hypot(max(far[rest].mean(), settings.least_rest_metres), facets[k])
+            usual = np.hypot(max(far[rest].mean(), LEAST_REST_METRES), facets[k])
             excess[k] = far[on_joint].mean() / usual
     return excess
 
@@ -90,51 +98,46 @@ class FitQuality:
     limb_matched: float  # share of it that is
 
 
-def find_doubts(quality: FitQuality, settings: TrustSettings) -> tuple[list[str], list[str]]:
+def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
     """Return the reasons to distrust a registration, and those to distrust one limb of it."""
     reasons: list[str] = []
     of_limb: list[str] = []
-    if quality.near < settings.least_near:
+    if quality.near < LEAST_NEAR:
         reasons.append(
             f"only {100 * quality.near:.0f} % of the scan lies within "
-            f"{100 * settings.near_metres:.0f} cm of the body: there is something else in it, or "
+            f"{100 * NEAR_METRES:.0f} cm of the body: there is something else in it, or "
             "more than one person"
         )
-    if quality.likelihood < settings.least_likelihood:
+    if quality.likelihood < LEAST_LIKELIHOOD:
         reasons.append(
             "the scan does not look like one person: check its unit and direction up, and that it "
             "shows a single body"
         )
     if reasons:
         return reasons, of_limb  # the other checks make sense only for bodies
-    if quality.margin < settings.least_margin:
+    if quality.margin < BODY_MARGIN:
         reasons.append(
             f"a body that faces or stands another way fits nearly as well; {LANDMARKS_DECIDE}"
         )
-    if (
-        quality.near < settings.least_near_of_limb
-        and quality.limb_matched < settings.limb_elsewhere
-    ):
+    if quality.near < LEAST_NEAR_OF_LIMB and quality.limb_matched < LIMB_ELSEWHERE:
         of_limb.append(
             f"{100 * (1.0 - quality.near):.1f} % of the scan lies more than "
-            f"{100 * settings.near_metres:.0f} cm from the body, and hardly anything in it "
+            f"{100 * NEAR_METRES:.0f} cm from the body, and hardly anything in it "
             f"matches the {quality.limb} of the body, which may be elsewhere; {LANDMARKS_DECIDE}"
         )
-    if quality.overlap > settings.largest_overlap:
+    if quality.overlap > LARGEST_OVERLAP:
         reasons.append(
             f"{100 * quality.overlap:.1f} % of the body lies where another part of it is: the "
             "scan may show only a part of a body"
         )
-    misfit = (
-        np.log(quality.far / settings.far_metres) + settings.usual_likelihood - quality.likelihood
-    )
+    misfit = np.log(quality.far / FAR_METRES) + USUAL_LIKELIHOOD - quality.likelihood
     if misfit > 0.0:
         reasons.append(
-            f"the body fits badly: {100 * (1 - settings.far_share):.0f} % of the scan lies more "
+            f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more "
             f"than {100 * quality.far:.1f} cm from the model's surface; it may face the wrong way, "
             f"have limbs in wrong places or wear thick clothes; {LANDMARKS_DECIDE}"
         )
-    if quality.betas > settings.largest_beta:
+    if quality.betas > LARGEST_BETA:
         reasons.append(
             "the body shape is far from all people the model knows: check the unit, and for "
             "clothes or other things in the scan"

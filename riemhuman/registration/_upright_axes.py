@@ -8,6 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from riemhuman.arrays import Array
+from riemhuman.registration._constants import (
+    FEET_AGREE,
+    LEANING,
+)
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
@@ -26,14 +30,14 @@ def find_up(body: RegistrationModel, pose: Pose, scan: PreparedScan, start_up: A
 
 def _standing_up(body: RegistrationModel, pose: Pose, up: Array) -> Array:
     """Return an axis or, if feet and trunk both lean away from it, the direction up of the feet."""
-    names, settings = body.parts.names, body.settings.trust
+    names = body.parts.names
     if not {"left_ankle", "right_ankle", "neck"} <= {*names}:
         return up
     motions = body.joint_motions(pose)
     left, right = (motions.rotations[names.index(f"{s}_ankle")][:, 1] for s in _SIDES)
     trunk = motions.positions[names.index("neck")] - motions.positions[body.root]
     trunk, feet = (way / np.linalg.norm(way) for way in (trunk, left + right))
-    leans = max(feet @ up, trunk @ up) < settings.leaning and left @ right > settings.feet_agree
+    leans = max(feet @ up, trunk @ up) < LEANING and left @ right > FEET_AGREE
     return feet if leans else up
 
 
@@ -43,7 +47,7 @@ def _upright_plane(
     """Return the plane's normal along which the trunk is upright, or else `up`."""
     root = body.joint_motions(pose).rotations[body.root]
     best = max((up, *other_ups), key=lambda normal: float(root[:, 1] @ normal))
-    return best if root[:, 1] @ best > body.settings.trust.leaning else up
+    return best if root[:, 1] @ best > LEANING else up
 
 
 def upright_transform(points: Array, root: Array, up: Array) -> Array:

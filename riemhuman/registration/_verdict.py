@@ -13,6 +13,17 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans
 from riemhuman.checks import UNITS, likely_units
 from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._constants import (
+    FAR_SHARE,
+    FARTHEST_MISS,
+    GUESSED_UP,
+    LEAST_LIKELIHOOD,
+    LEAST_NEAR,
+    LEAST_UNSEEN,
+    N_JUDGED,
+    NEAR_METRES,
+    RIVAL_METRES,
+)
 from riemhuman.registration._dense_fit import find_hair
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb_doubts
@@ -54,15 +65,15 @@ class Verdict:
 def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_known: bool) -> Verdict:
     """Return which of the vertices of a body, fitted to the scan of a search, are trusted."""
     body, scan, fit = search.body, search.scan, fitted.fit
-    settings, parts, whole = body.settings.trust, body.parts, scan.whole
+    parts, whole = body.parts, scan.whole
     places, distances = nearest_points(whole.points, fit.points, body.model.faces)
     background = scan.background | find_hair(body, fit.model_points, whole.points)
     up = search.candidates[0].up
     likelihood = find_likelihood_of_area(body, fit.pose, scan, up, vertices.visible)
     quality = _measure(search, fitted, vertices, likelihood)
-    doubts, limb_doubts = find_doubts(quality, settings)
+    doubts, limb_doubts = find_doubts(quality)
     # If it does not look like a body, nothing is said about its parts.
-    is_body = min(quality.near - settings.least_near, likelihood - settings.least_likelihood) >= 0
+    is_body = min(quality.near - LEAST_NEAR, likelihood - LEAST_LIKELIHOOD) >= 0
     doubts += _landmark_doubts(body, fit.pose, scan.landmarks)
     if doubts and not unit_is_known:
         doubts = [*_other_units(whole, background), *doubts]
@@ -74,7 +85,7 @@ def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_know
     shown = ShownLimbs(
         vertices.matched, _find_excess(search, fit.points, places, distances, background)
     )
-    limb_rivals = [] if doubts else find_limb_doubts(fitted, shown, body.settings.rivals)
+    limb_rivals = [] if doubts else find_limb_doubts(fitted, shown)
     rivals: list[LimbDoubt] = []
     for doubt in limb_rivals:
         if (doubt.vertices & trusted_vertices).any():  # otherwise, this says nothing new
@@ -109,9 +120,9 @@ def _find_excess(
     """Return how many times farther a scan is from each limb than from the rest of the body."""
     body = search.body
     facets = find_facet_heights(body.parts, body.model.template, points)
-    near = ~background & (distances < body.settings.trust.near_metres)
+    near = ~background & (distances < NEAR_METRES)
     owners = body.parts.owners[body.model.faces[places.triangles[near], 0]]
-    return find_excess(body.parts, owners, distances[near], facets, body.settings.rivals)
+    return find_excess(body.parts, owners, distances[near], facets)
 
 
 def _measure(
@@ -119,8 +130,8 @@ def _measure(
 ) -> FitQuality:
     """Return how well a body explains its scan."""
     body, scan, fit = search.body, search.scan, fitted.fit
-    settings, model = body.settings.trust, body.model
-    some = scan.points[even_points(scan.points, settings.n_samples)]
+    model = body.model
+    some = scan.points[even_points(scan.points, N_JUDGED)]
     some = some[~find_hair(body, fit.model_points, some)]
     _, gaps = nearest_points(some, fit.points, model.faces)
     _, model_distances = nearest_points(some, fit.model_points, model.faces)
@@ -130,9 +141,9 @@ def _measure(
     return FitQuality(
         likelihood=likelihood,
         margin=find_margin(search),
-        near=float(np.mean(gaps < settings.near_metres)),
+        near=float(np.mean(gaps < NEAR_METRES)),
         betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
-        far=float(np.quantile(model_distances, settings.far_share)),
+        far=float(np.quantile(model_distances, FAR_SHARE)),
         overlap=float(vertices.overlaps.sum() / max(vertices.matched.sum(), 1)),
         limb=part_in_words(body.parts.names[limb]),
         limb_matched=float(shares[limb]),
@@ -147,7 +158,7 @@ def find_margin(search: Search) -> float:
     shown = np.ones(len(surface), bool)
     if end is not None:
         shown = (samples.areas > 0) & end.shows(surface)
-    farthest = search.body.settings.trust.rival_metres
+    farthest = RIVAL_METRES
     elsewhere = [
         candidate.likelihood
         for candidate in candidates[1:]
@@ -167,18 +178,18 @@ def _landmark_doubts(
     return [
         f"the {in_words(body.parts.names[k])} is {100 * miss:.0f} cm from its landmark"
         for k, miss in misses.items()
-        if miss > body.settings.trust.farthest_miss
+        if miss > FARTHEST_MISS
     ]
 
 
 def _unseen_parts(body: RegistrationModel, vertices: ShownParts, *, up_is_known: bool) -> list[str]:
     """Return a message about the parts that a scan does not show."""
-    areas, settings = body.model.template.vertex_areas, body.settings.trust
+    areas = body.model.template.vertex_areas
     share = 1.0 - areas @ vertices.seen / areas.sum()
-    if share < settings.least_unseen and not vertices.lost.any():
+    if share < LEAST_UNSEEN and not vertices.lost.any():
         return []
     unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(vertices.seen) < 0.5)]
-    guessed_up = bool(share > settings.guessed_up and not up_is_known)
+    guessed_up = bool(share > GUESSED_UP and not up_is_known)
     return [say_unseen(unseen, share, guessed_up=guessed_up)]
 
 

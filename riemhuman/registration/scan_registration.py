@@ -13,7 +13,16 @@ from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel, ModelFit
-from riemhuman.checks import UNITS, check_instance, flag, items_of, one_of, real_array
+from riemhuman.checks import (
+    UNITS,
+    check_instance,
+    checked,
+    choice,
+    each,
+    flag,
+    instance,
+    real_array,
+)
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
@@ -25,9 +34,9 @@ from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_search import KnownBody
 from riemhuman.registration._upright_axes import upright_transform
 from riemhuman.registration.registered_scans import RegisteredScan
+from riemhuman.registration.registration_settings import DEFAULT_SETTINGS, RegistrationSettings
 from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scans import as_scan
-from riemhuman.registration.settings import DEFAULT_SETTINGS, RegistrationSettings
 from riemhuman.surfaces.procrustes import AXES
 
 # Fits use single precision, and scanners' stages are nearer to the origin than this. The limit
@@ -38,6 +47,15 @@ _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 _FARTHEST_LANDMARK = 5.0
 
 
+_scans = each(lambda scan, name: scan, "scans, such as a list of them")
+
+
+@checked(
+    model=instance(BodyModel),
+    unit=choice(*UNITS),
+    up=choice(*_UP),
+    settings=instance(RegistrationSettings, "RegistrationSettings"),
+)
 @dataclass(frozen=True)
 class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds with holes and noise, facing any way.
@@ -59,7 +77,7 @@ class ScanRegistration:
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Up direction in the scans; by default it is inferred from the floor or by trying all six.
     settings : RegistrationSettings
-        The constants of all stages.
+        Where registrations start, and how close they get.
 
     Examples
     --------
@@ -74,12 +92,7 @@ class ScanRegistration:
     up: str | None = None
     settings: RegistrationSettings = DEFAULT_SETTINGS
 
-    def __post_init__(self) -> None:
-        check_instance(self.model, "model", BodyModel)
-        one_of(self.unit, "unit", (None, *UNITS))
-        one_of(self.up, "up", (None, *_UP))
-        check_instance(self.settings, "settings", RegistrationSettings, "RegistrationSettings")
-
+    @checked(start=instance(RegisteredScan), trace=flag)
     def solve(
         self,
         scan: object,
@@ -112,9 +125,7 @@ class ScanRegistration:
             If fewer than 200 points are left without the background, or if the scan does not have
             the size of a body.
         """
-        trace = flag(trace, "trace")
-        if start is not None:
-            check_instance(start, "start", RegisteredScan)
+        models = self._models
         whole = as_scan(scan, self.unit)
         centre = np.median(whole.points, axis=0)
         known = self._landmark_positions({} if landmarks is None else landmarks, centre, whole.unit)
@@ -124,9 +135,11 @@ class ScanRegistration:
             start = None if start is None else _moved(start, -offset)
             whole = replace(whole, points=whole.points - offset)
         up = None if self.up is None else _UP[self.up]
-        prepared = prepare_scan(whole, self.settings, up=up, landmarks=known)
+        prepared = prepare_scan(
+            whole, most_points=self.settings.most_points, up=up, landmarks=known
+        )
         task = ScanTask(
-            self._models,
+            models,
             prepared,
             up_is_known=self.up is not None,
             unit_is_known=self.unit is not None,
@@ -135,6 +148,7 @@ class ScanRegistration:
             stages = register_scan(task, None if start is None else known_body(start))
         return _moved(result_of(stages, trace=trace), offset)
 
+    @checked(scans=_scans, progress=flag)
     def solve_sequence(
         self, scans: Iterable[object], *, progress: bool = False
     ) -> list[RegisteredScan]:
@@ -150,8 +164,6 @@ class ScanRegistration:
         progress : bool
             Whether to show a progress bar.
         """
-        scans = items_of(scans, "scans", "scans, such as a list of them")
-        progress = flag(progress, "progress")
         results: list[RegisteredScan] = []
         with suppress(KeyboardInterrupt):
             for scan in tqdm(scans, desc="Scans", unit="scan", disable=not progress):
@@ -162,6 +174,7 @@ class ScanRegistration:
     @cached_property
     def _models(self) -> ModelAndHalves:
         whole = RegistrationModel(self.model, self.settings)
+        _ = whole.poses  # refuses unknown names before a scan is read
         cuts = (-1, 1) if whole.parts.halves else ()
         return ModelAndHalves(
             whole, [RegistrationModel(self.model, self.settings, cut) for cut in cuts]

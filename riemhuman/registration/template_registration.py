@@ -112,9 +112,7 @@ class TemplateRegistration:
             )
         near = matches.distances < _NEAR_METRES
         matched = near & (matches.reliable > 0.1)
-        seen = find_seen(
-            self._metric.space.template, points, matched, prepared, prepared.settings.trust
-        )
+        seen = find_seen(self._metric.space.template, points, matched, prepared)
         points = points / self._factor
         places, distances = nearest_points(whole.points, points, faces)
         close = float(np.mean(distances * self._factor < _NEAR_METRES))

@@ -36,6 +36,7 @@ from riemhuman.registration import (
     simulated_scan,
     transfer_model,
 )
+from riemhuman.registration._constants import MOST_LIMB_EXCESS
 
 SEED, NATURAL_SEED = 4242, 2024
 CALIBRATION_SEED, CHECK_SEED = 71, 73
@@ -328,7 +329,7 @@ def test_trust_by_excess(benchmark, seed):
     """
     registration = ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
     parts = benchmark.pedantic(lambda: list(limb_parts(registration, EXCESS_SEEDS[seed])), rounds=1)
-    limit = registration.settings.rivals.most_limb_excess
+    limit = MOST_LIMB_EXCESS
     limbs = [part for part in parts if not part.part.endswith("wrist")]  # hands have other rules
     right = [part for part in limbs if part.error < RIGHT_METRES]
     groups = {

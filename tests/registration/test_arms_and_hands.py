@@ -7,14 +7,12 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.registration import Scan, _arms_and_hands
 from riemhuman.registration._arms_and_hands import pose_hands
+from riemhuman.registration._constants import FOREARM_ANGLES, WRIST_ANGLES
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._starts import Candidate
-from riemhuman.registration.settings import ArmSettings
-
-ARM_SETTINGS = ArmSettings()
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +26,8 @@ def test_rotating_a_forearm_moves_no_joint(fitter):
     for arm in fitter.arm_surfaces:
         elbow, wrist = arm.joints[-2:]
         turns, bends = [], []
-        for forearm in ARM_SETTINGS.forearm_angles:
-            for angle in ARM_SETTINGS.wrist_angles:
+        for forearm in FOREARM_ANGLES:
+            for angle in WRIST_ANGLES:
                 rotated = pose._replace(local=arm.rotated(pose.local, forearm, angle))
                 np.testing.assert_array_equal(
                     np.delete(rotated.local, [elbow, wrist], 0),

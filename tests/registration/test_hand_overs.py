@@ -9,13 +9,8 @@ from scanned_people import settings_with
 
 import riemhuman as rh
 from riemhuman.kernels import threads
-from riemhuman.registration import Scan, ScanRegistration, SearchRound
+from riemhuman.registration import Scan, ScanRegistration
 from riemhuman.registration._scan_preparation import PreparedScan, _LoosePoints
-
-ROUNDS = (
-    SearchRound(250, 400, (0.2, 0.1), 4, 2),
-    SearchRound(500, 800, (0.1, 0.02), 8, 1),
-)
 
 
 class OneThread:
@@ -42,7 +37,7 @@ def test_a_scan_is_handed_on_by_few_calls(model, monkeypatch, tmp_path, suffix):
         np.savetxt(file, scan.points)
     else:
         rh.save_mesh(file, scan.points, scan.faces)
-    settings = settings_with(poses=("a",), headings=(0,), rounds=ROUNDS)
+    settings = settings_with(poses=("a",), headings=(0,))
     registration = ScanRegistration(model, up="y", settings=settings)
     monkeypatch.setattr(threads, "ThreadPoolExecutor", OneThread)
     results = []

@@ -13,6 +13,7 @@ from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import Scan, _limb_rivals
 from riemhuman.registration._arm_positions import move_end, swing_elbow
 from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit
+from riemhuman.registration._constants import DISPLACED_METRES
 from riemhuman.registration._crossed_limbs import exchanged_limbs
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
@@ -22,7 +23,6 @@ from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._starts import Candidate
-from riemhuman.registration.settings import RivalSettings
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -32,7 +32,7 @@ def find_limb_doubts(body, matched=True, excess=1.0):
         np.broadcast_to(matched, len(body.fit.points)),
         np.broadcast_to(excess, len(body.task.body.parts.names)),
     )
-    return find_limb_doubts_with(body, shown, RivalSettings())
+    return find_limb_doubts_with(body, shown)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(clasped,
     for arm, fits in clasped.hand_fits.items():
         best = min(fits, key=lambda fit: fit.cost)
         apart = np.max([np.linalg.norm(fit.surface - best.surface, axis=1) for fit in fits], axis=0)
-        near = apart < RivalSettings().displaced_metres
+        near = apart < DISPLACED_METRES
         assert near[np.isin(arm.vertices, arm.on_hand)].any()
         assert not doubt.vertices[arm.vertices[near]].any()
     # Nothing is known of hands without points of their own.
@@ -147,7 +147,7 @@ def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo):
     skeleton, pose = arm.samples.skeleton, akimbo.fit.pose
     pose = move_end(skeleton, pose, arm.joints[1:], 0.06 * inward)
     within = with_pose(fitter, akimbo, pose)
-    contact = find_contact(within, arm, RivalSettings())
+    contact = find_contact(within, arm)
     assert contact is not None
     np.testing.assert_allclose(np.linalg.norm(contact), 1.0)
     doubts = find_limb_doubts(within)
@@ -160,7 +160,7 @@ def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo):
 
 def test_hanging_hands_touch_nothing(fitter, upright):
     for arm in fitter.arm_surfaces:
-        assert find_contact(upright, arm, RivalSettings()) is None
+        assert find_contact(upright, arm) is None
 
 
 @pytest.mark.parametrize(

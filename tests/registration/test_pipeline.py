@@ -13,13 +13,11 @@ from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_bodies import surface_noise
 from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import LARGEST_OVERLAP
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_lost_limbs, find_overlaps
 from riemhuman.registration._verdict import _other_units
 from riemhuman.registration.scans import as_scan
-from riemhuman.registration.settings import TrustSettings
-
-SETTINGS = TrustSettings()
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
@@ -48,12 +46,10 @@ def test_hands_on_the_head_are_no_overlap(registration, natural_bodies):
         for k in range(100)
         if natural_bodies.pose_names[natural_bodies.pose[k]] == "hands_on_head"
     ]
-    shares = [
-        find_overlaps(template, natural_bodies[k], whole, SETTINGS).near.mean() for k in poses
-    ]
-    assert max(shares) > SETTINGS.largest_overlap
+    shares = [find_overlaps(template, natural_bodies[k], whole).near.mean() for k in poses]
+    assert max(shares) > LARGEST_OVERLAP
     for k in poses:
-        assert not find_overlaps(template, natural_bodies[k], ~on_hands, SETTINGS).near.any()
+        assert not find_overlaps(template, natural_bodies[k], ~on_hands).near.any()
 
 
 @pytest.mark.slow
@@ -322,7 +318,7 @@ def test_a_forearm_folded_into_its_upper_arm_is_lost(registration_from_t):
     parts = BodyParts(model)
     for degrees, expected in ((90.0, 0.0), (130.0, 1.0)):
         pose[elbow] = np.radians(degrees) * axis / np.linalg.norm(axis)
-        lost = find_lost_limbs(parts, model(pose=pose), whole, ~whole, TrustSettings())
+        lost = find_lost_limbs(parts, model(pose=pose), whole, ~whole)
         assert lost[forearm].mean() == expected
         assert not lost[~forearm].any()
 

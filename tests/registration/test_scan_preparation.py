@@ -10,7 +10,6 @@ import riemhuman as rh
 from riemhuman.registration import simulated_scan
 from riemhuman.registration._scan_preparation import estimate_normals, prepare_scan
 from riemhuman.registration.scans import as_scan
-from riemhuman.registration.settings import PreparationSettings
 from riemhuman.surfaces.measures import triangle_areas
 
 AXES = Rotation.from_euler("yx", [33.0, 70.0], degrees=True).as_matrix()
@@ -167,9 +166,7 @@ def test_normals_of_rings_are_those_of_the_surface(full, bodies):
     body = bodies[3]
     normals = rh.kernels.surface.vertex_normals(body, bodies.template.faces)
     nearest = cKDTree(body).query(rings)[1]
-    cosines = np.einsum(
-        "nx,nx->n", estimate_normals(rings, PreparationSettings()), normals[nearest]
-    )
+    cosines = np.einsum("nx,nx->n", estimate_normals(rings), normals[nearest])
     assert np.mean(np.abs(cosines) > 0.7) > 0.85
 
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._constants import LARGEST_OVERLAP
 from riemhuman.registration._messages import OPEN_HANDS, join_reasons
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_overlaps, find_seen
@@ -17,9 +18,6 @@ from riemhuman.registration._trust import (
     find_facet_heights,
 )
 from riemhuman.registration._trust import find_doubts as find_doubts_of
-from riemhuman.registration.settings import RivalSettings, TrustSettings
-
-SETTINGS = TrustSettings()
 
 GOOD = {
     "likelihood": 3.2,
@@ -34,7 +32,7 @@ GOOD = {
 
 
 def find_doubts(**qualities):
-    return find_doubts_of(FitQuality(**qualities), SETTINGS)
+    return find_doubts_of(FitQuality(**qualities))
 
 
 @pytest.mark.parametrize("change", [{}, {"near": 1.0, "limb_matched": 0.0}])
@@ -87,10 +85,7 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
     straight, fist = (model(hands=model.hand_pose(name)) for name in ("open", "fist"))
     scan = prepare_scan(rh.registration.Scan(fist, model.faces))
     gaps = np.linalg.norm(straight - fist, axis=1)
-    found = [
-        find_seen(model.template, surface, gaps < 0.04, scan, SETTINGS)
-        for surface in (straight, fist)
-    ]
+    found = [find_seen(model.template, surface, gaps < 0.04, scan) for surface in (straight, fist)]
     assert found[0][gaps > 0.04].mean() < 0.1
     assert found[1].all()  # as in a hole, where fists are right
 
@@ -101,20 +96,20 @@ def test_limbs_are_compared_with_how_well_the_rest_fits(model, misfit):
     parts = BodyParts(model)
     flat = np.zeros(len(parts.names))
     distances = np.full(model.n_vertices, misfit)
-    same = find_excess(parts, parts.owners, distances, flat, RivalSettings())
+    same = find_excess(parts, parts.owners, distances, flat)
     np.testing.assert_allclose(same, 1.0)
     for name in ("left_knee", "right_elbow"):
         (joint,) = parts.numbers(name)
         farther = np.where(parts.owners == joint, 2.0 * misfit, misfit)
-        excess = find_excess(parts, parts.owners, farther, flat, RivalSettings())
+        excess = find_excess(parts, parts.owners, farther, flat)
         assert 1.8 < excess[joint] < 2.0 + 1e-9
         assert np.delete(excess, joint).max() < 1.0 + 1e-9
     # Of exact scans, hands are farther than the rest by nothing.
     exact = np.where(parts.on_hands, 1e-4, 1e-6)
-    assert find_excess(parts, parts.owners, exact, flat, RivalSettings()).max() <= 1.0
+    assert find_excess(parts, parts.owners, exact, flat).max() <= 1.0
     # A hand elsewhere says nothing against its arm.
     on_hands = np.where(parts.on_hands, 5.0 * misfit, misfit)
-    excess = find_excess(parts, parts.owners, on_hands, flat, RivalSettings())
+    excess = find_excess(parts, parts.owners, on_hands, flat)
     others = [not name.endswith("wrist") for name in parts.names]
     np.testing.assert_allclose(excess[others], 1.0)
 
@@ -139,8 +134,7 @@ def test_coarse_limbs_are_as_far_as_their_triangles_are_from_skin(model):
     flat = np.zeros(len(parts.names))
     coarse = np.where(np.arange(len(flat)) == joint, 0.0025, flat)
     flat, coarse = (
-        find_excess(parts, parts.owners, distances, facets, RivalSettings())[joint]
-        for facets in (flat, coarse)
+        find_excess(parts, parts.owners, distances, facets)[joint] for facets in (flat, coarse)
     )
     assert 1.9 < flat < 2.1
     assert 1.0 < coarse < 1.1
@@ -179,6 +173,6 @@ def test_a_limb_on_another_is_all_around_it(model, limb):
     rotation, _ = Rotation.align_vectors(np.diff(first, axis=0), np.diff(second, axis=0))
     together = points.copy()
     together[chosen] = rotation.apply(points[chosen] - second[0]) + first[0]
-    overlaps = find_overlaps(model.template, together, np.ones(len(points), dtype=bool), SETTINGS)
-    assert overlaps.around.mean() > 2 * SETTINGS.largest_overlap
+    overlaps = find_overlaps(model.template, together, np.ones(len(points), dtype=bool))
+    assert overlaps.around.mean() > 2 * LARGEST_OVERLAP
     assert not (overlaps.around & ~overlaps.near).any()

@@ -12,6 +12,7 @@ import riemhuman as rh
 from riemhuman.bodies.skinning import usual_joint_names
 from riemhuman.registration import simulated_scan
 from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._constants import DENSE_SCALES
 from riemhuman.registration._crossed_limbs import crossing_joints, exchanged_limbs
 from riemhuman.registration._dense_fit import fit_closest
 from riemhuman.registration._elastic_step import leave_model
@@ -145,7 +146,7 @@ def wrong_limbs(trace, rng):
 def _fitted_again(trace, start, prior):
     """Return the stages of a registration whose pose is fitted again, with another prior."""
     task, scan = replace(trace.arms.task, prior=prior), trace.search.scan
-    scales = task.body.settings.dense.scales
+    scales = DENSE_SCALES
     pose = fit_closest(task.samples, start, prior, task.scan, scales)
     fitted = BodyFit(task, leave_model(task, pose), {}, {})
     fitted, shown = leave_out_lost_limbs(fitted, scan, is_refused=False)

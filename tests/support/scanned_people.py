@@ -260,16 +260,15 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
 
 
 def settings_with(**search):
-    """Return settings with some of the search."""
-    settings = RegistrationSettings()
-    return replace(settings, search=replace(settings.search, **search))
+    """Return settings of the search."""
+    return RegistrationSettings(**search)
 
 
 def task_of(registration, points):
     """Return the task of registering a scan whose direction up is said."""
     axes = {None: None, "x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
     up = axes[registration.up]
-    prepared = prepare_scan(as_scan(points), registration.settings, up=up)
+    prepared = prepare_scan(as_scan(points), up=up)
     return ScanTask(registration._models, prepared, up is not None, unit_is_known=False)
 
 

@@ -1,0 +1,579 @@
+"""The constants of registration, in the order of its stages.
+
+They were calibrated on simulated scans; `tests/benchmarks/test_registration.py` prints what they
+do. Lengths are metres and angles degrees, unless a comment says otherwise. What users change is in
+`RegistrationSettings`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class SearchRound(NamedTuple):
+    """One round of the search over starts."""
+
+    n_model: int  # points of the body
+    n_scan: int  # points of the scan
+    sigmas: tuple[float, float]  # first and last standard deviation of the assignment, metres
+    n_steps: int  # from the first to the last; 0 only evaluates the likelihood
+    n_best: int  # candidates that are kept
+
+
+# Preparation: from a scan to evenly spread points with normals, without floor, walls and strays.
+
+# Number of points that are examined, chosen at random; more would only take time.
+FIRST_POINTS = 80000
+
+# Triangles with a longer edge are split, because only vertices are matched, metres.
+LONG_EDGE = 0.05
+
+# Triangles with a longer edge are floors or strays and stay whole, metres.
+LONGEST_EDGE = 0.3
+
+# Points farther from the median are strays, metres.
+STRAY_METRES = 10.0
+
+# The spacing of a point is the distance to this neighbour: on a surface, nearly every place is as
+# near to some point of the scan.
+N_CLOSE = 6
+
+# Largest width of the area that a point represents, metres.
+WIDEST_SPACING = 0.06
+
+# Only points with a larger spacing can be remnants of floors and stands, metres.
+SPARSE_METRES = 0.03
+
+# Remnants have a spacing of more than this multiple of the median over the area.
+SPARSE_SPACINGS = 3.0
+
+# If such points represent a larger share of the area, they are part of a body that was sampled
+# less densely.
+FEW_SPARSE = 0.03
+
+# A point with a larger spacing belongs to no surface, metres.
+LONELY_METRES = 0.15
+
+# Remnants of a floor lie within this distance of a common plane, metres.
+PLANE_METRES = 0.02
+
+# That plane holds at least this share of the sparse points.
+IN_PLANE = 0.4
+
+# Points with more than this multiple of the median spacing may be remnants of a floor.
+SPARSER_SPACINGS = 1.5
+
+# Least width of the cells in which points are connected, metres.
+CELL_METRES = 0.05
+
+# Largest width of these cells, for sparse points, metres.
+WIDEST_CELL = 0.12
+
+# The cells are as wide as the spacing at this quantile of the area.
+CELL_QUANTILE = 0.95
+
+# Separate parts with a smaller share of the area are strays.
+LARGEST_STRAY = 0.004
+
+# Points within this distance of a plane support it, metres.
+FLOOR_METRES = 0.01
+
+# Points within this distance of a floor or wall belong to it, metres.
+NEAR_FLOOR_METRES = 0.02
+
+# Cosine between normals of points of one floor or wall, of either sign.
+SAME_WAY = 0.9
+
+# Standard deviation of a floor's points in the narrower direction, metres.
+LEAST_WIDTH = 0.2
+
+# A floor or wall holds at least this share of the points.
+FLOOR_SHARE = 0.04
+
+# At least this share of the other points is on one side of the plane.
+ABOVE_FLOOR = 0.97
+
+# Points whose tangent planes are tried as floors.
+N_PLANES = 200
+
+# Maximum number of planes: a floor and two walls.
+MOST_PLANES = 3
+
+# If a smaller share of a plane's points lies outside the outline of all others, the plane is a
+# part of the body.
+LEAST_OUTSIDE = 0.1
+
+# The outline is widened by this length, metres.
+OUTLINE_METRES = 0.03
+
+# A body rests on a plane if at least this share of its points is near it; a body does not rest on
+# a wall next to it.
+LEAST_RESTING = 0.004
+
+# Distance that counts as near, metres.
+RESTING_METRES = 0.07
+
+# Neighbours from which normals are estimated or averaged.
+N_NORMAL_NEIGHBOURS = 14
+
+# Larger numbers of neighbours, used if the first ones lie on a line, as along the rings of a
+# scanner.
+MORE_NORMAL_NEIGHBOURS = (40, 110)
+
+# Neighbours lie on a line if their second-largest variance is a smaller share of the largest.
+ON_LINE = 0.15
+
+# Distance that counts as much as a rotation of a normal by a radian in averages, metres.
+SMOOTHING_NORMAL_METRES = 0.03
+
+# A mesh has no consistent side if more of its edges join triangles that face different ways.
+MIXED_TRIANGLES = 0.05
+
+# Smallest cosine between a given up direction and a floor's normal; a plane that leans more is a
+# wall.
+LEAST_LEVEL_FLOOR = 0.8
+
+
+# Matching: how points of a body find those of a scan.
+
+# Distance that counts as much as a rotation of the normal by a radian, metres.
+MATCH_NORMAL_METRES = 0.05
+
+# Number of points of the scan that are averaged for a match, to reduce noise.
+N_MATCHED = 4
+
+# Standard deviation of their weights, metres.
+BLUR_METRES = 0.008
+
+# If the points of the scan are farther apart than this, a match may be farther away along the
+# surface by the excess, metres.
+DENSE_METRES = 0.02
+
+# Points from which the noise is estimated.
+N_NOISE = 3000
+
+# A coefficient of 1 counts as much as a point of the scan at this distance, so that the prior
+# counts more the fewer points there are, metres.
+PRIOR_METRES = 0.02
+
+
+# Soft assignment of a scan's points to those of a body.
+
+# Number of independent points that the scan counts as, relative to the prior.
+SCAN_WORTH = 300.0
+
+# Largest rotation of a joint in a step, radians.
+SEARCH_LONGEST_ROTATION = 0.6
+
+# Smallest share of the body that an incomplete scan is assumed to show.
+LEAST_SHOWN = 0.1
+
+# Weight of a landmark, as a share of all points of the scan.
+LANDMARK_WEIGHT = 0.03
+
+# Standard deviation of landmarks, metres.
+MISS_METRES = 0.04
+
+# A landmark farther from its joint counts only as much as one at this distance, metres.
+FAR_MISS = 0.4
+
+
+# The search over headings, starting poses and up directions.
+
+# The first two rounds form one schedule, in which unlikely starts are dropped early.
+SEARCH_ROUNDS = (
+    SearchRound(250, 400, (0.2, 0.164), n_steps=2, n_best=96),
+    SearchRound(250, 400, (0.134, 0.09), n_steps=3, n_best=24),
+    SearchRound(500, 800, (0.09, 0.04), n_steps=6, n_best=6),
+    SearchRound(1000, 1500, (0.04, 0.015), n_steps=9, n_best=3),
+)
+
+# Rounds for a body with another arm.
+ARM_ROUNDS = (
+    SearchRound(250, 400, (0.12, 0.05), n_steps=5, n_best=4),
+    SearchRound(1000, 1500, (0.04, 0.015), n_steps=5, n_best=1),
+)
+
+# Rounds that start from a known body, such as that of the previous frame.
+WARM_ROUNDS = (
+    SearchRound(500, 800, (0.08, 0.04), n_steps=5, n_best=1),
+    SearchRound(1000, 1500, (0.03, 0.015), n_steps=4, n_best=1),
+)
+
+# The final round, with the model at nearly full resolution.
+FINE_ROUND = SearchRound(3000, 5000, (0.015, 0.006), n_steps=5, n_best=1)
+
+# Number of steps that move the visible part of a start to the centre of the scan.
+N_SHIFTS = 8
+
+# An up direction is tried fully if its log-likelihood is at most this much below the best.
+UP_MARGIN = 0.15
+
+# Candidates nearer to a better one, in root mean square distance, are dropped, metres.
+SAME_METRES = 0.03
+
+# Arms of two start poses are the same if no entry of their rotations differs by more.
+SAME_ROTATIONS = 0.05
+
+# Gain of the log-likelihood from which another arm is preferred: more than the difference between
+# fits.
+ARM_GAIN = 0.02
+
+# Inverse variance of the shape coefficients for the next scan of the same person.
+WARM_BETAS_PRECISION = 4.0
+
+# Inverse variance of the coefficients of hands, which stay relaxed in the search.
+STILL_HANDS = 1000000.0
+
+
+# The dense fit of a body's parameters to the closest points of a scan.
+
+# Distance at which a match has a quarter of the weight, for each step, metres.
+DENSE_SCALES = (0.04, 0.03, 0.03, 0.03, 0.02, 0.02, 0.02, 0.02, 0.02, 0.012, 0.012, 0.012, 0.012)
+
+# The same if the fit starts from the previous frame, which is nearer, metres.
+DENSE_KNOWN_SCALES = (0.02, 0.02, 0.02, 0.012, 0.012, 0.012, 0.012)
+
+# Points of the body.
+N_DENSE = 3000
+
+# Share with which gaps along the surface count.
+DENSE_ALONG = 0.05
+
+# Largest rotation of a joint in a step, radians.
+DENSE_LONGEST_ROTATION = 0.3
+
+# Inverse variance of the coefficients of hand poses; a coefficient of 1 is the full pose.
+HANDS_PRECISION = 300.0
+
+# Points farther outside the head are hair, metres.
+HAIR_METRES = 0.02
+
+# Points farther away than this are not hair, metres.
+FARTHEST_HAIR = 0.35
+
+# If a larger share of the scan would be hair, no point is classified as hair.
+MOST_HAIR = 0.1
+
+
+# Other positions of forearms and hands.
+
+# Number of points of the whole body, of which arms are fitted by their share.
+N_FOR_ARMS = 1000
+
+# Rotations of the forearm about its axis from which fits start, degrees.
+FOREARM_ANGLES = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
+
+# Bending angles of the wrist from which fits start, degrees.
+WRIST_ANGLES = (0.0, -50.0, 50.0)
+
+# Steps of closest points after which starts that lead to the same arm are merged.
+N_FIRST_STEPS = 6
+
+# Standard deviation of the wrist in the dense fit: hands can bend back farther than in the
+# starting poses.
+WRIST_DEGREES = 45.0
+
+# An elbow that bends outward by this angle counts as twice the distance from the scan.
+ELBOW_DEGREES = 30.0
+
+# A wrist that rotates by this angle about another axis than its hinge counts as twice the
+# distance.
+HINGE_DEGREES = 60.0
+
+# Arms that lower the log-likelihood by more than this are left out.
+ARM_LEAST_LIKELY = 0.06
+
+# Arms are left out before the elastic step if their mean distance from points of the scan is more
+# than this multiple of that of the nearest arm.
+ARM_MOST_FARTHER = 1.8
+
+# Approximate number of points for this comparison.
+N_ARM_COMPARED = 500
+
+# Two arms are different if their surfaces are this far apart on average, metres.
+DIFFERENT_METRES = 0.008
+
+# Another arm or hand must be nearer to the scan by this share of the distance.
+LEAST_GAIN = 0.05
+
+# It must also be nearer by this many standard errors, because few points are not enough to
+# decide.
+N_STANDARD_ERRORS = 2.0
+
+# Points farther from an arm belong to other parts of the body, metres.
+ARM_METRES = 0.03
+
+# Points farther from a hand belong to other parts of the body, metres.
+HAND_METRES = 0.01
+
+# If the points of a hand are farther away on average, with distances limited as above, no pose of
+# the hand explains them, metres.
+UNEXPLAINED_METRES = 0.007
+
+# Vertices that a hand pose moves by more than this belong to the hand, metres.
+HAND_MOVES_METRES = 0.005
+
+# Stiffness α of each elastic step of an arm.
+ARM_STIFFNESSES = (0.001, 0.0003, 0.0001, 5e-05)
+
+
+# The elastic step, in which the surface leaves the model.
+
+# Stiffness α of the first step.
+FIRST_STIFFNESS = 0.001
+
+# Above this standard deviation of the noise, the last stiffness grows with its square, metres.
+NOISE_METRES = 0.0014
+
+# Steps from the first stiffness to the last.
+N_ELASTIC_STEPS = 6
+
+# Number of final steps that are repeated after the model is fitted to the result.
+N_ELASTIC_STEPS_AGAIN = 2
+
+# How often the model is fitted to the result.
+N_ELASTIC_REPEATS = 2
+
+# Steps of each such fit.
+N_SURFACE_STEPS = 3
+
+# Weight with which the model follows vertices without a match.
+UNMATCHED_WEIGHT = 0.02
+
+# A match at this distance has a quarter of the weight, metres.
+ELASTIC_SCALE = 0.01
+
+# Share with which gaps along the surface count.
+ELASTIC_ALONG = 0.05
+
+# Maximum number of conjugate gradient iterations in a step.
+N_CONJUGATE = 60
+
+# Relative residual at which these iterations end; steps need not be exact.
+CONJUGATE_TOLERANCE = 0.03
+
+# Number of halvings after which a step is taken even if the cost has not decreased.
+MOST_HALVINGS = 6
+
+
+# Rivals: a limb is not trusted if another pose explains its points almost as well.
+
+# Another explanation must be farther from the scan than the fit by this share of the fit's
+# distance.
+LIMB_MARGIN = 0.35
+
+# The same for another pose of the hand, for which only the fingers are compared.
+HAND_MARGIN = 0.2
+
+# Fingers are not trusted if their points are farther from the nearest pose of the hand than those
+# on the same arm from the arm, by this factor of the mean.
+MOST_HAND_EXCESS = 2.5
+
+# And if the nearest pose is farther from them than this share of the median of all poses.
+LEAST_TOLD_APART = 0.8
+
+# And if less than this share of their vertices have counterparts in the scan.
+LEAST_HAND_SHOWN = 0.2
+
+# And if the scan is farther from the hand, after the elastic step, than from the rest of the body
+# by this factor.
+MOST_FINGER_EXCESS = 3.0
+
+# The same factor for other parts of limbs: these and what they carry are not trusted.
+MOST_LIMB_EXCESS = 1.9
+
+# A smaller mean distance from the rest of the body counts as this one, metres.
+LEAST_REST_METRES = 0.0007
+
+# Smallest mean distance used for the arm, because hands have finer detail, metres.
+LEAST_USUAL_METRES = 0.0015
+
+# The same share for another rotation of the head.
+HEAD_MARGIN = 0.1
+
+# Angles about the left and up axes from which other poses of the head start, degrees.
+HEAD_TURNS = ((0, 60), (0, -60), (35, 0), (-35, 0))
+
+# Angles about the line from shoulder to wrist from which other elbow positions start, degrees.
+ELBOW_SWINGS = (60.0, -60.0, 120.0, -120.0, 180.0)
+
+# Elbows nearer to this line are not tried on the other side, metres.
+LEAST_SWUNG = 0.03
+
+# Distances into the touched surface at which other hand positions start, metres.
+ACROSS_CONTACT = (0.05, 0.11)
+
+# Rivals are left out if, after the first steps, their mean distance from points of the scan is
+# more than this multiple of that of the fit.
+RIVAL_MOST_FARTHER = 4.0
+
+# Approximate number of points by which heads and arms are compared.
+N_RIVAL_COMPARED = 500
+
+# After the first steps, only every k-th of these points is compared.
+RIVAL_COMPARED_EVERY = 3
+
+# Vertices that a rival moves by more than this are not trusted, metres.
+DISPLACED_METRES = 0.03
+
+# A rival matters if it displaces this share of a forearm and hand.
+LEAST_DISPLACED = 0.05
+
+# Vertices within this distance of another limb touch it, metres.
+TOUCHING_METRES = 0.015
+
+# If more than this share of a hand's vertices touches the other hand, they hide each other's
+# fingers.
+MOST_TOUCHING = 0.1
+
+# Hands that touch something with a larger share of their vertices are tried beyond it.
+CROSSING_SHARE = 0.02
+
+# Forearms or shins of which that share of vertices is so near to the other are tried exchanged,
+# metres.
+CROSSING_METRES = 0.05
+
+# Points farther away belong to other parts of the body, metres.
+EXCHANGED_METRES = 0.03
+
+
+# Trust: the checks by which a registered body, and its parts, are trusted.
+
+# Log-likelihoods are normalised to a body of this area, because the density decreases as the area
+# grows, square metres.
+USUAL_AREA = 1.8
+
+# A scan with a smaller log-likelihood does not look like one person.
+LEAST_LIKELIHOOD = 2.4
+
+# Amount by which the log-likelihood must exceed that of all bodies elsewhere.
+BODY_MARGIN = 0.06
+
+# A body is elsewhere if its visible part is this far away on average, metres.
+RIVAL_METRES = 0.15
+
+# Points of the scan within this distance are near the body, metres.
+NEAR_METRES = 0.05
+
+# Smallest share of the scan that must be near the body.
+LEAST_NEAR = 0.97
+
+# If a smaller share of a limb is matched, the limb may be elsewhere.
+LIMB_ELSEWHERE = 0.3
+
+# Such a limb is in doubt if a smaller share of the scan than this is near the body.
+LEAST_NEAR_OF_LIMB = 0.995
+
+# Root mean square of the shape coefficients beyond all people whom the model knows.
+LARGEST_BETA = 4.0
+
+# Share of the body that may overlap another part; exact bodies reach 0.016 in deep squats.
+LARGEST_OVERLAP = 0.02
+
+# A body is wrong if ln(d / far_metres) > l − usual_likelihood, with its log-likelihood l and the
+# distance d from the model's surface within which this share of the scan lies.
+FAR_SHARE = 0.95
+
+# The distance in that rule, metres.
+FAR_METRES = 0.02
+
+# The log-likelihood in that rule.
+USUAL_LIKELIHOOD = 2.75
+
+# A limb is not in the scan if a larger share of its matches also belongs to another part.
+SHARED_LIMB = 0.5
+
+# Smallest cosine between the two bones of a limb, that of 160°: no elbow or knee bends farther.
+LEAST_BENT = -0.94
+
+# Vertices within this distance of matching points are matched, metres.
+MATCHED_METRES = 0.02
+
+# Least weight of such a match.
+LEAST_RELIABLE = 0.1
+
+# Holes up to twice this width are filled by the vertices around them, metres.
+SEEN_METRES = 0.06
+
+# Vertices farther outside the scanned surface are not filled, such as straight fingers where the
+# scan shows a fist, metres.
+OUTSIDE_METRES = 0.015
+
+# Parts that overlap are this far apart in the rest pose, metres.
+APART_METRES = 0.15
+
+# Such parts are this near to each other along their normals, metres.
+ALONG_METRES = 0.012
+
+# Such parts are as near as neighbours in the mesh, within these limits, metres.
+OVERLAP_METRES = (0.015, 0.045)
+
+# Another part lies on one side, as at a seam, if the mean of the unit vectors towards it is
+# longer than this.
+ONE_SIDED = 0.75
+
+# The part is in the same place if it is nearer than this share of that distance.
+SAME_PLACE = 0.3
+
+# Number of vertices compared for this.
+N_OVERLAP_NEIGHBOURS = 30
+
+# Points of the scan that are compared with the body.
+N_JUDGED = 3000
+
+# A joint farther from its landmark is wrong, metres.
+FARTHEST_MISS = 0.12
+
+# Unseen parts are named if they make up a larger share of the surface together.
+LEAST_UNSEEN = 0.1
+
+# If a larger share is not seen, the up direction is a guess.
+GUESSED_UP = 0.25
+
+# Cosine of 25°: if feet and trunk lean farther from an axis, it is not the up direction.
+LEANING = 0.906
+
+# Cosine of 30°, the largest angle between the feet for that.
+FEET_AGREE = 0.866
+
+
+# Retries: when a scan is searched again, or as that of half a body.
+
+# Half a body is tried if a smaller share of the other half matches: a view from one side matches
+# nearly half of the legs, legs fitted to the trunk about a third.
+LEAST_MATCHED_HALF = 0.4
+
+# Where a smaller share of the scan is near the body, it is refused for good reason: its arms and
+# hands are left as they are, and another search is a quick one.
+CLEARLY_NEAR = 0.85
+
+# About the number of points by which that is decided.
+N_NEAR = 500
+
+# If a body is refused and a smaller share of one half matches, the other half alone is tried.
+MOST_MATCHED_HALF = 0.6
+
+# A whole body fitted to the scan of half a body is near at least this share of the scan.
+NEAR_OF_HALF = 0.9
+
+# A second search follows so many times more starts, from the headings between.
+MORE_STARTS = 2.0
+
+# A quick one follows this share of them, and tries no arms.
+FEWER_STARTS = 0.5
+
+# Gain of the log-likelihood from which the result of another search is preferred.
+RETRY_GAIN = 0.05
+
+# If the log-likelihood of a scan is lower than that of the previous frame by more than this, the
+# search starts from scratch.
+WARM_LOSS = 0.25
+
+# A body is fitted again without the limbs that the scan does not show. This fit is kept unless
+# the scan is farther from it by more than this factor: a forearm that is in the scan after all
+# makes it 1.7.
+FARTHER_WITHOUT_LIMBS = 1.1
+
+# If a smaller share of the estimated normals agrees with the body, their signs are ignored.
+NORMALS_AGREE = 0.85
