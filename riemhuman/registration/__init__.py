@@ -16,9 +16,8 @@ from riemhuman.registration.folders import (
     read_records,
     register_folder,
 )
-from riemhuman.registration.registered_scans import RegisteredScan
+from riemhuman.registration.registered_scans import RegisteredScan, RegistrationTrace
 from riemhuman.registration.registration_settings import RegistrationSettings
-from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_landmarks, load_scan
 from riemhuman.registration.scans_over_bodies import ScanOverBody, lay_over_body

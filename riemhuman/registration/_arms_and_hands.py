@@ -15,7 +15,6 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.threads import mapped
-from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._constants import (
     ARM_LEAST_LIKELY,
     ARM_METRES,
@@ -32,10 +31,10 @@ from riemhuman.registration._constants import (
 )
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
-from riemhuman.registration._limb_distances import are_less, points_on
+from riemhuman.registration._limbs import ArmSurface, are_less, points_on
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
-from riemhuman.registration._soft_assignment import find_likelihoods
+from riemhuman.registration._start_search import find_likelihoods
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -14,8 +14,6 @@ from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import JointMotions, Skeleton
-from riemhuman.registration._arm_positions import move_end
-from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._constants import (
     CROSSING_METRES,
     CROSSING_SHARE,
@@ -24,10 +22,12 @@ from riemhuman.registration._constants import (
     EXCHANGED_METRES,
 )
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
-from riemhuman.registration._limb_distances import (
+from riemhuman.registration._limbs import (
+    BodyParts,
     are_less,
     faces_among,
     limited_distances,
+    move_end,
     points_on,
 )
 from riemhuman.registration._posed_body import Pose, Prior

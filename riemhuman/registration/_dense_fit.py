@@ -32,8 +32,7 @@ from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._soft_assignment import anneal_finely
-from riemhuman.registration._starts import Candidate
+from riemhuman.registration._start_search import Candidate, anneal_finely
 from riemhuman.surfaces.nearest_points import nearest_points
 
 # Inverse variance of parameters that are held while a limb is fitted.

@@ -20,8 +20,6 @@ from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.bodies import rotation_matrix
 from riemhuman.bodies.skinning import JointMotions
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
-from riemhuman.registration._arm_positions import elbow_bend, move_end, swing_elbow
-from riemhuman.registration._arm_surfaces import ArmSurface
 from riemhuman.registration._arms_and_hands import (
     BodyFit,
     HandFit,
@@ -61,7 +59,15 @@ from riemhuman.registration._crossed_limbs import (
     exchanged_limbs,
     find_crossing,
 )
-from riemhuman.registration._limb_distances import faces_among, limited_distances, points_on
+from riemhuman.registration._limbs import (
+    ArmSurface,
+    elbow_bend,
+    faces_among,
+    limited_distances,
+    move_end,
+    points_on,
+    swing_elbow,
+)
 from riemhuman.registration._messages import LANDMARKS_DECIDE, OPEN_HANDS, part_in_words
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 from riemhuman.surfaces.nearest_points import nearest_points

@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._arms_and_hands import BodyFit
-from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._constants import (
     DENSE_SCALES,
     FARTHER_WITHOUT_LIMBS,
@@ -27,6 +26,7 @@ from riemhuman.registration._constants import (
 from riemhuman.registration._dense_fit import DenseTask, fit_closest
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._even_points import even_points
+from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._shown_parts import ShownParts, find_shown_parts
 from riemhuman.surfaces.nearest_points import nearest_points

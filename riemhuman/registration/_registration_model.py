@@ -13,12 +13,11 @@ from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import JointMotions
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.registration._arm_surfaces import ArmSurface, make_arm_surface
-from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._constants import (
     N_FOR_ARMS,
     STILL_HANDS,
 )
+from riemhuman.registration._limbs import ArmSurface, BodyParts, make_arm_surface
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, sample_model
 from riemhuman.registration._start_poses import joint_precisions, start_poses
 from riemhuman.registration.registration_settings import DEFAULT_SETTINGS, RegistrationSettings

@@ -16,7 +16,6 @@ from scipy.spatial import cKDTree
 from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._arms_and_hands import BodyFit
-from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._constants import (
     ALONG_METRES,
     APART_METRES,
@@ -32,6 +31,7 @@ from riemhuman.registration._constants import (
     SEEN_METRES,
     SHARED_LIMB,
 )
+from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.template import Template

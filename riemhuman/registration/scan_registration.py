@@ -27,15 +27,18 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.registration._pipeline import ModelAndHalves, ScanTask, register_scan
+from riemhuman.registration._pipeline import (
+    ModelAndHalves,
+    ScanTask,
+    register_scan,
+    upright_transform,
+)
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_search import KnownBody
-from riemhuman.registration._upright_axes import upright_transform
-from riemhuman.registration.registered_scans import RegisteredScan
+from riemhuman.registration.registered_scans import RegisteredScan, RegistrationTrace
 from riemhuman.registration.registration_settings import DEFAULT_SETTINGS, RegistrationSettings
-from riemhuman.registration.registration_traces import RegistrationTrace
 from riemhuman.registration.scans import as_scan
 from riemhuman.surfaces.procrustes import AXES
 

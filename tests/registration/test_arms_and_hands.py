@@ -12,7 +12,7 @@ from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._starts import Candidate
+from riemhuman.registration._start_search import Candidate
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._starts import Candidate
+from riemhuman.registration._start_search import Candidate
 
 UP = np.array([0.0, 1.0, 0.0])
 

@@ -11,7 +11,6 @@ from scipy.spatial import cKDTree
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import Scan, _limb_rivals
-from riemhuman.registration._arm_positions import move_end, swing_elbow
 from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit
 from riemhuman.registration._constants import DISPLACED_METRES
 from riemhuman.registration._crossed_limbs import exchanged_limbs
@@ -19,10 +18,11 @@ from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._limb_rivals import ShownLimbs, find_contact
 from riemhuman.registration._limb_rivals import find_limb_doubts as find_limb_doubts_with
+from riemhuman.registration._limbs import move_end, swing_elbow
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._starts import Candidate
+from riemhuman.registration._start_search import Candidate
 
 UP = np.array([0.0, 1.0, 0.0])
 

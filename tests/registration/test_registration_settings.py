@@ -7,7 +7,7 @@ import riemhuman as rh
 from riemhuman.registration import RegistrationSettings, ScanRegistration
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._starts import make_starts
+from riemhuman.registration._start_search import make_starts
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
 
 from riemhuman.bodies.skinning import SMPL_JOINTS, usual_joint_names
-from riemhuman.registration._body_parts import BodyParts
+from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._start_poses import (
     joint_precisions,
     other_arms,

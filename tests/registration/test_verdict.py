@@ -7,17 +7,17 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
-from riemhuman.registration._body_parts import BodyParts
 from riemhuman.registration._constants import LARGEST_OVERLAP
+from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._messages import OPEN_HANDS, join_reasons
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_overlaps, find_seen
-from riemhuman.registration._trust import (
+from riemhuman.registration._verdict import (
     FitQuality,
     find_excess,
     find_facet_heights,
 )
-from riemhuman.registration._trust import find_doubts as find_doubts_of
+from riemhuman.registration._verdict import find_doubts as find_doubts_of
 
 GOOD = {
     "likelihood": 3.2,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.bodies.skinning import JointMotions
-from riemhuman.registration._arm_positions import elbow_bend, move_end, swing_elbow
+from riemhuman.registration._limbs import elbow_bend, move_end, swing_elbow
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.registration._soft_assignment import KAPPA, OUTLIERS, assign, landmark_cost
+from riemhuman.registration._start_search import KAPPA, OUTLIERS, assign, landmark_cost
 
 
 @pytest.fixture
