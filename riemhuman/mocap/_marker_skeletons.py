@@ -18,7 +18,6 @@ from riemhuman.mocap._marker_names import NEEDED, MarkerNames, Recipe
 from riemhuman.mocap._skeletons import (
     bone,
     frame,
-    leg_length,
     middle,
     pelvis_frame,
     trunk,
@@ -38,8 +37,6 @@ _HIP_INSIDE = 0.14
 _HIP_BELOW = 0.30
 # Weight of the axis of an unbent knee or elbow beside the sine of its angle.
 _UNBENT = 0.1
-# Legs of people, metres.
-_SHORTEST_LEG, _LONGEST_LEG = 0.2, 1.5
 # An arm is lowered if the cosine of its angle to the trunk's upward direction is below this.
 _LOWERED = 0.0
 # Where collars begin, as a share of the way from the middle of the chest to the shoulder.
@@ -326,8 +323,6 @@ def _skeleton(
     names = tuple(parents)
     numbers = {name: number for number, name in enumerate(names)}
     positions = np.stack([places[name] for name in names], axis=1)
-    if markers.unit is not None:
-        _check_size(markers, leg_length(positions, numbers))
     rotations = _rotations(positions, numbers, head_axes)
     local, steps = rotations.copy(), positions.copy()
     above = np.array([numbers.get(parent, -1) for parent in parents.values()])
@@ -349,15 +344,6 @@ def _skeleton(
         markers.name,
         markers.unit,
     )
-
-
-def _check_size(markers: Markers, leg: float) -> None:
-    if not _SHORTEST_LEG < leg < _LONGEST_LEG:
-        warn(
-            f"{markers.name}: legs are {leg:.3g} m long in the unit of the file; pass unit= if "
-            "that is wrong",
-            UserWarning,
-        )
 
 
 def _parents(places: Mapping[str, Array]) -> dict[str, str]:

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS, SMPL_PARENTS, usual_joint_names
 from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.skinned_gltf import SkinnedAnimation, skinned_glb
-from riemhuman.kernels.rotations import shortest_rotations
+from riemhuman.kernels.rotations import shortest_rotations, transpose
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.mocap._smpl_layout import N_HANDS, is_smpl, smpl_offsets
 from riemhuman.surfaces.procrustes import make_upright
@@ -27,10 +29,16 @@ _CENTIMETRES = 100.0
 _EULER = "ZXY"
 # Number of a person's shape coefficients in AMASS files.
 _N_BETAS = 16
-SAVED_FIELDS = ("riemhuman_joints", "riemhuman_poses", "riemhuman_trans", "riemhuman_betas")
-"""Fields for a motion of another model than SMPL's, beside those of AMASS."""
-SAVED_REST = "riemhuman_rest_joints"
-"""Field with the joints of the person in the rest pose, who may be larger than the model's."""
+SAVED_FIELDS = (
+    *("riemhuman_joints", "riemhuman_betas", "riemhuman_rest_joints"),
+    *("riemhuman_frames", "riemhuman_other_poses"),
+)
+"""What AMASS's fields cannot say of a person of another model than SMPL's.
+
+Names of the model's joints, shape coefficients, joints in the rest pose (the person may be larger
+than the model's), and the rotations of joints that SMPL lacks, beside digests of the frames whose
+rotations they are: other programs cut and reorder the frames of AMASS's fields alone.
+"""
 # The bone that says how SMPL's rest pose differs from another at a joint: to the joint named here.
 _NEXT_JOINTS = {
     f"{side}_{joint}": f"{side}_{following}"
@@ -138,8 +146,8 @@ def _tip(model: BodyModel, joint: int) -> Array:
 def write_amass(file: Path, person: PosedPerson) -> None:
     """Write a motion in AMASS's layout, z up.
 
-    Models without SMPL's joints have poses of SMPL-H for other programs, in which every bone points
-    the same way, and beside them their own, which `load_amass` takes for the same model.
+    Models without SMPL's joints have poses of SMPL-H, in which every bone points the same way, and
+    `SAVED_FIELDS` for what these omit.
     """
     smpl = is_smpl(person.model)
     if smpl:
@@ -160,10 +168,41 @@ def write_amass(file: Path, person: PosedPerson) -> None:
     }
     if not smpl:
         names = np.array(person.model.joint_names)
-        values = (names, person.poses, person.translations, person.betas)
+        others = person.poses[:, _other_joints(person.model)]
+        digests = frame_digests(fields["poses"])
+        values = (names, person.betas, person.joints, digests, others)
         fields |= dict(zip(SAVED_FIELDS, values, strict=True))
-        fields[SAVED_REST] = person.joints
     save_arrays(file, fields)
+
+
+def frame_digests(poses: Array) -> Integers:
+    """Return a number for each frame of poses (n_frames, N), which other poses do not have."""
+    rows = np.ascontiguousarray(poses, dtype="<f8")
+    digests = [blake2b(row.tobytes(), digest_size=8).digest() for row in rows]
+    return np.frombuffer(b"".join(digests), dtype="<u8")
+
+
+def _other_joints(model: BodyModel) -> list[int]:
+    """Return the numbers of the joints that SMPL lacks."""
+    names = usual_joint_names(model)
+    return [number for number, name in enumerate(names) if name not in SMPL_JOINTS]
+
+
+def _smpl_starts(names: Sequence[str], joints: Array) -> Array:
+    """Return rotations, one a joint of SMPL, from its rest pose to one with these joints."""
+    offsets = smpl_offsets()
+    starts: list[Array] = []
+    for name, parent in zip(SMPL_JOINTS, SMPL_PARENTS, strict=True):
+        start = np.eye(3)
+        if name in _NEXT_JOINTS:
+            following = _NEXT_JOINTS[name]
+            bone = joints[names.index(following)] - joints[names.index(name)]
+            smpl_bone = offsets[SMPL_JOINTS.index(following)]
+            start = shortest_rotations(unit_vectors(smpl_bone), unit_vectors(bone))
+        elif name in _LAST_JOINTS:
+            start = starts[parent]
+        starts.append(start)
+    return np.stack(starts)
 
 
 def _smpl_poses(person: PosedPerson) -> Array:
@@ -174,33 +213,54 @@ def _smpl_poses(person: PosedPerson) -> Array:
         raise ArgumentError(
             f"a model needs the joints of SMPL for AMASS's layout; {missing[0]} is missing"
         )
-    rotations, joints = person.rotations, person.joints
-    in_space = rotations.copy()
+    in_space = person.rotations
     for joint in person.model.joint_order:
         parent = person.model.parents[joint]
         if parent >= 0:
-            in_space[:, joint] = in_space[:, parent] @ rotations[:, joint]
-    offsets = smpl_offsets()
-    starts: list[Array] = []
-    local = np.empty((len(rotations), len(SMPL_JOINTS), 3, 3))
-    placed: list[Array] = []
-    for number, (name, parent) in enumerate(zip(SMPL_JOINTS, SMPL_PARENTS, strict=True)):
-        start = np.eye(3)
-        if name in _NEXT_JOINTS:
-            following = _NEXT_JOINTS[name]
-            bone = joints[names.index(following)] - joints[names.index(name)]
-            smpl_bone = offsets[SMPL_JOINTS.index(following)]
-            start = shortest_rotations(unit_vectors(smpl_bone), unit_vectors(bone))
-        elif name in _LAST_JOINTS:
-            start = starts[parent]
-        starts.append(start)
-        placed.append(in_space[:, names.index(name)] @ start)
-        local[:, number] = placed[-1]
+            in_space[:, joint] = in_space[:, parent] @ in_space[:, joint]
+    joints = [names.index(name) for name in SMPL_JOINTS]
+    placed = in_space[:, joints] @ _smpl_starts(names, person.joints)
+    local = placed.copy()
+    for joint, parent in enumerate(SMPL_PARENTS):
         if parent >= 0:
-            local[:, number] = np.swapaxes(placed[parent], -1, -2) @ placed[-1]
+            local[:, joint] = transpose(placed[:, parent]) @ placed[:, joint]
     vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
-    hands = np.zeros((len(rotations), N_HANDS, 3))
-    return np.concatenate([vectors.reshape(len(rotations), -1, 3), hands], axis=1)
+    hands = np.zeros((len(local), N_HANDS, 3))
+    return np.concatenate([vectors.reshape(len(local), -1, 3), hands], axis=1)
+
+
+def poses_from_smpl(poses: Array, model: BodyModel, joints: Array, others: Array) -> Array:
+    """Return poses of a model from those of SMPL that `_smpl_poses` made of them.
+
+    `joints` (J, 3) are those of the person in the rest pose, and `others` (n_frames, K, 3) the
+    rotation vectors of joints that SMPL lacks, NaN where they are unknown: these joints then turn
+    as the joints above them do.
+    """
+    names = list(usual_joint_names(model))
+    n_frames = len(poses)
+    vectors = poses[:, : len(SMPL_JOINTS)].reshape(-1, 3)
+    placed = Rotation.from_rotvec(vectors).as_matrix().reshape(n_frames, len(SMPL_JOINTS), 3, 3)
+    for joint, parent in enumerate(SMPL_PARENTS):
+        if parent >= 0:
+            placed[:, joint] = placed[:, parent] @ placed[:, joint]
+    placed = placed @ transpose(_smpl_starts(names, joints))
+    in_space = np.empty((n_frames, len(names), 3, 3))
+    local = np.empty_like(in_space)
+    other_joints = _other_joints(model)
+    for joint in model.joint_order:
+        parent = model.parents[joint]
+        above = in_space[:, parent] if parent >= 0 else np.eye(3)
+        if joint in other_joints:
+            rotations = others[:, other_joints.index(joint)]
+            unknown = np.isnan(rotations).any(axis=1)
+            local[:, joint] = Rotation.from_rotvec(np.nan_to_num(rotations)).as_matrix()
+            local[unknown, joint] = local[unknown, parent]
+            in_space[:, joint] = above @ local[:, joint]
+        else:
+            in_space[:, joint] = placed[:, SMPL_JOINTS.index(names[joint])]
+            local[:, joint] = transpose(above) @ in_space[:, joint]
+    pose_vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
+    return np.asarray(pose_vectors.reshape(n_frames, len(names), 3))
 
 
 def write_skinned_glb(file: Path, person: PosedPerson) -> None:

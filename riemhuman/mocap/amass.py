@@ -13,7 +13,7 @@ import numpy as np
 from riemhuman.arrays import Array, Integers, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
-from riemhuman.checks import checked_rate, one_of, real_array, refuse_type
+from riemhuman.checks import check_shape, checked, checked_rate, choice, real_array, refuse_type
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors, visible_files
@@ -21,27 +21,27 @@ from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.mocap._body_size import model_of_size
 from riemhuman.mocap._joint_names import model_joints
-from riemhuman.mocap._motion_files import SAVED_FIELDS, SAVED_REST
+from riemhuman.mocap._motion_files import SAVED_FIELDS, frame_digests, poses_from_smpl
 from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
+    check_units,
     is_smpl,
     poses_of_model,
     smpl_skeleton,
     smpl_upward_axes,
     upright_parameters,
+    upright_poses,
 )
 from riemhuman.mocap._upward import AMASS, warn_of_doubt
 from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
 from riemhuman.mocap.retargeting import RetargetedMotion
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
-from riemhuman.surfaces.procrustes import AXES
+from riemhuman.surfaces.procrustes import AXES, make_upright
 
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _NEEDED_POSES = ("root_orient", "pose_body")
-FIELDS_READ = frozenset(
-    ("trans", "betas", "gender", "poses", *_POSES, *_RATES, *SAVED_FIELDS, SAVED_REST)
-)
+FIELDS_READ = frozenset(("trans", "betas", "gender", "poses", *_POSES, *_RATES, *SAVED_FIELDS))
 """Fields of a file that `load_amass` reads; betas and gender are those of SMPL's models."""
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
@@ -55,7 +55,41 @@ class _Recording(NamedTuple):
 
     betas: Array
     poses: Array  # (T, joints, 3)
-    translations: Array
+    translations: Array  # metres
+
+
+class _Source(NamedTuple):
+    """A file whose arrays are read when frames are asked for, and then kept for a while."""
+
+    path: Path
+    gender: str
+    rate: float
+    n_frames: int
+    unit: str | float | None  # of translations, as the user says
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the person and of the motion."""
+        sequence = self.path.stem
+        for ending in _ENDINGS:
+            sequence = sequence.removesuffix(ending)
+        return self.path.absolute().parent.name, sequence
+
+    def read(self) -> _Recording:
+        """Return the arrays."""
+        with convert_errors(self.path, "cannot be read"):
+            status = self.path.stat()
+        recording = _read_unchanged(self, status.st_mtime_ns, status.st_size)
+        if len(recording.translations) != self.n_frames:
+            raise FileError(f"{self.path} has changed: it had {self.n_frames} frames before")
+        return recording
+
+    def upward_axis(self) -> str:
+        """Return the axis that points up; warn if in doubt."""
+        recording = self.read()
+        axes = smpl_upward_axes(recording.poses, recording.translations, AMASS)
+        warn_of_doubt(self.path.name, axes)
+        return axes[0]
 
 
 class AmassMotion(ModelMotion):
@@ -63,32 +97,32 @@ class AmassMotion(ModelMotion):
 
     def __init__(
         self,
-        path: Path,
+        source: _Source,
         model: BodyModel,
-        gender: str,
         rate: float,
         frames: Integers,
         up: str | None = None,
     ) -> None:
-        super().__init__(*_names(path), rate, len(frames), model)
-        self.path = path
-        self.gender = gender
+        super().__init__(*source.names, rate, len(frames), model)
+        self.path = source.path
+        self.gender = source.gender
+        self._source = source
         self._numbers = frames
         self._up = up
 
     @property
     def betas(self) -> Array:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        betas = _read(self.path, int(self._numbers[-1])).betas[: self.model.n_betas]
+        betas = self._source.read().betas[: self.model.n_betas]
         return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
     @cached_property
     def up(self) -> str:
         """Axis of the file that points up."""
-        return self._up or _upward_axis(self.path, int(self._numbers[-1]))
+        return self._up or self._source.upward_axis()
 
     def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
-        recording = _read(self.path, int(self._numbers[-1]))
+        recording = self._source.read()
         frames = self._numbers[numbers]
         pose = poses_of_model(recording.poses[frames], self.model.n_joints)
         translations = recording.translations[frames]
@@ -106,12 +140,14 @@ class AmassMotion(ModelMotion):
         written=WRITTEN_MOTIONS,
     )
 )
+@checked(frames_per_second=checked_rate, up=choice(*AXES))
 def load_amass(
     path: str | os.PathLike[str],
     model: BodyModel | Mapping[str, BodyModel] | None = None,
     *,
     frames_per_second: float | None = None,
     up: str | None = None,
+    unit: str | float | None = None,
 ) -> Motions[AmassMotion | ArrayMotion | RetargetedMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
@@ -138,10 +174,13 @@ def load_amass(
         triangles.
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
-        frames are used.
+        frames are used. Files that do not state their rate have this one.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the files that points up; by default it is found in each file when its frames are
         first used, with a warning if it is ambiguous.
+    unit : str or number, optional
+        Unit of translations, as for `load_bvh`; by default metres, in which nobody may move faster
+        than people run.
 
     References
     ----------
@@ -153,8 +192,6 @@ def load_amass(
     >>> rh.datasets.load_amass("AMASS/CMU")[0][:10].shape  # doctest: +SKIP
     (10, 1202, 3)
     """
-    if up is not None:
-        one_of(up, "up", AXES)
     models = _models(load_open_model("coarse") if model is None else model)
     root = file_path(path, kind="file or folder")
     files = [root]
@@ -165,24 +202,26 @@ def load_amass(
         raise FileError(f"{root} holds no .npz file with a motion")
     motions: list[AmassMotion | ArrayMotion | RetargetedMotion] = []
     for file in files:
-        gender, recorded_rate, n_frames = _read_header(file)
-        model_of_gender = models.get(gender, models.get(None))
+        source = _read_header(file, frames_per_second, unit)
+        model_of_gender = models.get(source.gender, models.get(None))
         if model_of_gender is None:
             listed = ", ".join(map(repr, models))
-            raise ArgumentError(f"model must have one for {gender!r}, as in {file}; has {listed}")
-        rate = recorded_rate if frames_per_second is None else frames_per_second
-        frames = nearest_frames(n_frames, recorded_rate, rate)
-        saved = _saved_motion(file, model_of_gender, frames, rate)
+            raise ArgumentError(
+                f"model must have one for {source.gender!r}, as in {file}; has {listed}"
+            )
+        rate = source.rate if frames_per_second is None else frames_per_second
+        frames = nearest_frames(source.n_frames, source.rate, rate)
+        saved = _saved_motion(source, model_of_gender, frames, rate, up)
         if saved is not None:
             motions.append(saved)
         elif is_smpl(model_of_gender):
-            motions.append(AmassMotion(file, model_of_gender, gender, rate, frames, up))
+            motions.append(AmassMotion(source, model_of_gender, rate, frames, up))
         else:
-            axis = partial(_upward_axis, file, int(frames[-1])) if up is None else up
-            recording = partial(_skeleton_motion, file, frames, rate, axis)
+            axis = source.upward_axis if up is None else up
+            recording = partial(_skeleton_motion, source, frames, rate, axis)
             motions.append(
                 RetargetedMotion(
-                    recording, model_of_gender, _names(file), rate, len(frames), up=axis
+                    recording, model_of_gender, source.names, rate, len(frames), up=axis
                 )
             )
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
@@ -194,53 +233,45 @@ def load_amass(
     return Motions(motions)
 
 
-def _names(path: Path) -> tuple[str, str]:
-    """Return the names of the person and of the motion in a file."""
-    sequence = path.stem
-    for ending in _ENDINGS:
-        sequence = sequence.removesuffix(ending)
-    return path.absolute().parent.name, sequence
-
-
 def _saved_motion(
-    file: Path, model: BodyModel, frames: Integers, rate: float
+    source: _Source, model: BodyModel, frames: Integers, rate: float, up: str | None
 ) -> ArrayMotion | None:
-    """Return the motion of this model that `Motion.save` wrote beside poses of SMPL."""
-    fields = load_arrays(file, (), (*SAVED_FIELDS, SAVED_REST))
+    """Return the motion of this model that `Motion.save` wrote as poses of SMPL."""
+    fields = load_arrays(source.path, (), SAVED_FIELDS)
     if not set(SAVED_FIELDS) <= fields.keys():
         return None
-    joints, poses, translations, betas = (fields[name] for name in SAVED_FIELDS)
+    joints, betas, rest, digests, others = (fields[name] for name in SAVED_FIELDS)
     if tuple(joints.tolist()) != model.joint_names or betas.shape != (model.n_betas,):
         return None
-    with format_errors(file, "a motion"):
-        shape = (int(frames[-1]) + 1, model.n_joints, 3)
-        poses = real_array(poses, SAVED_FIELDS[1], ("n_frames", *shape[1:]), batched=False)
-        translations = real_array(translations, SAVED_FIELDS[2], (len(poses), 3), batched=False)
-        if len(poses) < shape[0]:
-            raise ArgumentError(f"{SAVED_FIELDS[1]} has {len(poses)} frames; poses has {shape[0]}")
-        betas = real_array(betas, SAVED_FIELDS[3])
-        if SAVED_REST in fields:
-            rest = real_array(fields[SAVED_REST], SAVED_REST, (model.n_joints, 3), batched=False)
-            model = model_of_size(model, betas, rest)
-    return ArrayMotion(_names(file), rate, model, betas, poses[frames], translations[frames])
+    with format_errors(source.path, "a motion"):
+        betas = real_array(betas, SAVED_FIELDS[1])
+        rest = real_array(rest, SAVED_FIELDS[2], (model.n_joints, 3), batched=False)
+        others = real_array(others, SAVED_FIELDS[4], ("n_frames", "K", 3), batched=False)
+        check_shape(digests, SAVED_FIELDS[3], (len(others),), batched=False)
+    recording = source.read()
+    poses = recording.poses[frames]
+    rows = dict(zip(digests.tolist(), range(len(digests)), strict=True))
+    keys = frame_digests(poses.reshape(len(poses), -1)).tolist()
+    known_rows = [rows.get(key, -1) for key in keys]
+    known = np.array(known_rows) >= 0
+    rotations = np.where(known[:, None, None], others[known_rows], np.nan)
+    if up is None:
+        # Other programs may have turned frames that are not as they were written.
+        up = "z" if known.all() else source.upward_axis()
+    model = model_of_size(model, betas, rest)
+    model_poses = poses_from_smpl(upright_poses(poses, up), model, rest, rotations)
+    places = make_upright(recording.translations[frames], up=up) - rest[0]
+    return ArrayMotion(source.names, rate, model, betas, model_poses, places)
 
 
 def _skeleton_motion(
-    path: Path, frames: Integers, rate: float, up: str | Callable[[], str]
+    source: _Source, frames: Integers, rate: float, up: str | Callable[[], str]
 ) -> SkeletonMotion:
     """Return the joints of SMPL's body in frames of a file."""
-    recording = _read(path, int(frames[-1]))
+    recording = source.read()
     poses, translations = recording.poses[frames], recording.translations[frames]
     axis = up() if callable(up) else up
-    return smpl_skeleton(poses, translations, rate, _names(path)[1], axis)
-
-
-def _upward_axis(path: Path, last: int) -> str:
-    """Return the axis that points up in a file, up to a frame; warn if in doubt."""
-    recording = _read(path, last)
-    axes = smpl_upward_axes(recording.poses[: last + 1], recording.translations[: last + 1], AMASS)
-    warn_of_doubt(path.name, axes)
-    return axes[0]
+    return smpl_skeleton(poses, translations, rate, source.names[1], axis)
 
 
 def _models(model: BodyModel | Mapping[str, BodyModel]) -> dict[str | None, BodyModel]:
@@ -264,16 +295,16 @@ def _models(model: BodyModel | Mapping[str, BodyModel]) -> dict[str | None, Body
     return models
 
 
-def _read_header(file: Path) -> tuple[str, float, int]:
-    """Return the gender, the frame rate and the number of frames of a file."""
+def _read_header(file: Path, rate: float | None, unit: str | float | None) -> _Source:
+    """Return what a file says of itself; its frame rate is the given one if it states none."""
     # Other arrays may hold Python objects, like the markers of SMPL-X.
     names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
-    rate_name = next((name for name in _RATES if name in names), " or ".join(_RATES))
+    rate_name = next((name for name in _RATES if name in names), None)
     are_parts = any(name in names for name in _NEEDED_POSES)
-    required = ["trans", "betas", rate_name, *(_NEEDED_POSES if are_parts else ["poses"])]
+    required = ["trans", "betas", *(_NEEDED_POSES if are_parts else ["poses"])]
     with format_errors(file, "a motion"):
         check_fields(names, required)
-    fields = load_arrays(file, [rate_name], ["gender"])
+    fields = load_arrays(file, (), ["gender", *_RATES])
     n_frames = shapes["trans"][0] if shapes["trans"] else 0
     widths = {"trans": (3,), "poses": tuple(3 * number for number in LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
@@ -285,11 +316,17 @@ def _read_header(file: Path) -> tuple[str, float, int]:
             raise FileFormatError(
                 f"{file}: {name} must have shape ({length}, {width}); found {shape}"
             )
-    with format_errors(file, "a motion"):
-        rates = fields[rate_name]
-        rates = rates.item() if rates.size == 1 else rates
-        rate = checked_rate(rates, rate_name)
-    return _gender(fields.get("gender", np.array("neutral")), file), rate, n_frames
+    gender = _gender(fields.get("gender", np.array("neutral")), file)
+    if rate_name is not None:
+        with format_errors(file, "a motion"):
+            rates = fields[rate_name]
+            rate = checked_rate(rates.item() if rates.size == 1 else rates, rate_name)
+    elif rate is None:
+        raise FileFormatError(
+            f"{file} does not state its frame rate, in {' or '.join(_RATES)}: pass "
+            "frames_per_second="
+        )
+    return _Source(file, gender, rate, n_frames, unit)
 
 
 def _gender(value: Values, file: Path) -> str:
@@ -301,18 +338,9 @@ def _gender(value: Values, file: Path) -> str:
     return text.removeprefix("b'").removesuffix("'").strip().lower()
 
 
-def _read(file: Path, last: int) -> _Recording:
-    """Return the arrays of a file, which are cached while the file does not change."""
-    with convert_errors(file, "cannot be read"):
-        status = file.stat()
-    recording = _read_unchanged(file, status.st_mtime_ns, status.st_size)
-    if len(recording.translations) <= last:
-        raise FileError(f"{file} has changed: it has fewer frames than before")
-    return recording
-
-
 @lru_cache(maxsize=_FILES_KEPT)
-def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
+def _read_unchanged(source: _Source, _time: int, _size: int) -> _Recording:
+    file = source.path
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     with format_errors(file, "a motion"):
         for name, array in fields.items():
@@ -329,4 +357,6 @@ def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
                 fields.get(name, np.zeros((n_frames, width))) for name, width in _POSES.items()
             ]
             poses = np.concatenate(parts, axis=1)
-        return _Recording(betas[0], poses.reshape(n_frames, -1, 3), translations)
+        poses = poses.reshape(n_frames, -1, 3)
+        translations = check_units(poses, translations, source.rate, source.unit)
+        return _Recording(betas[0], poses, translations)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
+from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import file_path, read_bytes, short_message
@@ -25,9 +26,17 @@ _CHANNELS = ("XPOSITION", "YPOSITION", "ZPOSITION", "XROTATION", "YROTATION", "Z
 _BYTES_OF_JOINT = 96
 # Larger numbers, and shorter times from frame to frame (seconds), are damage.
 _LARGEST, _SHORTEST = 1e9, 1e-5
+# A longer time is none, but the number of frames in a second, for instance.
+_LONGEST = 1.0
 
 
-def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -> SkeletonMotion:
+@checked(frames_per_second=checked_rate)
+def load_bvh(
+    path: str | os.PathLike[str],
+    *,
+    unit: str | float | None = None,
+    frames_per_second: float | None = None,
+) -> SkeletonMotion:
     """Read a motion capture recording in a BVH file.
 
     Channels may be in any order, with any number of rotations about any axes; position channels
@@ -40,6 +49,8 @@ def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -
         Unit of the file's lengths, which the format does not specify: "m", "cm", "mm", "inch",
         "foot", "yard", in words or abbreviated, or the number of metres in a unit. Lengths are then
         returned in metres; by default they are in the unit of the file.
+    frames_per_second : float, optional
+        Frame rate, for files whose Frame Time cannot be right: above one second.
 
     Examples
     --------
@@ -48,12 +59,15 @@ def load_bvh(path: str | os.PathLike[str], *, unit: str | float | None = None) -
     """
     metres = 1.0 if unit is None else metres_in(unit)
     file = file_path(path)
-    return _skeleton_motion(file, metres, None if unit is None else "metres")
-
-
-def _skeleton_motion(file: Path, metres: float, unit: str | None) -> SkeletonMotion:
     content = read_bytes(file)
     joints, values, frame_time = _Reader(file, content).read()
+    if frame_time > _LONGEST:
+        if frames_per_second is None:
+            raise FileFormatError(
+                f"{file} states a Frame Time of {frame_time:g} seconds, which no recording has; "
+                "pass frames_per_second="
+            )
+        frame_time = 1.0 / frames_per_second
     if _BYTES_OF_JOINT * len(values) * len(joints) > memory_limit(len(content)):
         raise FileFormatError(
             f"{file}: {len(joints)} joints in {len(values)} frames would take far more memory "
@@ -81,7 +95,7 @@ def _skeleton_motion(file: Path, metres: float, unit: str | None) -> SkeletonMot
         metres * translations,
         1.0 / frame_time,
         file.stem,
-        unit,
+        None if unit is None else "metres",
     )
 
 

@@ -21,6 +21,7 @@ from riemhuman.errors import ArgumentError, warn
 from riemhuman.mocap._joint_names import model_joints
 from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
+    check_units,
     is_smpl,
     poses_of_model,
     smpl_skeleton,
@@ -50,6 +51,7 @@ def motion_from_arrays(
     weights: ArrayLike | None = None,
     model: BodyModel | None = None,
     name: str = "",
+    unit: str | float | None = None,
 ) -> ArrayMotion | RetargetedMotion:
     """Return a motion from poses in SMPL's joint order, such as those of video methods.
 
@@ -64,7 +66,7 @@ def motion_from_arrays(
         Rotations of the joints relative to their parents: axis-angle vectors, radians, or matrices.
         J is 22 (body), 24 (with SMPL's two hand joints), 52 (SMPL-H) or 55 (SMPL-X).
     translations : array_like, shape (n_frames, 3)
-        Translation of the body, ``trans`` or ``transl``, metres.
+        Translation of the body, ``trans`` or ``transl``.
     frames_per_second : float
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up; "-y" in the axes of most cameras. By default it is found from the
@@ -77,6 +79,9 @@ def motion_from_arrays(
         By default the open model, "coarse".
     name : str
         Name of the motion.
+    unit : str or number, optional
+        Unit of the translations, as for `load_bvh`; by default metres, in which nobody may move
+        faster than people run.
 
     Returns
     -------
@@ -100,6 +105,7 @@ def motion_from_arrays(
     places = real_array(
         translations, "translations", (len(vectors), 3), batched=False, maximum=_LARGEST
     )
+    places = check_units(vectors, places, rate, unit)
     if up is None:
         axes = smpl_upward_axes(vectors, places, VIDEO)
         warn_of_doubt(name, axes)

@@ -221,7 +221,8 @@ def load_recording(
         By default the open model, "coarse".
     frames_per_second : float, optional
         Frame rate of the motion, at most that of the recording: the frames nearest in time are
-        used. If a file from a video contains no rate, this is the rate of the video, by default 30.
+        used. If a file states no rate, or one that cannot be right, this is the rate of the
+        recording; files of video methods have 30 by default, with a warning.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis of the recording that points up; by default the one along which people stand.
     betas : array_like, shape (B,), or "recorded", optional
@@ -235,7 +236,8 @@ def load_recording(
         a warning.
     unit : str or number, optional
         Unit of the lengths of a skeleton, which are then kept, see `retarget`; .amc files are read
-        in metres, and .trc and .c3d files name their unit.
+        in metres, and .trc and .c3d files name their unit. Or unit of the translations beside poses
+        of SMPL, by default metres.
     faces : array_like of int, shape (F, 3), or path_like, optional
         Triangles of bodies of SAM 3D Body. `model` must have the same triangles; `transfer_model`
         creates such a model. It is fitted to every frame, and the person has the mean of the betas;
@@ -264,7 +266,10 @@ def load_recording(
         motion = _photographed_motion(file, faces, model, rate, up)
         return motion if betas is None else motion.performed_by(betas)
     if suffix in (".bvh", ".amc"):
-        recording = load_bvh(file) if suffix == ".bvh" else load_amc(file)
+        if suffix == ".bvh":
+            recording = load_bvh(file, frames_per_second=frames_per_second)
+        else:
+            recording = load_amc(file)
         return retarget(
             recording,
             model,
@@ -278,14 +283,12 @@ def load_recording(
         load = load_trc if suffix == ".trc" else load_c3d
         recording = load(file, unit=unit, joints=joints)
         return retarget(recording, model, frames_per_second=frames_per_second, betas=betas, up=up)
-    if unit is not None:
-        raise ArgumentError(f"unit is for {_SKELETONS}; found {file.name}")
     if joints is not None:
         raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
-        (motion,) = load_amass(file, model, frames_per_second=frames_per_second, up=up)
+        (motion,) = load_amass(file, model, frames_per_second=frames_per_second, up=up, unit=unit)
     else:
-        motion = _video_motion(file, suffix, model, frames_per_second, up, person)
+        motion = _video_motion(file, suffix, model, frames_per_second, up, person, unit)
     return motion if betas is None else motion.performed_by(betas)
 
 
@@ -322,11 +325,21 @@ def _video_motion(
     frames_per_second: float | None,
     up: str | None,
     person: str | None,
+    unit: str | float | None,
 ) -> ModelMotion:
     """Return the motion of one person in a file of a method that watches videos."""
     content = _read(file, suffix)
     chosen_person = _choose(_known_people(file, content), person, file)
-    rate = chosen_person.rate or frames_per_second or _RATE_OF_VIDEOS
+    rate = chosen_person.rate or frames_per_second
+    if rate is None:
+        if suffix == ".npz":
+            raise FileFormatError(f"{file} does not state its frame rate: pass frames_per_second=")
+        rate = _RATE_OF_VIDEOS
+        warn(
+            f"{file.name} does not state its frame rate; {rate:g} a second are taken, as in most "
+            "videos: pass frames_per_second=",
+            UserWarning,
+        )
     frames = np.arange(len(chosen_person.poses))
     if frames_per_second is not None:
         frames = nearest_frames(len(frames), rate, frames_per_second)
@@ -343,6 +356,7 @@ def _video_motion(
             betas=betas,
             model=model,
             name=file.stem,
+            unit=unit,
         )
     except RiemhumanError as error:
         raise FileFormatError(f"{file}: {error}") from error

@@ -228,8 +228,9 @@ def retarget(
         one_of(up, "up", AXES)
     if scale is not None:
         one_of(scale, "scale", _SCALES)
-    unit = recording.unit if unit is None else unit
-    metres = None if unit is None else metres_in(unit)
+    if unit is not None:
+        recording = replace(recording, unit=unit)
+    metres = None if recording.unit is None else metres_in(recording.unit)
     model_joints(model)
     rate = recording.frames_per_second
     if frames_per_second is not None:

@@ -9,16 +9,26 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import check_parents
-from riemhuman.checks import check_instance, check_shape, checked_rate, real_array
+from riemhuman.checks import check_shape, checked, checked_rate, instance, real_array
 from riemhuman.checks.labels import texts_of
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, warn
 from riemhuman.mocap._units import metres_in
 from riemhuman.representation import Record
 
+# Largest and smallest skeletons of people, from newborns to giants with raised arms and props,
+# metres, and number of frames in which they are measured.
+_SMALLEST, _LARGEST = 0.3, 5.0
+_FRAMES_MEASURED = 20
 # Squares of longer lengths lose digits when they are added up over frames.
 _LONGEST = 1e60
 
 
+@checked(
+    joint_names=texts_of,
+    parents=lambda parents, _: check_parents(parents),
+    frames_per_second=checked_rate,
+    name=instance(str, "a text"),
+)
 @dataclass(frozen=True, eq=False, repr=False)
 class SkeletonMotion(Record):
     """A skeleton, and the rotations and translations of its joints over time.
@@ -59,9 +69,7 @@ class SkeletonMotion(Record):
     unit: str | float | None = None
 
     def __post_init__(self) -> None:
-        names = texts_of(self.joint_names, "joint_names")
-        n_joints = len(names)
-        parents = check_parents(self.parents)
+        n_joints, parents = len(self.joint_names), self.parents
         check_shape(parents, "parents", (n_joints,), batched=False)
         forward = np.flatnonzero(parents >= np.arange(n_joints))
         if len(forward):
@@ -81,18 +89,23 @@ class SkeletonMotion(Record):
         )
         if not len(turns):
             raise ArgumentError("rotations must hold at least one frame; found none")
-        check_instance(self.name, "name", str, "a text")
-        if self.unit is not None:
-            metres_in(self.unit)
         # As the class is frozen; what was checked takes the place of what was given.
-        vars(self).update(
-            joint_names=names,
-            parents=parents,
-            offsets=offsets,
-            rotations=turns,
-            translations=steps,
-            frames_per_second=checked_rate(self.frames_per_second),
-        )
+        vars(self).update(offsets=offsets, rotations=turns, translations=steps)
+        if self.unit is not None:
+            self._check_size(metres_in(self.unit))
+
+    def _check_size(self, metres: float) -> None:
+        """Warn if no person is as large as the skeleton in its unit."""
+        frames = np.unique(np.linspace(0, len(self) - 1, _FRAMES_MEASURED).astype(np.int64))
+        _, positions = _in_space(self.rotations[frames], self.translations[frames], self.parents)
+        sizes = np.linalg.norm(np.ptp(positions, axis=1), axis=-1)
+        size = metres * float(np.median(sizes))
+        if not _SMALLEST < size < _LARGEST:
+            warn(
+                f"{self.name or 'recording'}: the skeleton is {size:.3g} m large in its unit, as "
+                "no person is; pass unit= if that is wrong",
+                UserWarning,
+            )
 
     def __len__(self) -> int:
         return len(self.rotations)
@@ -100,23 +113,27 @@ class SkeletonMotion(Record):
     @cached_property
     def global_rotations(self) -> Array:
         """Rotation matrices of the joints in space, shape (n_frames, J, 3, 3)."""
-        rotations = self.rotations.copy()
-        for joint, parent in enumerate(self.parents):
-            if parent >= 0:
-                rotations[:, joint] = rotations[:, parent] @ self.rotations[:, joint]
-        return rotations
+        return self._places[0]
 
     @cached_property
     def positions(self) -> Array:
         """Positions of the joints in space, shape (n_frames, J, 3)."""
-        positions = self.translations.copy()
-        for joint, parent in enumerate(self.parents):
-            if parent >= 0:
-                steps = np.einsum(
-                    "tij,tj->ti", self.global_rotations[:, parent], self.translations[:, joint]
-                )
-                positions[:, joint] = positions[:, parent] + steps
-        return positions
+        return self._places[1]
+
+    @cached_property
+    def _places(self) -> tuple[Array, Array]:
+        return _in_space(self.rotations, self.translations, self.parents)
+
+
+def _in_space(rotations: Array, translations: Array, parents: Integers) -> tuple[Array, Array]:
+    """Return rotations and positions in space from those relative to the parents."""
+    turned, positions = rotations.copy(), translations.copy()
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            turned[:, joint] = turned[:, parent] @ rotations[:, joint]
+            steps = np.einsum("tij,tj->ti", turned[:, parent], translations[:, joint])
+            positions[:, joint] = positions[:, parent] + steps
+    return turned, positions
 
 
 def nearest_frames(n_frames: int, recorded_rate: float, frames_per_second: float) -> Integers:

@@ -6,7 +6,7 @@ from model_pickles import smpl_fields
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets import Motion, load_amass, load_open_model
+from riemhuman.datasets import Motion, load_amass, load_open_model, load_recording
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -169,7 +169,7 @@ def test_a_file_that_changes(tmp_path, model):
     (motion,) = load_amass(path, model)
     motion[0]
     write(path, smpl_h(n_frames=10))
-    with pytest.raises(FileError, match=r"a\.npz has changed: it has fewer frames"):
+    with pytest.raises(FileError, match=r"a\.npz has changed: it had 50 frames"):
         motion[0]
     path.unlink()
     with pytest.raises(FileError, match=r"a\.npz cannot be read"):
@@ -259,11 +259,19 @@ def test_what_files_hold_besides(tmp_path, model):
         load_amass(tmp_path / "c.npz", model)[0][0]
 
 
+def test_rates_that_a_file_does_not_state_are_given(tmp_path, model):
+    path = write(tmp_path / "a.npz", smpl_h(mocap_framerate=None))
+    for load in (load_recording, lambda *chosen, **given: load_amass(*chosen, **given)[0]):
+        assert load(path, model, frames_per_second=25.0).frames_per_second == 25.0
+        with pytest.raises(FileFormatError, match=r"a\.npz does not state its frame rate"):
+            load(path, model)
+
+
 WRONG = {
     "no poses": (smpl_h(poses=None), "lacks the fields poses; found betas, dmpls, gender"),
     "no frame rate": (
         smpl_h(mocap_framerate=None),
-        "lacks the fields mocap_framerate or mocap_frame_rate; found",
+        "does not state its frame rate, .*: pass frames_per_second",
     ),
     "another length": (
         smpl_h(poses=np.zeros((49, 156))),

@@ -128,3 +128,13 @@ def test_memory_is_that_of_the_numbers_in_the_file(tmp_path, n_channels):
     frames = "0\n" if n_channels == 1 else "\n"
     with pytest.raises(FileFormatError, match="far more memory|but 0 follow"):
         load_bvh(write(tmp_path, text + frames * 20_000))
+
+
+def test_frame_times_that_no_recording_has_are_asked_about(tmp_path):
+    text = RECORDING.read_text(encoding="utf-8")
+    start = text.index("Frame Time:")
+    lines = text[start:].split("\n", 1)
+    (tmp_path / "a.bvh").write_text(text[:start] + "Frame Time: 60\n" + lines[1], encoding="utf-8")
+    with pytest.raises(FileFormatError, match="Frame Time of 60 seconds.*pass frames_per_second="):
+        load_bvh(tmp_path / "a.bvh")
+    assert load_bvh(tmp_path / "a.bvh", frames_per_second=60).frames_per_second == 60.0

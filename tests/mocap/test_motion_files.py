@@ -7,6 +7,7 @@ from recorded_people import seven_frames
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.datasets import (
     load_amass,
     load_bvh,
@@ -66,6 +67,38 @@ def test_amass_of_the_open_model(knees, tmp_path):
     assert fields["poses"].shape == (7, 156)
     assert fields["trans"].shape == (7, 3)
     assert np.ptp(knees.translations, axis=0)[1] == pytest.approx(np.ptp(fields["trans"][:, 2]))
+
+
+@pytest.mark.parametrize("frames", [[2, 3, 4], [0, 2, 4, 6], [6, 5, 0, 1], [3]])
+def test_frames_cut_by_other_programs_play_what_the_file_says(knees, tmp_path, frames):
+    """They know the fields of AMASS, and leave ours as they were."""
+    knees.save(tmp_path / "a.npz")
+    fields = dict(np.load(tmp_path / "a.npz"))
+    cut = {name: fields[name][frames] for name in ("poses", "trans")}
+    np.savez(tmp_path / "b.npz", **fields | cut)
+    (read,) = load_amass(tmp_path / "b.npz")
+    np.testing.assert_allclose(read[:], knees[:][frames], atol=1e-9)
+    cut["trans"] = cut["trans"][1:]
+    np.savez(tmp_path / "c.npz", **fields | cut)
+    with pytest.raises(FileFormatError, match="must have shape"):
+        load_amass(tmp_path / "c.npz")
+
+
+def test_poses_edited_by_other_programs(knees, tmp_path):
+    """Joints that AMASS lacks then turn as those above them do."""
+    knees.save(tmp_path / "a.npz")
+    fields = dict(np.load(tmp_path / "a.npz"))
+    fields["poses"] = fields["poses"].astype(np.float32)  # all digests are others
+    elbow = slice(3 * SMPL_JOINTS.index("left_elbow"), 3 * SMPL_JOINTS.index("left_elbow") + 3)
+    fields["poses"][:, elbow] = 0.0
+    fields["trans"] = fields["trans"] + [1.0, 0.0, 0.0]
+    np.savez(tmp_path / "b.npz", **fields)
+    (read,) = load_amass(tmp_path / "b.npz")
+    moved = joints_of(read)[0] - joints_of(knees)[0] - [1.0, 0.0, 0.0]
+    apart = np.linalg.norm(moved, axis=-1).max(axis=0)
+    unmoved = [name not in ("left_wrist",) for name in read.model.joint_names]
+    assert apart[unmoved].max() < 0.02
+    assert apart[~np.array(unmoved)].min() > 0.05
 
 
 def test_bones_in_amass_point_as_the_model_s(knees, tmp_path):

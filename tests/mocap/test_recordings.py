@@ -115,7 +115,8 @@ WRITERS = {
 def test_poses_of_video_methods(tmp_path, smpl, name):
     file = tmp_path / name
     WRITERS[name](file)
-    motion = load_recording(file, smpl, up="y")
+    rate = None if name == "aist.pkl" else 30.0
+    motion = load_recording(file, smpl, up="y", frames_per_second=rate)
     poses = POSES.copy()
     if name == "gvhmr.pt":
         poses[:, 22:] = 0.0  # it has no hands
@@ -130,7 +131,7 @@ def test_files_of_joblib(tmp_path, smpl, compress):
     joblib = pytest.importorskip("joblib")
     person = {"pose_world": np.asfortranarray(ROWS), "trans_world": PLACES, "betas": BETAS}
     joblib.dump({"a": person}, tmp_path / "a.pkl", compress=compress)
-    motion = load_recording(tmp_path / "a.pkl", smpl, up="y")
+    motion = load_recording(tmp_path / "a.pkl", smpl, up="y", frames_per_second=30.0)
     np.testing.assert_allclose(motion[:], smpl(BETAS, POSES, PLACES), atol=1e-12)
 
 
@@ -144,7 +145,7 @@ def test_files_of_torch(tmp_path, smpl):
         "mask": torch.ones(3, dtype=torch.bfloat16),
     }
     torch.save({"smpl_params_global": params}, tmp_path / "a.pt")
-    motion = load_recording(tmp_path / "a.pt", smpl, up="y")
+    motion = load_recording(tmp_path / "a.pt", smpl, up="y", frames_per_second=30.0)
     np.testing.assert_allclose(motion[:], smpl(BETAS, POSES, PLACES), atol=1e-12)
 
 
@@ -164,8 +165,8 @@ def test_skeletons_and_amass(tmp_path, smpl):
 
 
 def test_several_people(tmp_path, smpl):
-    long = {"pose_world": ROWS, "trans_world": PLACES}
-    short = {"pose_world": ROWS[2:4], "trans_world": PLACES[2:4]}
+    long = {"pose_world": ROWS, "trans_world": PLACES, "fps": 30}
+    short = {"pose_world": ROWS[2:4], "trans_world": PLACES[2:4], "fps": 30}
     (tmp_path / "two.pkl").write_bytes(pickle.dumps({7: short, 9: long}))
     with pytest.warns(UserWarning, match=r"two.pkl holds 2 people \(7, 9\); person 9, seen in 6"):
         assert len(load_recording(tmp_path / "two.pkl", smpl, up="y")) == N_FRAMES
@@ -177,6 +178,11 @@ def test_several_people(tmp_path, smpl):
 def test_rates(tmp_path, smpl):
     romp(tmp_path / "a.npz")
     assert load_recording(tmp_path / "a.npz", smpl, up="y", frames_per_second=25.0).n_frames == 6
+    with pytest.raises(FileFormatError, match="does not state its frame rate: pass frames_per"):
+        load_recording(tmp_path / "a.npz", smpl, up="y")
+    wham(tmp_path / "b.pkl")
+    with pytest.warns(UserWarning, match="b.pkl does not state its frame rate; 30 a second"):
+        load_recording(tmp_path / "b.pkl", smpl, up="y")
     aist(tmp_path / "a.pkl")
     slow = load_recording(tmp_path / "a.pkl", smpl, up="y", frames_per_second=30.0)
     np.testing.assert_allclose(slow.translations, PLACES[::2], atol=1e-12)
