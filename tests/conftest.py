@@ -15,23 +15,40 @@ from headless_browser import opened_browser
 
 from riemhuman.datasets import Bodies, load_open_bodies
 
+EVERYDAY_CASES = 6
+
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
 def pytest_collection_modifyitems(items):
-    """Mark the cases that a test marked `everyday` does not name as slow."""
-    cases = {}
+    """Mark cases as slow, but for six of each test, or those that its mark `everyday` names."""
+    cases_of_tests = {}
     for item in items:
-        everyday = item.get_closest_marker("everyday")
-        if everyday is not None:
-            cases.setdefault((item.path, item.function), []).append(item.callspec.id)
-            if item.callspec.id not in everyday.args:
-                item.add_marker("slow")
-    for item in items:
-        everyday = item.get_closest_marker("everyday")
-        collected = cases.get((item.path, item.function), [])
-        # Who asks for a single case collects no others.
-        if len(collected) > 1 and {*everyday.args}.isdisjoint(collected):
-            raise pytest.UsageError(f"{item.nodeid}: everyday names no case that it has")
+        if item.get_closest_marker("slow") is None and hasattr(item, "callspec"):
+            cases_of_tests.setdefault((item.path, item.function), []).append(item)
+    for cases in cases_of_tests.values():
+        everyday = cases[0].get_closest_marker("everyday")
+        if everyday is None:
+            chosen = spread(cases, EVERYDAY_CASES)
+        elif everyday.args:
+            chosen = [case for case in cases if case.callspec.id in everyday.args]
+            if not chosen and len(cases) > 1:  # who asks for a single case collects no others
+                raise pytest.UsageError(f"{cases[0].nodeid}: everyday names no case that it has")
+        else:
+            chosen = cases
+        for case in cases:
+            if case not in chosen:
+                case.add_marker("slow")
+
+
+def spread(cases, count):
+    """Return at most so many cases, one of each of as many parts of the list.
+
+    It is another one in each part, so that all values of a second parameter come up.
+    """
+    if len(cases) <= count:
+        return cases
+    length = len(cases) // count
+    return [cases[part * len(cases) // count + part % length] for part in range(count)]
 
 
 @pytest.fixture(scope="session")

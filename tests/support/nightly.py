@@ -4,18 +4,25 @@ The parts are fuzz (names of readers), tests and benchmarks (what pytest takes) 
 of subpackages). Without names, all pieces of a part run one after the other, and without a part all
 parts. Each piece says when it starts, how it ended and how many minutes it took, and those that
 failed are named at the end. `python .ci/jobs.py nightly` does this in a fresh environment.
+
+Files are damaged, and the code is changed, in other ways on another day: the commands are printed.
 """
 
 import re
 import subprocess
 import sys
 import time
+from datetime import date
 from pathlib import Path
 
 # As a program, it tests the installed library, and with `python -m` the one in this folder.
 PYTEST = (str(Path(sys.executable).with_name("pytest")), "-q", "-p", "no:cacheprovider")
 PYTEST += ("-m", "", "-s")
-NUMBERS = {"fuzz": ("--count", "15000", "--first", "20000"), "mutations": ("100", "31")}
+DAY = date.today().toordinal()
+NUMBERS = {
+    "fuzz": ("--count", "15000", "--first", str(DAY * 15000)),
+    "mutations": ("100", str(DAY)),
+}
 
 
 def folders():
@@ -59,6 +66,7 @@ def main():
     failed = []
     for number, (title, command) in enumerate(waiting, 1):
         print(f"== {number} of {len(waiting)}: nightly {title}", flush=True)
+        print(*command[1:], flush=True)
         start = time.monotonic()
         code = subprocess.run(command, check=False).returncode
         minutes = (time.monotonic() - start) / 60
