@@ -4,7 +4,6 @@ Each works in a copy of the tracked files, in a virtual environment of its own, 
 --environment names; further arguments go to pytest, or to the part of `nightly`.
 
 command      print the test command of README.md
-prepare      make the environments of `oracles` and `oldest` in the folder that --environment names
 docs         the documentation site, its links and widths, and the Python of pages and tutorials
 kernels      the most iterative tests with other kernels of OpenBLAS and NumPy's plainest loops
 oracles      agreement with geomstats, trec_eval, PyVista, meshio and ezc3d; training with PyTorch
@@ -20,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from configparser import ConfigParser
 from pathlib import Path
 
@@ -30,6 +30,8 @@ ORACLES += ["geomstats==2.8.0", "numpy<2.4", "scikit-learn<1.10", "pytrec-eval-t
 ORACLE_TESTS = ["tests/trust/against_geomstats.py", "tests/trust/against_trec_eval.py"]
 ORACLE_TESTS += ["tests/trust/geomstats_signatures.py", "tests/io/test_meshes.py"]
 ORACLE_TESTS += ["tests/datasets/test_markers.py", "tests/learned/training.py"]
+# Packages that tests skip without: those of no everyday extra, too.
+NIGHTLY = ["riemhuman[anny,learned,meshes,recordings]", "smplcodec", "cosmic-ray>=8.4"]
 ITERATIVE = ("transfer", "path_search", "means", "lbfgs", "rounding")
 EXTENSIONS = """import numpy
 print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))"""
@@ -45,7 +47,7 @@ def made(folder: Path, *requirements: str, python: str = sys.executable, **varia
     interpreter = folder / "bin" / "python"
     if not interpreter.exists():
         call(python, "-m", "venv", folder)
-        call(interpreter, "-m", "pip", "install", "-q", "--no-compile", *requirements, **variables)
+        call(interpreter, "-m", "pip", "install", "-q", *requirements, **variables)
     return str(interpreter)
 
 
@@ -80,10 +82,13 @@ def oldest(folder: Path) -> str:
 
 
 def docs(python: str, arguments: list[str]) -> None:
-    call(python, "-m", "pip", "install", "-q", "--no-compile", "riemhuman[docs]", **NEWEST)
-    test(python, "-n", "0", "-m", "", "tests/test_site.py", CI="true")
+    call(python, "-m", "pip", "install", "-q", "riemhuman[docs]", **NEWEST)
     pages = [f"tests/test_{name}.py" for name in ("readme", "tutorials", "examples")]
-    test(python, "-m", "", "-n", "auto", "--dist", "worksteal", *pages, *arguments)
+    # The site is built and looked at meanwhile, by one process.
+    with ThreadPoolExecutor() as pool:
+        site = pool.submit(test, python, "-n", "0", "-m", "", "tests/test_site.py", CI="true")
+        test(python, "-m", "", "-n", "auto", "--dist", "worksteal", *pages, *arguments)
+        site.result()
 
 
 def kernels(python: str, arguments: list[str]) -> None:
@@ -96,7 +101,7 @@ def kernels(python: str, arguments: list[str]) -> None:
 
 
 def nightly(python: str, arguments: list[str]) -> None:
-    call(python, "-m", "pip", "install", "-q", "--no-compile", "cosmic-ray>=8.4")
+    call(python, "-m", "pip", "install", "-q", *NIGHTLY)
     programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
     call(python, "tests/support/nightly.py", *arguments, PATH=programs)
 
@@ -119,11 +124,7 @@ def main() -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target)
         os.chdir(Path(workspace, "copy"))
-        if options.job == "prepare":
-            made(environment / "oracles", *ORACLES)
-            if shutil.which("python3.11"):
-                oldest(environment / "oldest")
-        elif options.job == "oracles":
+        if options.job == "oracles":
             quiet = ("-W", "default::ImportWarning", "-W", "default::DeprecationWarning")
             test(made(environment, *ORACLES), *quiet, *(arguments or ORACLE_TESTS))
         elif options.job == "oldest":
