@@ -11,11 +11,13 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 from typing import TypeAlias, TypeVar, overload
 
 FUSED = {"contract", "nsz"}
@@ -168,18 +170,49 @@ def _njit(function: Callable[..., object], options: Options) -> Callable[..., ob
     if options.get("forceinline"):  # kept on disk as a part of its callers
         compiled_function = numba.njit(no_cpython_wrapper=True, **options)(function)
         return compiled_function
-    # Numba checks only the file of the function itself, not those of inlined functions. It names
-    # its cache files by the qualified name, so a digest of all sources is added to that name. Files
-    # cached for other sources are then ignored; they stay until the cache folder is emptied.
-    digest = _digest(function.__globals__)
-    if digest is not None:
-        function.__qualname__ += f"-{digest}"
+    cached = _beside_cache(function)
     try:
-        compiled_function = numba.njit(cache=True, **options)(function)
+        compiled_function = numba.njit(cache=True, **options)(cached)
     except (OSError, RuntimeError):  # numba has no folder that it can write to
         _warn_once()
         compiled_function = numba.njit(**options)(function)
     return compiled_function
+
+
+def _beside_cache(function: Callable[..., object]) -> Callable[..., object]:
+    """Return the function as if its file were a copy of it in the user's cache folder.
+
+    Numba keeps compiled functions beside their file, and checks that file alone. The folder of the
+    copy has the digest of all files that the function depends on as its name: processes, runs and
+    environments of the same sources share it, and others never read it.
+    """
+    assert isinstance(function, FunctionType)
+    digest = _digest(function.__globals__)
+    if digest is None:
+        return function
+    source = Path(function.__globals__["__file__"])
+    copy = _cache_folder() / digest / source.name
+    try:
+        if not copy.exists():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            # Under a name of its own first: another process may do the same.
+            partial = copy.with_name(f"{source.stem}-{os.getpid()}-{threading.get_ident()}")
+            partial.write_bytes(source.read_bytes())
+            os.replace(partial, copy)
+    except OSError:  # beside the file itself, or wherever numba can write
+        return function
+    function.__code__ = function.__code__.replace(co_filename=str(copy))
+    return function
+
+
+def _cache_folder() -> Path:
+    """Return the folder of compiled functions: that of numba if it is set, or the user's."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    if chosen:
+        return Path(chosen, "riemhuman")
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home()), "riemhuman", "cache")
+    return Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache") / "riemhuman"
 
 
 @functools.cache
@@ -193,8 +226,11 @@ def _warn_once() -> None:
 
 
 def _digest(names: dict[str, object]) -> str | None:
-    """Return what changes with the files of a module and of its imports; None in notebooks."""
-    files, modules = {__file__}, [names]
+    """Return what changes with the files that a module depends on; None in notebooks."""
+    # Constants come from other modules of kernels and terms, too.
+    folders = Path(__file__).parent, Path(__file__).parents[1] / "terms"
+    files = {str(file) for folder in folders for file in folder.glob("*.py")}
+    modules = [names]
     while modules:
         names = modules.pop()
         file = names.get("__file__")
@@ -204,8 +240,10 @@ def _digest(names: dict[str, object]) -> str | None:
             files.add(file)
             functions = [value for value in list(names.values()) if hasattr(value, "py_func")]
             modules += [function.py_func.__globals__ for function in functions]
-    contents = b"".join(_digest_of_file(file) for file in sorted(files))
-    return hashlib.sha256(contents).hexdigest()[:16]
+    import numba
+
+    contents = b"".join(sorted(_digest_of_file(file) for file in files))
+    return hashlib.sha256(contents + numba.__version__.encode()).hexdigest()[:16]
 
 
 @functools.cache
