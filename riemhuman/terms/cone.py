@@ -487,34 +487,7 @@ def _pack(record: Array, areas: Array, stretch: float, turn: float, exact: Array
     return gap
 
 
-@compiled(forceinline=True, fastmath=SUM)
-def _chunk(
-    a: Array,
-    b: Array,
-    scales: tuple[float, float],
-    fit: tuple[float, ...] | None,
-    single: bool | None,
-    angles: Array,
-    first: int,
-    last: int,
-) -> float:
-    x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
-    x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
-    scale, turn = scales
-    total = type(scale)(0.0)
-    if fit is None:
-        _fill_angles(a[4:], b[4:], turn, single, angles, first, last)
-    for t in range(last - first):
-        first_field, second_field, inverse = (
-            (x1[t], y1[t], s1[t]),
-            (x2[t], y2[t], s2[t]),
-            h1[t] * h2[t],
-        )
-        total += cone_pair(first_field, second_field, inverse, angles[t], scale, fit, single)[0]
-    return total
-
-
-@compiled
+@compiled(fastmath=SUM)
 def _tile(
     a: Array,
     b: Array,
@@ -526,8 +499,29 @@ def _tile(
 ) -> None:
     """Add sums over triangles, with the scales of `cone_pair` and of squared angles of normals."""
     n_values, angles = a.shape[2], onp.zeros(CHUNK, dtype=a.dtype)
+    scale, turn = scales
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
+            x1, y1, h1, s1 = (
+                a[i, 0, first:last],
+                a[i, 1, first:last],
+                a[i, 2, first:last],
+                a[i, 3, first:last],
+            )
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], scales, fit, single, angles, first, last)
+                x2, y2, h2, s2 = (
+                    b[j, 0, first:last],
+                    b[j, 1, first:last],
+                    b[j, 2, first:last],
+                    b[j, 3, first:last],
+                )
+                if fit is None:
+                    _fill_angles(a[i, 4:], b[j, 4:], turn, single, angles, first, last)
+                total = type(scale)(0.0)
+                for t in range(last - first):
+                    one = (x1[t], y1[t], s1[t])
+                    other = (x2[t], y2[t], s2[t])
+                    inverse = h1[t] * h2[t]
+                    total += cone_pair(one, other, inverse, angles[t], scale, fit, single)[0]
+                squared[i, j] += total

@@ -92,57 +92,34 @@ def _pack(rows: Array, kept: FeatureRows) -> float:
     return UNDERFLOW * rows.size + float(((rows - written) ** 2).sum())
 
 
-@compiled
+Four = tuple[float, float, float, float]
+
+
+@compiled(fastmath=SUM)
 def _tile(a: Array, b: Array, within: bool, squared: Array) -> None:
     """Add the squared distances of rows, 4 × 4 pairs at a time; rows at the edge come again."""
     end_a, end_b = len(a) - 1, len(b) - 1
+    zero = a.dtype.type(0.0)
     for first in range(0, a.shape[1], _CHUNK):
         last = min(first + _CHUNK, a.shape[1])
         for j in range(0, len(b), 4):
-            columns = (j, min(j + 1, end_b), min(j + 2, end_b), min(j + 3, end_b))
+            b0, b1 = b[j, first:last], b[min(j + 1, end_b), first:last]
+            b2, b3 = b[min(j + 2, end_b), first:last], b[min(j + 3, end_b), first:last]
             for i in range(0, min(j + 4, len(a)) if within else len(a), 4):
-                rows = (i, min(i + 1, end_a), min(i + 2, end_a), min(i + 3, end_a))
-                sums = _block(a, b, rows, columns, first, last)
+                a0, a1 = a[i, first:last], a[min(i + 1, end_a), first:last]
+                a2, a3 = a[min(i + 2, end_a), first:last], a[min(i + 3, end_a), first:last]
+                # As in a matrix product, each number read is used in four sums.
+                s0: Four = (zero, zero, zero, zero)
+                s1 = s2 = s3 = s0
+                for t in range(last - first):
+                    y = (b0[t], b1[t], b2[t], b3[t])
+                    s0, s1 = _add(s0, a0[t], y), _add(s1, a1[t], y)
+                    s2, s3 = _add(s2, a2[t], y), _add(s3, a3[t], y)
+                sums = (s0, s1, s2, s3)
                 for k in range(4):
                     for m in range(4):
                         if i + k <= end_a and j + m <= end_b:
                             squared[i + k, j + m] += sums[k][m]
-
-
-Four = tuple[float, float, float, float]
-
-
-@compiled(forceinline=True, fastmath=SUM)
-def _block(
-    a: Array,
-    b: Array,
-    rows: tuple[int, int, int, int],
-    columns: tuple[int, int, int, int],
-    first: int,
-    last: int,
-) -> tuple[Four, Four, Four, Four]:
-    """Return Σ_t (a[k, t] − b[m, t])² for four rows and four columns."""
-    # As in a matrix product, each number read is used in four sums.
-    a0, a1, a2, a3 = (
-        a[rows[0], first:last],
-        a[rows[1], first:last],
-        a[rows[2], first:last],
-        a[rows[3], first:last],
-    )
-    b0, b1, b2, b3 = (
-        b[columns[0], first:last],
-        b[columns[1], first:last],
-        b[columns[2], first:last],
-        b[columns[3], first:last],
-    )
-    zero = a.dtype.type(0.0)
-    s0: Four = (zero, zero, zero, zero)
-    s1 = s2 = s3 = s0
-    for t in range(last - first):
-        y = (b0[t], b1[t], b2[t], b3[t])
-        s0, s1 = _add(s0, a0[t], y), _add(s1, a1[t], y)
-        s2, s3 = _add(s2, a2[t], y), _add(s3, a3[t], y)
-    return s0, s1, s2, s3
 
 
 @compiled(forceinline=True, fastmath=SUM)

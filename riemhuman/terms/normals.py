@@ -224,36 +224,10 @@ def _pack(vectors: TangentVectors, areas: Array, kept: FeatureRows) -> float:
     kept[:, : len(areas)] = vectors
     chords = ((vectors - kept[:, : len(areas)]) ** 2).sum(axis=0)
     # An angle of at most π/2 changes by at most √2 times the change of its chord.
-    return UNDERFLOW * float(areas.max()) * len(areas) + 2.0 * float(areas @ chords)
+    return UNDERFLOW * float(areas.max()) * len(areas) + 2.0 * float((areas * chords).sum())
 
 
-@compiled(forceinline=True, fastmath=SUM)
-def _chunk(
-    a: Array,
-    b: Array,
-    weights: Array,
-    single: bool | None,
-    either_sign: bool | None,
-    first: int,
-    last: int,
-) -> float:
-    x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
-    x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
-    areas = weights[first:last]
-    total = zero = weights.dtype.type(0.0)
-    if either_sign is None:
-        for t in range(last - first):
-            first_field, second_field = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
-            total += areas[t] * arc_pair(first_field, second_field, either_sign, single)[0]
-    else:
-        w1, w2 = a[3, first:last], b[3, first:last]
-        for t in range(last - first):
-            first_field, second_field = (x1[t], y1[t], z1[t], w1[t]), (x2[t], y2[t], z2[t], w2[t])
-            total += areas[t] * arc_pair(first_field, second_field, either_sign, single)[0]
-    return total
-
-
-@compiled
+@compiled(fastmath=SUM)
 def _tile(
     a: Array,
     b: Array,
@@ -263,9 +237,28 @@ def _tile(
     within: bool,
     squared: Array,
 ) -> None:
-    n_values = a.shape[2]
+    """Add sums over triangles of weighted squared arcs."""
+    n_values, zero = a.shape[2], weights.dtype.type(0.0)
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
+        areas = weights[first:last]
         for i in range(len(a)):
+            x1, y1, z1 = a[i, 0, first:last], a[i, 1, first:last], a[i, 2, first:last]
+            w1 = a[i, -1, first:last]
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], weights, single, either_sign, first, last)
+                x2, y2, z2 = b[j, 0, first:last], b[j, 1, first:last], b[j, 2, first:last]
+                w2 = b[j, -1, first:last]
+                total = zero
+                for t in range(last - first):
+                    if either_sign is None:
+                        first_field, second_field = (
+                            (x1[t], y1[t], z1[t], zero),
+                            (x2[t], y2[t], z2[t], zero),
+                        )
+                    else:
+                        first_field, second_field = (
+                            (x1[t], y1[t], z1[t], w1[t]),
+                            (x2[t], y2[t], z2[t], w2[t]),
+                        )
+                    total += areas[t] * arc_pair(first_field, second_field, either_sign, single)[0]
+                squared[i, j] += total
