@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
-    from riemhuman.arrays import Array
+    from riemhuman.arrays import Array, Points
     from riemhuman.bodies import BodyModel
     from riemhuman.datasets import Motion
 
@@ -74,7 +74,7 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     )
     inputs.write_path(
         options,
-        result.path,
+        rh.plots.on_the_ground(result.path),
         surfaces.faces,
         "Geodesic between two bodies",
         description,
@@ -242,16 +242,27 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, [*options.meshes, options.onto])
     files, onto = surfaces.files[:-1], surfaces.files[-1]
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
+    recorded: list[Points] = []
     with options.task(f"Transfer of {counted(len(files), 'mesh', 'meshes')}"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
         with tqdm(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
-            moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
+            moved = solver.solve(space, _kept(recorded, surfaces, numbers), surfaces[len(files)])
+    moved = rh.plots.on_the_ground(moved, like=recorded)
     replayed = counted(len(files), "mesh", "meshes")
     description = f"{replayed}, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
     inputs.write_path(options, moved, surfaces.faces, "Motion", description)
     record = {"files": files, "onto": onto, "axes": options.axes}
     record |= {"transfer": options.transfer, "n_frames": len(moved)}
     return cli.Answer({"meshes": len(moved)}, record)
+
+
+def _kept(
+    recorded: list[Points], surfaces: inputs.Surfaces, numbers: Iterable[int]
+) -> Iterator[Points]:
+    """Return surfaces one after the other, and keep them."""
+    for number in numbers:
+        recorded.append(surfaces[number])
+        yield recorded[-1]
 
 
 @cli.command(

@@ -102,7 +102,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, timing = inputs.read_motion(first, is_shown=True)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
-            viewer = rh.plots.view_path(motion, faces, title=title, **timing)
+            viewer = rh.plots.view_path(motion, faces, title=title, keep_places=True, **timing)
         else:
             viewer = _view_of_meshes(options)
         page = inputs.save_or_open(viewer, options)
@@ -120,7 +120,7 @@ def _view_of_meshes(options: argparse.Namespace) -> Viewer:
     names = [file.stem for file in surfaces.files]
     title = join_names(names) if len(names) < 4 else f"{names[0]} to {names[-1]}"
     if options.motion:
-        return rh.plots.view_path(surfaces[:], surfaces.faces, title=title)
+        return rh.plots.view_path(surfaces[:], surfaces.faces, title=title, keep_places=True)
     return rh.plots.view_bodies(surfaces[:], surfaces.faces, names, title=title)
 
 

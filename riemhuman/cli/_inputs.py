@@ -304,7 +304,10 @@ def write_path(
             strip = rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP, ax=axes)
             figures.save_figure(figures.strip_figure(strip), file)
         elif ending == ".html":
-            rh.plots.view_path(path, faces, title=title, description=description).save(file)
+            page = rh.plots.view_path(
+                path, faces, title=title, description=description, keep_places=True
+            )
+            page.save(file)
         else:
             rh.io.save_arrays(file, {"path": path, "faces": faces, **arrays})
 

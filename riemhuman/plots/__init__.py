@@ -23,6 +23,7 @@ from riemhuman.plots.result_plots import (
     plot_sweep,
 )
 from riemhuman.plots.scan_views import plot_scan, view_scan
+from riemhuman.plots.standing import on_the_ground
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import (
     Viewer,
@@ -42,6 +43,7 @@ __all__ = [
     "describe_stress",
     "embed",
     "figure_style",
+    "on_the_ground",
     "per_area",
     "plot_body",
     "plot_confusion",

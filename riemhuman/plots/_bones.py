@@ -5,30 +5,55 @@ The page poses the surface by linear blend skinning, as `riemhuman.bodies.skin_s
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.arrays import Array, Integers, Points
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel, joint_motions, skin_surface
 from riemhuman.kernels.rotations import with_continuous_signs
 from riemhuman.kernels.threads import slices
 from riemhuman.mocap.motions import ModelMotion
 from riemhuman.plots._packing import LEVELS, deflated, packed
+from riemhuman.plots.standing import ground_height
 
 _STEP = 1e-4  # metres: of places in the page
 _UNIT = 2**15 - 1  # of quaternions
 # Pose correctives that the page leaves out are smaller than this in the mean over all vertices.
 _CORRECTIVE_ERROR = 2e-4
 _N_IN_EXTENT = 1200  # number of vertices used to measure the room that a motion takes
+_SOLES = 0.03  # height of the part of the body at rest that may carry it, of its own height
 _FRAMES_AT_A_TIME = 64
 
 
-def bone_record(motion: ModelMotion) -> dict[str, object]:
-    """Return what the page needs to pose a body: at most 0.1 mm and 1e-4 radians are rounded."""
+@dataclass(frozen=True)
+class Extent:
+    """The box around all frames of a motion, its radius from above, and the height of its ground.
+
+    Some vertices stand for all of them, and pose correctives are left out: a few millimetres.
+    """
+
+    low: Array
+    high: Array
+    radius: float
+    ground: float
+
+
+def bone_record(motion: ModelMotion, translations: Array, extent: Extent) -> dict[str, object]:
+    """Return what the page needs to pose a body: at most 0.1 mm and 1e-4 radians are rounded.
+
+    Parameters
+    ----------
+    motion : ModelMotion
+    translations : array, shape (n_times, 3)
+        Where the motion is shown.
+    extent : Extent
+        See `extent_of`.
+    """
     surface = np.asarray(motion.model(motion.betas), dtype=np.float64)
     starts, joints, weights = _influences(motion.model.weights)
     poses = motion.pose_vectors
-    translations = motion.translations
     quaternions = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(len(poses), -1, 4)
     rotations = _UNIT * with_continuous_signs(quaternions)
     low = surface.min(axis=0)
@@ -46,7 +71,11 @@ def bone_record(motion: ModelMotion) -> dict[str, object]:
         "first": first.tolist(),
         "places": _packed_signed(np.round((translations - first) / _STEP), "<i4", "<u4"),
         "step": _STEP,
-        "extent": _extent(surface, motion, poses, translations),
+        "extent": {
+            "low": extent.low.tolist(),
+            "high": extent.high.tolist(),
+            "radius": extent.radius,
+        },
     }
     if motion.model.posedirs is not None:
         record["correctives"] = _correctives(motion.model, poses)
@@ -66,19 +95,20 @@ def _influences(weights: Array) -> tuple[Integers, Integers, Array]:
     return starts, joints, weights[vertices, joints]
 
 
-def _extent(
-    surface: Points, motion: ModelMotion, poses: Array, translations: Array
-) -> dict[str, object]:
-    """Return the box around all frames, and the radius of the upright cylinder around them.
-
-    Some vertices stand for all of them, and pose correctives are left out: a few millimetres.
-    """
+def extent_of(motion: ModelMotion, translations: Array) -> Extent:
+    """Return the extent of a motion with these translations, shape (n_times, 3)."""
     model = motion.model
-    some = np.arange(0, model.n_vertices, max(1, model.n_vertices // _N_IN_EXTENT))
+    surface = np.asarray(model(motion.betas), dtype=np.float64)
+    poses = motion.pose_vectors
+    heights = surface[:, 1] - surface[:, 1].min()
+    is_measured = heights < _SOLES * heights.max()
+    is_measured[:: max(1, model.n_vertices // _N_IN_EXTENT)] = True
+    some = np.flatnonzero(is_measured)
     joints = np.asarray(model.joints(motion.betas))
     low = np.full(3, np.inf)
     high = np.full(3, -np.inf)
     seen_from_above = []
+    lowest = []
     for part in slices(len(poses), _FRAMES_AT_A_TIME):
         matrices = Rotation.from_rotvec(poses[part].reshape(-1, 3)).as_matrix()
         rotations = matrices.reshape(*poses[part].shape, 3)
@@ -87,13 +117,14 @@ def _extent(
         frames = frames + translations[part, None]
         low = np.minimum(low, frames.min(axis=(0, 1)))
         high = np.maximum(high, frames.max(axis=(0, 1)))
+        lowest.append(frames[..., 1].min(axis=1))
         every_other = frames[:, ::2]
         seen_from_above.append(every_other[..., [0, 2]])
     middle = (low + high)[[0, 2]] / 2
     radius = max(
         float(np.linalg.norm(places - middle, axis=-1).max()) for places in seen_from_above
     )
-    return {"low": low.tolist(), "high": high.tolist(), "radius": radius}
+    return Extent(low, high, radius, ground_height(np.concatenate(lowest)))
 
 
 def _correctives(model: BodyModel, poses: Array) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -51,21 +51,28 @@ class Film:
         """Frames that the longest body shows."""
         return max(body.n_times for body in self.bodies)
 
+    def place(self, body: ViewedBody, share: float) -> float:
+        """Return the frame at a share of the duration, or a place between two."""
+        if body.times is not None:
+            return float(np.interp(share * (body.n_times - 1), np.arange(body.n_times), body.times))
+        if self.frames_per_second is not None:
+            return min(share * (self.n_frames - 1), len(body.frames) - 1.0)
+        return share * (len(body.frames) - 1)
+
     def surface(self, body: ViewedBody, share: float) -> Points:
         """Return the surface at a share of the duration."""
-        if body.times is not None:
-            place = float(
-                np.interp(share * (body.n_times - 1), np.arange(body.n_times), body.times)
-            )
-        elif self.frames_per_second is not None:
-            place = min(share * (self.n_frames - 1), len(body.frames) - 1.0)
-        else:
-            place = share * (len(body.frames) - 1)
+        place = self.place(body, share)
         number = int(np.floor(place))
-        before = np.asarray(body.frames[number])
-        after = np.asarray(body.frames[int(np.ceil(place))])
+        before, after = body.surface(number), body.surface(int(np.ceil(place)))
         surface: Points = before + (place - number) * (after - before)
         return surface
+
+    def passed(self, body: ViewedBody, share: float) -> Array:
+        """Return how far the ground has moved below a body, shape (2,)."""
+        if body.track is None:
+            return np.zeros(2)
+        place, numbers = self.place(body, share), np.arange(len(body.track))
+        return np.array([np.interp(place, numbers, body.track[:, axis]) for axis in range(2)])
 
 
 def save_film(file: Path, film: Film, *, progress: bool) -> None:
@@ -92,7 +99,7 @@ def save_film(file: Path, film: Film, *, progress: bool) -> None:
 def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[Image.Image]:
     """Draw all pictures, one after the other."""
     turns = film.n_frames == 1
-    grounds = [Ground.below(_some_frames(body, turns)) for body in film.bodies]
+    grounds = [Ground.below(_some_frames(body, turns), body.ground) for body in film.bodies]
     windows = _windows(film, grounds, turns)
     aspect = sum(window.width for window in windows) / windows[0].height
     height = 2 * (min(height, int(_WIDEST / aspect)) // 2)  # H.264 needs even numbers of pixels
@@ -115,7 +122,8 @@ def _pictures(film: Film, height: int, n_pictures: int, rate: int) -> Iterator[I
                 window=window,
                 color=body.colors(film.faces),
             )
-            parts.append(ground.under(picture, surface, view, window))
+            moved = replace(ground, passed=film.passed(body, share))
+            parts.append(moved.under(picture, surface, view, window))
         time = f"{number / rate:.2f} s" if film.frames_per_second is not None else ""
         yield _on_paper(parts, [body.label for body in film.bodies], time)
 
@@ -124,13 +132,13 @@ def _some_frames(body: ViewedBody, turns: bool) -> list[Array]:
     """Return the frames used to frame the picture; a turning body is on its axis."""
     places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), _MOST_LOOKED_AT))
     numbers = np.unique(places.round().astype(int))
-    frames = [np.asarray(body.frames[number]) for number in numbers.tolist()]
+    frames = [body.surface(number) for number in numbers.tolist()]
     return [frame - _middle(body) for frame in frames] if turns else frames
 
 
 def _middle(body: ViewedBody) -> Array:
     """Return the axis that a body turns about, at the height of the ground."""
-    surface = np.asarray(body.frames[0])
+    surface = body.surface(0)
     middle: Points = (surface.min(axis=0) + surface.max(axis=0)) / 2
     middle[1] = 0.0
     return middle

@@ -1,25 +1,29 @@
-"""The ground below a body in pictures: grid and shadow of the page, see viewer_ground.js."""
+"""The ground below a body in pictures: grid and shadow of the page.
+
+Both read `ground.json`: the shadow has cells in each direction, and layers for the contact of the
+feet and for the sky that the body hides, with heights as shares of the body's and blurs in cells to
+each side; lines are metres apart, every fourth is stronger.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 from scipy.ndimage import uniform_filter
 
 from riemhuman.arrays import Array, Image, Points
+from riemhuman.plots._web_files import web_file
+from riemhuman.plots.figures import rgb
 from riemhuman.plots.windows import View, Window, window_around
 
-_CELLS = 96  # of the shadow, in each direction
-# Contact of the feet with the ground, and the sky that the body hides: height as a share of the
-# body's, cells that are averaged, and strength.
-_LAYERS = ((0.025, 3, 0.9), (0.3, 15, 0.55))
-_DARKEST = 0.62
-_SPACING = 0.25  # metres between lines; every fourth is stronger
+GROUND = json.loads(web_file("plots", "ground.json"))
+_CELLS = int(GROUND["cells"])
+_INK = 255 * np.array(rgb(GROUND["ink"]["light"]))
 SHOWN = 0.85  # least share of the radius in pictures
-_INK = np.array([59.0, 70.0, 82.0])
 
 # Rows and columns of a picture.
 Part: TypeAlias = "tuple[slice[int, int, None], slice[int, int, None]]"
@@ -27,11 +31,15 @@ Part: TypeAlias = "tuple[slice[int, int, None], slice[int, int, None]]"
 
 @dataclass(frozen=True)
 class Ground:
-    """A disc below a body: its middle on the ground, the radius, and the height of the body."""
+    """A disc below a body: its middle on the ground, the radius, and the height of the body.
+
+    `passed` is how far the ground has moved below a body that the picture follows.
+    """
 
     middle: Points
     radius: float
     height: float
+    passed: Array = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def below(
@@ -102,14 +110,16 @@ class Ground:
         place, wide = self._seen(view, window, shape, part)
         from_middle = np.linalg.norm(place - self.middle[::2], axis=-1) / self.radius
         fade = 1 - _smooth_step(0.35, 1.0, from_middle)
+        on_ground, spacing = place + self.passed, GROUND["spacing"]
         lines = np.maximum(
-            0.22 * _lines(place, wide, _SPACING), 0.42 * _lines(place, wide, 4 * _SPACING)
+            GROUND["line"] * _lines(on_ground, wide, spacing),
+            GROUND["strong_line"] * _lines(on_ground, wide, GROUND["strong"] * spacing),
         )
-        grid = np.where(from_middle < 1, fade * (0.05 + lines), 0.0)
+        grid = np.where(from_middle < 1, fade * (GROUND["grid"] + lines), 0.0)
         cells = (place - self.middle[::2]) / self.radius * _CELLS / 2 + _CELLS / 2
         columns, rows = np.moveaxis(cells.astype(int).clip(0, _CELLS - 1), -1, 0)
         shadow = self._shadow(surface)[columns, rows]
-        dark = _DARKEST * shadow * (1 - _smooth_step(0.6, 1.0, from_middle))
+        dark = GROUND["darkest"] * shadow * (1 - _smooth_step(0.6, 1.0, from_middle))
         opacity = dark + grid * (1 - dark)
         color = _INK * (grid * (1 - dark) / np.maximum(opacity, 1e-6))[..., None]
         return np.concatenate([color, 255 * opacity[..., None]], axis=-1)
@@ -140,17 +150,17 @@ class Ground:
         # Each vertex stands for the same share of the surface, about two square metres a body.
         share = 0.65 * self.height**2 / len(surface) / (2 * self.radius / _CELLS) ** 2
         light = np.ones((_CELLS, _CELLS))
-        for height, width, strength in _LAYERS:
+        for layer in GROUND["layers"]:
             cover, _, _ = np.histogram2d(
                 cells[:, 0],
                 cells[:, 1],
                 bins=_CELLS,
                 range=[[0, _CELLS], [0, _CELLS]],
-                weights=share * np.exp(-above / height),
+                weights=share * np.exp(-above / layer["height"]),
             )
             for _ in range(2):
-                cover = uniform_filter(cover, width, mode="constant")
-            light *= 1 - strength * (1 - np.exp(-cover))
+                cover = uniform_filter(cover, 2 * layer["blur"] + 1, mode="constant")
+            light *= 1 - layer["strength"] * (1 - np.exp(-cover))
         return np.asarray(1 - light)
 
 

@@ -367,11 +367,11 @@ def strip_picture(
     colors: Sequence[ArrayLike] | None = None,
     height: int = _STRIP_HEIGHT,
     *,
-    one_floor: bool = False,
+    ground: float | None = None,
 ) -> Image:
     """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
 
-    Each stands on its own ground, or all of a path on the ground below the lowest.
+    Each stands on its own ground, or all of a motion on one at a height.
     """
     n_surfaces = len(surfaces)
     view = View()
@@ -381,7 +381,7 @@ def strip_picture(
     high = strip.max(axis=1, keepdims=True)
     # What becomes the origin of each surface: its middle, on the ground.
     origins = (low + high) / 2
-    origins[..., 1] = low[..., 1].min(axis=0, keepdims=True) if one_floor else low[..., 1]
+    origins[..., 1] = low[..., 1] if ground is None else ground
     strip = strip - origins
     if faces is None:
         windows = same_heights([window_around(points, view) for points in strip])

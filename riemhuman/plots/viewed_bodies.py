@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from riemhuman.checks import check_instance, real_array, real_number
 from riemhuman.checks.labels import text
 from riemhuman.errors import ArgumentError
 from riemhuman.mocap.motions import ModelMotion
-from riemhuman.plots._bones import bone_record
+from riemhuman.plots._bones import Extent, bone_record, extent_of
 from riemhuman.plots._packing import LEVELS, deflated, packed
 from riemhuman.plots.figures import (
     SIGNED_COLORS,
@@ -22,6 +23,7 @@ from riemhuman.plots.figures import (
     value_colors,
 )
 from riemhuman.plots.rendering import vertex_values
+from riemhuman.plots.standing import ground_height
 
 _STEP = 1e-4  # metres, of coordinates
 _AS_LARGE_AS_BODIES = 0.2  # metres
@@ -76,6 +78,9 @@ class ViewedBody:
     times : array, shape (n,), optional
         Frame numbers, possibly fractional, that are shown at equally spaced times, such as those of
         a motion that is aligned with another; by default each frame once.
+    track : array, shape (n_times, 2), optional
+        Places x, z on the ground that the view follows, so that the body stays in the middle and
+        the ground moves below it; see `track_of`.
 
     Examples
     --------
@@ -91,6 +96,7 @@ class ViewedBody:
     value_limit: float | None = None
     components: ComponentChanges | None = None
     times: Array | None = None
+    track: Array | None = None
 
     def __post_init__(self) -> None:
         text(self.label, "label")
@@ -115,6 +121,9 @@ class ViewedBody:
         if self.times is not None:
             times = real_array(self.times, "times", ("n_shown",), batched=False)
             object.__setattr__(self, "times", times)
+        if self.track is not None:
+            track = real_array(self.track, "track", (len(self.frames), 2), batched=False)
+            object.__setattr__(self, "track", track)
 
     @property
     def limit(self) -> float:
@@ -136,6 +145,41 @@ class ViewedBody:
         values = vertex_values(np.asarray(self.values), faces, len(self.frames[0]))
         return value_colors(values, self.limit, signed=self.signed)
 
+    def surface(self, number: int) -> Points:
+        """Return the surface of a frame where it is shown, shape (V, 3).
+
+        Parameters
+        ----------
+        number : int
+        """
+        surface: Points = np.asarray(self.frames[number], dtype=np.float64)
+        if self.track is None:
+            return surface
+        x, z = self.track[number]
+        return surface - [x, 0.0, z]
+
+    @property
+    def translations(self) -> Array:
+        """Where a motion of a body model is shown, shape (n_times, 3)."""
+        assert isinstance(self.frames, ModelMotion)
+        places: Array = np.array(self.frames.translations, dtype=np.float64)
+        if self.track is not None:
+            places[:, [0, 2]] -= self.track
+        return places
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Box, radius and ground of a motion of a body model."""
+        assert isinstance(self.frames, ModelMotion)
+        return extent_of(self.frames, self.translations)
+
+    @cached_property
+    def ground(self) -> float:
+        """Height of the ground on which the body stands, metres."""
+        if isinstance(self.frames, ModelMotion):
+            return self.extent.ground
+        return ground_height(np.asarray(self.frames[..., 1].min(axis=1)))
+
     @property
     def n_times(self) -> int:
         """Number of moments that are shown at equally spaced times."""
@@ -154,11 +198,15 @@ def body_record(body: ViewedBody, faces: Triangles) -> JSONRecord:
         "label": body.label,
         "n_frames": len(body.frames),
         "color": f"#{red:02x}{green:02x}{blue:02x}",
+        "ground": body.ground,
     }
     if isinstance(body.frames, ModelMotion):
-        record["bones"] = bone_record(body.frames)
+        record["bones"] = bone_record(body.frames, body.translations, body.extent)
     else:
-        record |= _coordinates(body.frames)
+        frames = np.stack([body.surface(number) for number in range(len(body.frames))])
+        record |= _coordinates(frames)
+    if body.track is not None:
+        record["track"] = np.round(body.track, 4).tolist()
     if body.times is not None:
         record["times"] = np.round(body.times, 3).tolist()
     if body.values is not None:

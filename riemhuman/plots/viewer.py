@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -35,6 +35,7 @@ from riemhuman.measurements import open_measurements
 from riemhuman.mocap.motions import ModelMotion, Motion
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
+from riemhuman.plots._ground_picture import GROUND
 from riemhuman.plots._occlusion import shade_of
 from riemhuman.plots._packing import deflated, packed
 from riemhuman.plots._panels import Panel
@@ -57,6 +58,7 @@ from riemhuman.plots.rendering import (
     strip_picture,
     surface_values,
 )
+from riemhuman.plots.standing import on_the_ground
 from riemhuman.plots.viewed_bodies import ViewedBody, body_record
 from riemhuman.plots.windows import View, window_around
 
@@ -104,7 +106,8 @@ def viewer_script() -> str:
     """Return the script of viewers, which needs three.js: the light, then one file a subject."""
     scripts = "".join(web_file("plots", name) for name in _SCRIPTS)
     light = json.dumps(json.loads(web_file("plots", "light.json")))
-    return f"(() => {{\nconst LIGHT = {light};\n{scripts}}})();\n"
+    ground = json.dumps(GROUND)
+    return f"(() => {{\nconst LIGHT = {light};\nconst GROUND = {ground};\n{scripts}}})();\n"
 
 
 @dataclass(frozen=True)
@@ -302,15 +305,16 @@ class Viewer:
         of_panel = None if self.panel is None else self.panel.picture(height)
         if of_panel is not None:
             return of_panel
-        is_path = len(bodies) == 1
-        if is_path:
+        if len(bodies) == 1:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
             numbers = places.round().astype(int).tolist()
-            bodies = [replace(body, frames=body.frames[k][np.newaxis]) for k in numbers]
-        surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
+            surfaces = [body.surface(number) for number in numbers]
+            colors = [body.colors(self.faces)] * len(numbers)
+            return strip_picture(surfaces, self.faces, colors, height, ground=body.ground)
+        surfaces = [body.surface(len(body.frames) // 2) for body in bodies]
         colors = [body.colors(self.faces) for body in bodies]
-        return strip_picture(surfaces, self.faces, colors, height, one_floor=is_path)
+        return strip_picture(surfaces, self.faces, colors, height)
 
 
 def _parts_of(faces: Triangles) -> Mapping[str, Integers]:
@@ -356,6 +360,7 @@ def view_path(
     description: str = "",
     seconds: float | None = None,
     frames_per_second: float | None = None,
+    keep_places: bool = False,
 ) -> Viewer:
     """Return an interactive view that plays a path, or several to choose from.
 
@@ -374,6 +379,9 @@ def view_path(
         Duration of the path at speed 1, by default 2.4.
     frames_per_second : float, optional
         Rate of a recording, instead of `seconds`; the page shows seconds and frame numbers.
+    keep_places : bool
+        Whether surfaces stay where they are, as those of recordings do; by default the surfaces of
+        a path are moved so that they stand on the ground, see `on_the_ground`.
 
     Examples
     --------
@@ -384,6 +392,7 @@ def view_path(
     >>> viewer = rh.plots.view_path(motion, frames_per_second=rate)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
+    is_recording = flag(keep_places, "keep_places") or frames_per_second is not None
     frames: dict[str, Points | ModelMotion] = {}
     triangles = faces
     for name, one_path in paths.items():
@@ -392,7 +401,8 @@ def view_path(
             frames[name] = one_path if isinstance(one_path, ModelMotion) else one_path[:]
             continue
         surfaces, triangles = as_surfaces(one_path, triangles)
-        frames[name] = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
+        places = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
+        frames[name] = places if is_recording else on_the_ground(places)
     page_title = text(title, "title")
     if flag(side_by_side, "side_by_side"):
         choices = {page_title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}

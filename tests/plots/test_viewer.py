@@ -13,6 +13,7 @@ from page_data import data_of, inflated, unpacked
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
+from riemhuman.plots.standing import on_the_ground
 from riemhuman.plots.viewed_bodies import body_record
 from riemhuman.plots.viewer import page_scripts
 
@@ -30,7 +31,7 @@ def test_a_path_travels_whole():
     for choice, path in zip(data["choices"], (PATH, PATH[::-1]), strict=True):
         (body,) = choice["bodies"]
         assert body["n_frames"] == 4
-        assert body == body_record(ViewedBody("", path), TEMPLATE.faces)
+        assert body == body_record(ViewedBody("", on_the_ground(path)), TEMPLATE.faces)
 
 
 def test_recordings_say_their_rate_and_other_paths_do_not():

@@ -388,8 +388,8 @@ class Viewer {
       left += body.wide;
       // All bodies stand on one floor.
       const floor = ((best.rows - 1) / 2 - row - 0.5) * tall + room * tallest;
-      body.holder.position.set(across, floor + body.height / 2, 0);
-      body.floor = floor - LABEL_GAP * tallest;
+      body.holder.position.set(across, floor - body.floor, 0);
+      body.labelled = floor - LABEL_GAP * tallest;
     });
   }
 
@@ -443,7 +443,7 @@ class Viewer {
     this.bodies().forEach((body, index) => {
       const label = labels[index];
       const x = clientWidth / 2 + (body.holder.position.x - this.panX) * scale;
-      const y = clientHeight / 2 - (body.floor - this.panY) * scale;
+      const y = clientHeight / 2 - (body.labelled - this.panY) * scale;
       const isAside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (body.wide / 2) * scale;
       const isVisible = !isAside && y > 0 && y - this.cell.tall * scale < clientHeight;
       label.style.visibility = isVisible ? "" : "hidden";

@@ -77,6 +77,7 @@ class Body {
     this.label = data.label;
     this.nFrames = frames.nFrames;
     this.frames = frames;
+    this.track = data.track; // places of the ground in each frame, where the view follows the body
     this.times = data.times; // frames at equally spaced times, where that is not each frame once
     this.nTimes = this.times ? this.times.length : this.nFrames;
     this.faces = faces;
@@ -117,6 +118,7 @@ class Body {
     this.holder.add(this.turning);
     this.pivot = null;
     this.measure();
+    this.floor = data.ground - this.centre[1];
     this.show(0);
     this.ground = new Ground(this, faces);
     this.mesh.add(this.ground.disc);
@@ -148,10 +150,17 @@ class Body {
     this.geometry.attributes.normal.needsUpdate = true;
     if (this.eyes) this.eyes.show();
     if (this.ground) {
+      if (this.track) this.ground.pass(this.passed());
       if (this.components.length) this.lift = this.ground.lowerTo(this.positions);
       this.ground.cast(this.positions);
     }
     this.turnAbout(this.pivot);
+  }
+
+  // How far the ground has moved at the moment that is shown.
+  passed() {
+    const { first, next, share } = between(this.place, this.nFrames);
+    return [0, 1].map((axis) => this.track[first][axis] * (1 - share) + this.track[next][axis] * share);
   }
 
   // Turn about a vertex at all times; null means the axis of the body.

@@ -104,7 +104,7 @@ function surfacesFile(viewer) {
     });
     gltf.meshes.push({ primitives: [{ attributes, indices, material: index }] });
     if (index) shift += (viewer.bodies()[index - 1].wide + body.wide) / 2;
-    gltf.nodes.push({ name: body.label || `body ${index + 1}`, mesh: index, translation: [shift, body.height / 2, 0] });
+    gltf.nodes.push({ name: body.label || `body ${index + 1}`, mesh: index, translation: [shift, -body.floor, 0] });
     gltf.scenes[0].nodes.push(index);
   });
   gltf.buffers.push({ byteLength: length });

@@ -2,16 +2,7 @@
 // Part of one script with the other viewer files.
 "use strict";
 
-const CELLS = 96; // of the shadow, in each direction
-// Layers of the shadow: contact of the feet, and the sky that the body hides.
-// Heights are shares of the body's height; blurs are in cells to each side.
-const LAYERS = [
-  { height: 0.025, blur: 1, strength: 0.9 },
-  { height: 0.3, blur: 7, strength: 0.55 },
-];
-const DARKEST = 0.62;
-const GRID = { metres: 0.25, strong: 4 }; // every fourth line is a metre
-
+const CELLS = GROUND.cells; // GROUND is ground.json, which _ground_picture.py explains
 const DARK = window.matchMedia("(prefers-color-scheme: dark)");
 
 const GROUND_VERTEX = `
@@ -41,7 +32,8 @@ float line(float spacing) {
 
 void main() {
   float fade = 1.0 - smoothstep(0.35, 1.0, length(place) / radius);
-  float grid = fade * (0.05 + max(0.22 * line(spacing), 0.42 * line(${GRID.strong.toFixed(1)} * spacing)));
+  float grid = fade * (${GROUND.grid.toFixed(2)} + max(${GROUND.line.toFixed(2)} * line(spacing),
+    ${GROUND.strong_line.toFixed(2)} * line(${GROUND.strong.toFixed(1)} * spacing)));
   float dark = darkest * (1.0 - smoothstep(0.6, 1.0, length(place) / radius))
     * texture2D(shadow, 0.5 + 0.5 * place / radius).r;
   // The shadow lies over the grid.
@@ -51,7 +43,9 @@ void main() {
 
 class Ground {
   constructor(body, faces) {
-    this.floor = -body.height / 2; // positions are relative to the middle of the body
+    this.floor = body.floor; // positions are relative to the middle of the body
+    this.standing = body.floor;
+    this.middle = new THREE.Vector2(body.centre[0], -body.centre[2]);
     this.height = body.height;
     this.radius = 1.15 * Math.max(body.radius, 0.3 * body.height);
     // Count each vertex as the same share of the surface.
@@ -70,11 +64,11 @@ class Ground {
       side: THREE.DoubleSide,
       uniforms: {
         shadow: { value: this.texture },
-        centre: { value: new THREE.Vector2(body.centre[0], -body.centre[2]) },
+        centre: { value: this.middle.clone() },
         ink: { value: new THREE.Color() },
         radius: { value: this.radius },
-        spacing: { value: GRID.metres },
-        darkest: { value: DARKEST },
+        spacing: { value: GROUND.spacing },
+        darkest: { value: GROUND.darkest },
       },
     });
     this.uniforms = material.uniforms;
@@ -84,18 +78,23 @@ class Ground {
     this.disc.position.y = this.floor;
   }
 
+  // Move the lines by how far the ground has passed below a body that the view follows.
+  pass([right, forward]) {
+    this.uniforms.centre.value.set(this.middle.x + right, this.middle.y - forward);
+  }
+
   // Move below the lowest point; return how far the body has to be raised.
   lowerTo(positions) {
     let lowest = Infinity;
     for (let i = 1; i < positions.length; i += 3) lowest = Math.min(lowest, positions[i]);
     this.floor = lowest;
     this.disc.position.y = lowest;
-    return -this.height / 2 - lowest;
+    return this.standing - lowest;
   }
 
   // Draw lines and shadow in the colour of the theme.
   ink() {
-    this.uniforms.ink.value.set(DARK.matches ? "#c9d3de" : "#3b4652");
+    this.uniforms.ink.value.set(DARK.matches ? GROUND.ink.dark : GROUND.ink.light);
   }
 
   // The shadow of a surface: how much of it is above each cell, darker where it is lower.
@@ -103,7 +102,7 @@ class Ground {
     const light = new Float32Array(CELLS * CELLS).fill(1);
     const cellArea = ((2 * this.radius) / CELLS) ** 2;
     const scale = CELLS / (2 * this.radius);
-    LAYERS.forEach((layer) => {
+    GROUND.layers.forEach((layer) => {
       const cover = new Float32Array(CELLS * CELLS);
       for (let i = 0; i < positions.length; i += 3) {
         const column = Math.floor((positions[i] + this.radius) * scale);
