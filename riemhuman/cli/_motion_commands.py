@@ -120,12 +120,12 @@ def _dist(options: argparse.Namespace) -> cli.Answer:
         dist = float(measure.dist(*read.motions))
     record = {"a": read.names[0], "b": read.names[1], "by": options.by, "distance": dist}
     if not (options.quiet or options.json):
-        _note_usual_distances(options)
+        terminal.note(f"for comparison, {_usual_distances(options)}")
     return cli.Answer(f"{dist:.8g}", record)
 
 
-def _note_usual_distances(options: argparse.Namespace) -> None:
-    """Say how far some open motions are from each other by the same measure."""
+def _usual_distances(options: argparse.Namespace) -> str:
+    """Return how far some open motions are from each other by the same measure."""
     import numpy as np
 
     people = ("lean runner", "average woman", "older heavy man")
@@ -139,8 +139,8 @@ def _note_usual_distances(options: argparse.Namespace) -> None:
     same = np.equal.outer(read.names, read.names)
     np.fill_diagonal(same, False)
     others = ~np.equal.outer(read.names, read.names)
-    terminal.note(
-        "for comparison, among simulated people: the same motion of another person "
+    return (
+        "among simulated people: the same motion of another person "
         f"≈ {np.median(distances[same]):.2g}, another motion ≈ {np.median(distances[others]):.2g}"
     )
 
@@ -255,8 +255,9 @@ def _aligned_view(
         shown[name] = motion[:] if is_as_recorded else space.resample(motion, at=places, name=name)
         times[name] = times[name] * (n_frames - 1) / (count - 1)
     aligned = dataclasses.replace(warp, first=times["first"], second=times["second"])
+    usual = f"For comparison, {_usual_distances(options)}."
     return rh.plots.view_motions(
-        shown["first"], shown["second"], aligned, read.template.faces, read.names
+        shown["first"], shown["second"], aligned, read.template.faces, read.names, usual
     )
 
 

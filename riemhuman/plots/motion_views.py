@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Image
 from riemhuman.checks import check_instance, real_array, values_of
-from riemhuman.checks.labels import names_of
+from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.mocap.motions import ModelMotion, Motion
 from riemhuman.motions import Warp
 from riemhuman.plots._web_files import fill
+from riemhuman.plots.standing import track_of
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
 
@@ -70,11 +71,13 @@ def view_motions(
     warp: Warp,
     faces: ArrayLike | None = None,
     names: Sequence[str] | None = None,
+    note: str = "",
 ) -> Viewer:
     """Return an interactive view of two motions side by side, aligned in time or as recorded.
 
     The first motion plays at its own pace, the second at the corresponding times; a diagram shows
-    which times correspond, and the current moment.
+    which times correspond, and the current moment. The view follows both bodies, and the ground
+    moves below them.
 
     Parameters
     ----------
@@ -86,6 +89,8 @@ def view_motions(
         Triangles; none for motions.
     names : sequence of str, optional
         By default the names of the people, or "first" and "second".
+    note : str
+        What the distance means, such as which distances are usual.
 
     Raises
     ------
@@ -113,14 +118,19 @@ def view_motions(
     labels = _names(first, second) if names is None else _two_names(names)
     moments = np.linspace(warp.first[0], warp.first[-1], len(motions[0]))
     retimed = [moments, warp(moments)]
-    bodies = [ViewedBody(label, frames) for label, frames in zip(labels, motions, strict=True)]
+    bodies = [
+        ViewedBody(label, frames, track=track_of(frames, rate))
+        for label, frames in zip(labels, motions, strict=True)
+    ]
     aligned = [replace(body, times=t) for body, t in zip(bodies, retimed, strict=True)]
     return Viewer(
         values_of(faces, "faces"),
         {"aligned": aligned, "as recorded": bodies},
-        "Play",
-        f"{labels[0]} and {labels[1]} aligned in time",
-        f"Distance after the best re-timing: {warp.dist:.4g}.",
+        "Timing",
+        f"{labels[0]} and {labels[1]}, aligned in time",
+        " ".join(
+            [f"Distance after the best re-timing: {warp.dist:.2g}.", text(note, "note")]
+        ).strip(),
         frames_per_second=rate,
         panel=WarpPanel(warp.first, warp.second, lasts, labels, rate),
     )

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from riemhuman.arrays import Array, Points, PointsLike
 from riemhuman.checks import checked, real_array
+from riemhuman.mocap.motions import ModelMotion
 
 # Share of the frames in which a recorded body may be below its ground, by errors of tracking.
 _BELOW_GROUND = 0.1
 # Heights at which a vertex carries a third of what it carries on the ground, of the body's height.
 _CARRYING = 0.004
+
+# Seconds over which the places of a body are averaged.
+_SWAY = 0.2
+_USUAL_RATE = 30.0  # frames a second, of motions that do not say theirs
 
 
 def _surfaces(path: PointsLike, name: str) -> Array:
@@ -65,6 +71,20 @@ def on_the_ground(path: PointsLike, like: PointsLike | None = None) -> Points:
     slid = np.cumsum(np.einsum("tv,tvx->tx", carried, slides), axis=0)
     shifts[1:, [0, 2]] = -slid[:, [0, 2]]
     return surfaces + shifts[:, np.newaxis]
+
+
+def track_of(frames: Points | ModelMotion, frames_per_second: float | None) -> Array:
+    """Return the places x, z that a view of a travelling body follows, shape (n_times, 2).
+
+    They are those of the body, without its sway within a step.
+    """
+    if isinstance(frames, ModelMotion):
+        places = np.asarray(frames.translations, dtype=np.float64)[:, [0, 2]]
+    else:
+        places = frames[..., [0, 2]].mean(axis=1)
+    reach = _SWAY * (_USUAL_RATE if frames_per_second is None else frames_per_second)
+    smooth: Array = gaussian_filter1d(places, reach, axis=0, mode="nearest")
+    return smooth
 
 
 def ground_height(lowest: Array) -> float:

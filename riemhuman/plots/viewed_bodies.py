@@ -152,11 +152,13 @@ class ViewedBody:
         ----------
         number : int
         """
-        surface: Points = np.asarray(self.frames[number], dtype=np.float64)
+        surface: Points = np.array(self.frames[number], dtype=np.float64)
         if self.track is None:
             return surface
         x, z = self.track[number]
-        return surface - [x, 0.0, z]
+        surface[:, 0] -= x
+        surface[:, 2] -= z
+        return surface
 
     @property
     def translations(self) -> Array:

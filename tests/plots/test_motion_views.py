@@ -32,7 +32,7 @@ def test_the_second_motion_is_shown_at_the_corresponding_times():
 def test_the_page_says_which_motion_is_the_later_one():
     """Above the dashed line, the second takes more of its time to the same pose."""
     panel = view_motions(KNEES, OTHER, WARP, names=("slow", "quick")).panel.html("")
-    assert "above it, quick comes to the same pose later, below it earlier" in " ".join(
+    assert "Above the dashed line, quick reaches a pose relatively later than slow" in " ".join(
         panel.split()
     )
 

@@ -1,5 +1,7 @@
 """Paths stand on the ground, on a foot that stays in place, and recordings on the floor."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,7 @@ def test_the_standing_foot_stays_in_place():
     path = on_the_ground(floating)
     np.testing.assert_array_equal(path[0], BODIES[0])
     np.testing.assert_allclose(path[..., 1].min(axis=1), BODIES[0][:, 1].min(), atol=1e-12)
-    for before, after in zip(path[:-1], path[1:], strict=True):
+    for before, after in pairwise(path):
         lowest = (before + after)[:, 1].argmin()
         assert np.linalg.norm((after - before)[lowest]) < 0.01
 
