@@ -15,6 +15,7 @@ from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh, save_mesh
 from riemhuman.io.arrays import load_arrays
 from riemhuman.measurements import Measurements, in_standard_pose
+from riemhuman.plots import on_the_ground
 from riemhuman.solvers import BasisMean, BasisPath, MotionTransfer, TangentPCA
 from riemhuman.surfaces import DeformationBasis, Template
 from riemhuman.surfaces.procrustes import procrustes
@@ -24,7 +25,8 @@ from riemhuman.surfaces.procrustes import procrustes
 def moved(bodies):
     """Return the third mesh moved as the first two."""
     space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
-    return MotionTransfer().solve(space, bodies.points[:2], bodies.points[20])
+    path = MotionTransfer().solve(space, bodies.points[:2], bodies.points[20])
+    return on_the_ground(path, like=bodies.points[:2])
 
 
 def test_motion_into_a_folder(run, scans, moved, tmp_path):
@@ -254,7 +256,7 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     names = sorted(path.name for path in output.iterdir())
     assert names == [*FOLDER, *(f"time_{i:04d}.ply" for i in range(5))]
     metric, result = expected
-    for i, surface in enumerate(result.path):
+    for i, surface in enumerate(on_the_ground(result.path)):
         np.testing.assert_array_equal(load_mesh(output / f"time_{i:04d}.ply")[0], surface)
     record = json.loads(finished.out)
     assert record["energy"] == result.energy
@@ -286,7 +288,8 @@ def test_one_file_by_its_ending_with_own_basis_and_metric(run, ends, bodies, tmp
     metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.0)
     result = BasisPath(basis, n_nodes=3).solve(metric, *bodies.points[:2])
     assert record["energy"] == result.energy
-    np.testing.assert_array_equal(np.load(tmp_path / "path.npz")["path"], result.path)
+    stored = np.load(tmp_path / "path.npz")["path"]
+    np.testing.assert_array_equal(stored, on_the_ground(result.path))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["basis.npz", "path.npz"]
 
 

@@ -128,7 +128,7 @@ def test_scans_measurements_and_labels(facts, scans, bodies, tmp_path):
 
 
 def test_recordings(facts):
-    found = facts(Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh")
+    found = facts(Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh")
     assert (found["kind"], found["joints"]) == ("motion capture recording", 38)
     assert found["seconds"] == found["frames"] / found["frames_per_second"]
 
@@ -143,7 +143,7 @@ def test_hdf5(facts, bodies, tmp_path):
 
 
 def test_recordings_of_every_kind(run, tmp_path):
-    folder = Path(__file__).parents[1] / "datasets" / "recordings"
+    folder = Path(__file__).parents[1] / "mocap" / "recordings"
     found = run("info", folder / "cmu_01_01.amc", "--json")
     assert json.loads(found.out)["frames"] == 40
     joints = {

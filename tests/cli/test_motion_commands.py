@@ -124,7 +124,7 @@ def test_an_alignment_opens_by_default(run, people, monkeypatch):
 
 def test_recordings_of_two_rates_are_aligned_in_seconds(run, tmp_path):
     """Half the frames at half the rate are the same motion."""
-    jump = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
+    jump = Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh"
     lines = jump.read_text().splitlines()
     start = next(k for k, line in enumerate(lines) if line.startswith("Frame Time"))
     step, frames = float(lines[start].split()[-1]), lines[start + 1 :][:24]
@@ -168,7 +168,7 @@ def test_several_motions_where_one_is_wanted(refused, folder, people):
 
 
 def test_recordings(run, tmp_path):
-    jump = Path(__file__).parents[1] / "datasets" / "recordings" / "cmu_01_01.bvh"
+    jump = Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh"
     text = jump.read_text().splitlines()
     start = next(k for k, line in enumerate(text) if line.startswith("Frames:"))
     part = [*text[:start], "Frames: 12", text[start + 1], *text[start + 22 : start + 34]]
