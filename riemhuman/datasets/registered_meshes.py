@@ -21,7 +21,7 @@ from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
-from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
+from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh, load_split_mesh
 from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes
@@ -136,11 +136,11 @@ class RegisteredMeshes:
             self.reference, self.seams = seams.join(self.reference), seams
 
     def _read(self, file: Path) -> Array:
-        vertices, faces = load_mesh(file)
-        vertices = make_upright(vertices, self._unit, self._up)
         n_vertices, expected = len(self.reference), self.faces
         if self.seams is not None:
             n_vertices, expected = len(self.seams.joined_vertices), self._file_faces
+        vertices, faces = load_split_mesh(file, expected)
+        vertices = make_upright(vertices, self._unit, self._up)
         if len(vertices) != n_vertices:
             difference = f"it has {len(vertices)} vertices, that one has {n_vertices}"
         else:

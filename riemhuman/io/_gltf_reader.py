@@ -17,6 +17,7 @@ import numpy as np
 from riemhuman.arrays import DType, JSONRecord, JSONValue, Triangles, Values
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import json_value
+from riemhuman.io.polygons import Polygons
 
 _Json = JSONRecord
 
@@ -49,11 +50,12 @@ class _Vertices(NamedTuple):
     weights: tuple[int, ...]
 
 
-def read_glb(content: bytes) -> tuple[Values, Values]:
+def read_glb(content: bytes) -> tuple[Values, Polygons]:
     """Return the vertices and triangles of the meshes in a file's scene, placed by its nodes."""
     document, binary = _chunks(content)
     _check_extensions(document)
-    return _Reader(document, binary).mesh()
+    vertices, faces = _Reader(document, binary).mesh()
+    return vertices, Polygons.of_triangles(faces)
 
 
 def _chunks(content: bytes) -> tuple[_Json, bytes | None]:

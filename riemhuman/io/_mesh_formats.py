@@ -20,15 +20,18 @@ import numpy as np
 
 from riemhuman.arrays import Triangles, Values
 from riemhuman.errors import FileFormatError
-from riemhuman.io.mesh_arrays import place_numbers, split_polygons
+from riemhuman.io.mesh_arrays import place_numbers
+from riemhuman.io.polygons import Polygons
 
 if TYPE_CHECKING:
     import plyfile
 
-Mesh: TypeAlias = tuple[Values, Values]
+Mesh: TypeAlias = tuple[Values, Polygons]
+"""Vertices and polygons."""
 
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
+_REMARKS = (b"comment", b"obj_info")
 _HEADER_BYTES = 2**16  # longer than any header of a PLY file
 _SHOWN = 60  # characters of a name or a line in messages
 # A row of a triangle in a binary PLY file.
@@ -40,8 +43,8 @@ _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare",
 
 def read_ply(
     file: Path, content: bytes
-) -> tuple[Values, Values | None, Values | None, Values | None]:
-    """Return vertices, and triangles, normals and the trusted vertices, if the file has them.
+) -> tuple[Values, Polygons | None, Values | None, Values | None]:
+    """Return vertices, and polygons, normals and the trusted vertices, if the file has them.
 
     The content of the file is checked first; plyfile then maps the file into memory.
     """
@@ -64,33 +67,75 @@ def says_trusted(file: Path) -> bool:
 def _read_ply(file: Path, content: bytes) -> plyfile.PlyData:
     import plyfile  # imported here because few programs read PLY files
 
-    header = _check_counts(content)
+    header, body, is_plain = _ply_header(content)
+    counts = _checked_counts(header, body)
+    is_text = b"format ascii" in header
+    if is_text:
+        lines = [line for line in body.splitlines() if line.strip()]
+        _check_end(sum(counts), len(lines), "lines")
+        body = b"\n".join([*lines, b""])
     # Triangles alone are mapped into memory at once; lists of other lengths are read row by row.
     all_triangles = {"face": dict.fromkeys(_CORNERS, 3)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of empty lists
-        if not header.isascii():  # comments in other encodings, which plyfile refuses
-            plain = header.decode("ascii", "replace").replace("\ufffd", "?").encode()
-            return plyfile.PlyData.read(io.BytesIO(plain + content[len(header) :]))
-        try:
-            return plyfile.PlyData.read(str(file), known_list_len=all_triangles)
-        except plyfile.PlyElementParseError:
-            return plyfile.PlyData.read(str(file))
+        if is_text or not is_plain:
+            stream = io.BytesIO(header + body)
+            data = plyfile.PlyData.read(stream)
+            n_read = 0 if is_text else stream.tell() - len(header)
+        else:
+            with file.open("rb") as mapped:
+                try:
+                    data = plyfile.PlyData.read(mapped, known_list_len=all_triangles)
+                except plyfile.PlyElementParseError:
+                    mapped.seek(0)
+                    data = plyfile.PlyData.read(mapped)
+                n_read = mapped.tell() - (len(content) - len(body))
+    if not is_text and len(body) - n_read >= _PLY_TRIANGLE.itemsize:
+        _check_end(n_read, len(body), "bytes")
+    return data
 
 
-def _check_counts(content: bytes) -> bytes:
-    """Return the header, after a check of the numbers of rows, for which memory is allocated."""
-    header, end, body = content.partition(b"end_header")
-    if not re.match(rb"ply\s", header) or not end:
+def _check_end(expected: int, found: int, what: str) -> None:
+    if found > expected:
+        raise FileFormatError(
+            f"its header declares fewer rows than follow: {expected} {what} expected, {found} "
+            "found; correct the numbers of elements in the header"
+        )
+
+
+def _ply_header(content: bytes) -> tuple[bytes, bytes, bool]:
+    """Return the header as plyfile reads it, the body, and whether the file has that header.
+
+    Some programs write spaces after words, capitals or blank lines; comments may be in any
+    encoding, and are left out.
+    """
+    start = re.match(rb"(\xef\xbb\xbf)?ply[ \t]*(\r\n|\r|\n)", content, re.IGNORECASE)
+    # After an old line end alone, numbers that look like a new one may follow.
+    line_end = rb"\r" if start is not None and start[2] == b"\r" else rb"\r?\n"
+    end = re.search(rb"[\r\n][ \t]*end_header[ \t]*(%s|\Z)" % line_end, content, re.IGNORECASE)
+    if start is None or end is None:
         raise FileFormatError("not a PLY file: it does not begin with a line 'ply' and a header")
-    for line in re.findall(rb"[\r\n](element[ \t][^\r\n]*)", header):
+    written = content[start.end() : end.start() + 1].splitlines()
+    comments = {line for line in written if line.lstrip().lower().startswith(_REMARKS)}
+    lines = [b" ".join(line.split()).lower() for line in written if line not in comments]
+    header = b"\n".join([b"ply", *filter(None, lines), b"end_header", b""])
+    plain = start[2].join([b"ply", *written, b"end_header", b""])
+    is_plain = plain.isascii() and content.startswith(plain) and set(written) <= {*lines, *comments}
+    return header, content[end.end() :], is_plain
+
+
+def _checked_counts(header: bytes, body: bytes) -> list[int]:
+    """Return the numbers of rows, for which memory is allocated."""
+    counts = []
+    for line in re.findall(rb"^element .*$", header, re.MULTILINE):
         count = line.split()[-1]
         if not re.fullmatch(rb"\d{1,18}", count) or int(count) > len(body):
             raise FileFormatError(
                 f"truncated: the PLY header declares {line.decode('latin-1')[:_SHOWN]!r}, and "
                 f"{len(body)} bytes follow"
             )
-    return header
+        counts.append(int(count))
+    return counts
 
 
 def _columns(data: plyfile.PlyData, names: tuple[str, ...]) -> Values | None:
@@ -106,7 +151,9 @@ def _columns(data: plyfile.PlyData, names: tuple[str, ...]) -> Values | None:
         return np.stack([rows[name] for name in names], axis=1).astype(np.float64)
 
 
-def _faces(data: plyfile.PlyData) -> Values | None:
+def _faces(data: plyfile.PlyData) -> Polygons | None:
+    if "tristrips" in data:
+        raise FileFormatError("its strips of triangles are not read; save it with single triangles")
     if "face" not in data or len(data["face"].data) == 0:
         return None
     rows = data["face"].data
@@ -119,9 +166,9 @@ def _faces(data: plyfile.PlyData) -> Values | None:
         )
     corners = rows[names[0]]
     if corners.ndim == 2:
-        return np.asarray(corners, dtype=np.int64)
+        return Polygons.of_triangles(np.asarray(corners, dtype=np.int64))
     lengths = np.array([len(polygon) for polygon in corners])
-    return split_polygons(np.concatenate(corners).astype(np.int64), lengths)
+    return Polygons(np.concatenate(corners).astype(np.int64), lengths)
 
 
 def read_obj(content: bytes) -> Mesh:
@@ -141,7 +188,7 @@ def _plain_obj(content: bytes) -> Mesh | None:
     faces = _rows_of_numbers([line[2:] for line in lines if line.startswith(b"f ")], 3, np.int64)
     if vertices is None or faces is None or not 1 <= faces.min() <= faces.max() <= len(vertices):
         return None
-    return vertices, faces - 1
+    return vertices, Polygons.of_triangles(faces - 1)
 
 
 def _rows_of_numbers(lines: list[bytes], width: int, dtype: type) -> Values | None:
@@ -212,15 +259,20 @@ def _plain_off(content: bytes) -> Mesh | None:
     faces = _rows_of_numbers(lines[2 + int(counts[1]) :], 4, np.int64)
     if vertices is None or faces is None or (faces[:, 0] != 3).any():
         return None
-    return vertices, faces[:, 1:]
+    return vertices, Polygons.of_triangles(faces[:, 1:])
 
 
 def _off_by_lines(content: bytes) -> Mesh:
     lines = _lines_of_words(content)
-    _, (keyword, *counts) = next(lines, (0, [b""]))
-    # The prefixes say that texture coordinates, colours or normals follow the positions.
-    if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
-        raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
+    _, words = next(lines, (0, [b""]))
+    # The letters say that texture coordinates, colours or normals follow the positions. Some
+    # programs join the first number to them, and the word is optional.
+    start = re.fullmatch(rb"((?:ST|C|N)*OFF)?(\d{1,18})?", words[0].upper())
+    if start is None or not words[0]:
+        raise FileFormatError(_not_off(words[0]))
+    counts = ([start[2]] if start[2] else []) + words[1:]
+    if counts[:1] == [b"BINARY"]:
+        raise FileFormatError("it is a binary OFF file; save it as text, or as PLY")
     counts = counts or next(lines, (0, [b""]))[1]
     if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
         raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
@@ -248,6 +300,12 @@ def _off_by_lines(content: bytes) -> Mesh:
     return _mesh_of_polygons(positions, corners, lengths)
 
 
+def _not_off(word: bytes) -> str:
+    if re.fullmatch(rb"(ST|C|N)*(4N?|N)OFF", word.upper()):
+        return "its vertices have four or more coordinates; save it as OFF with three"
+    return "not an OFF text file: it does not begin with 'OFF'"
+
+
 def _lines_of_words(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
     """Yield the number and the words of each line that is not blank.
 
@@ -270,24 +328,51 @@ def _bad_line(number: int, words: list[bytes]) -> FileFormatError:
 
 
 def read_stl(content: bytes) -> Mesh:
-    n_faces = int.from_bytes(content[80:_STL_HEADER], "little")
-    if len(content) == _STL_HEADER + n_faces * _STL_ROW.itemsize:
-        corners = np.frombuffer(content, _STL_ROW, offset=_STL_HEADER)["corners"].reshape(-1, 3)
-    else:
-        words = re.findall(rb"^[ \t]*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE)
-        facets = len(re.findall(rb"^[ \t]*endfacet\b", content, re.MULTILINE))
-        if b"endsolid" not in content or len(words) != 3 * facets:
-            raise FileFormatError(
-                "not a complete STL file: it has neither the number of bytes that its header "
-                "declares nor facets of three vertices each"
-            )
-        corners = np.array(words, dtype=float).reshape(-1, 3)
+    corners = _binary_corners(content)
+    if corners is None:
+        corners = _text_corners(content.removeprefix(BOM_UTF8).replace(b"\r", b"\n"))
     # Equal corners are one vertex; vertices come in the order in which they appear first.
     place_of_corner = place_numbers(corners)
     first = np.full(place_of_corner.max(initial=-1) + 1, len(corners))
     np.minimum.at(first, place_of_corner, np.arange(len(corners)))
     order = np.argsort(first)
-    return corners[first[order]], np.argsort(order)[place_of_corner].reshape(-1, 3)
+    faces = np.argsort(order)[place_of_corner].reshape(-1, 3)
+    return corners[first[order]], Polygons.of_triangles(faces)
+
+
+def _binary_corners(content: bytes) -> Values | None:
+    """Return the corners of a binary file, shape (3F, 3), or None if it seems to be text."""
+    n_faces = int.from_bytes(content[80:_STL_HEADER], "little")
+    n_held, n_spare = divmod(max(0, len(content) - _STL_HEADER), _STL_ROW.itemsize)
+    # Text declares more triangles than any file holds; others end with a few bytes more.
+    if n_held == n_faces and n_faces:
+        rows = np.frombuffer(content, _STL_ROW, n_faces, _STL_HEADER)
+        return np.asarray(rows["corners"].reshape(-1, 3))
+    is_text = content.removeprefix(BOM_UTF8).lstrip()[:5].lower() == b"solid"
+    if is_text and (b"\0" not in content or re.search(rb"\bendsolid", content, re.IGNORECASE)):
+        return None
+    if len(content) < _STL_HEADER:
+        raise FileFormatError("not an STL file: it is too short, and does not begin with 'solid'")
+    what = "truncated: " if n_faces > n_held else ""
+    raise FileFormatError(
+        f"{what}its header declares {n_faces} triangles, and {n_held} follow, with {n_spare} bytes "
+        "more; if it is a binary STL file, save it anew"
+    )
+
+
+def _text_corners(content: bytes) -> Values:
+    """Return the corners of a text file, shape (3F, 3)."""
+    flags = re.MULTILINE | re.IGNORECASE
+    words = re.findall(rb"^[ \t]*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, flags)
+    facets = len(re.findall(rb"^[ \t]*endfacet\b", content, flags))
+    if not re.search(rb"\bendsolid", content, flags):
+        raise FileFormatError("truncated: a text STL file ends with 'endsolid'")
+    if not facets or len(words) != 3 * facets:
+        raise FileFormatError(
+            f"{len(words)} vertices in {facets} facets; a facet of an STL file has three vertices, "
+            "each on a line of its own with three numbers"
+        )
+    return np.array(words, dtype=float).reshape(-1, 3)
 
 
 def _position(words: list[bytes]) -> list[float]:
@@ -305,7 +390,7 @@ def _mesh_of_polygons(positions: array[float], corners: array[int], lengths: arr
             f"{len(vertices)} vertices and {len(lengths)} faces found; a mesh needs both (loose "
             "points are read from .ply, .xyz and .npy files)"
         )
-    return vertices, split_polygons(np.array(corners), np.array(lengths))
+    return vertices, Polygons(np.array(corners), np.array(lengths))
 
 
 def write_ply(vertices: Values, faces: Triangles, trusted: Values | None = None) -> bytes:

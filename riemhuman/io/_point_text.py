@@ -30,12 +30,16 @@ def read_points_text(content: bytes) -> Array:
         return np.zeros((0, 3))
     separator = _separator(numbered)
     columns = _named_columns(*numbered[0])
-    rows = [line for _, line in numbered[0 if columns is None else 1 :]]
+    if _is_count(numbered) and int(numbered[0][1]) != len(numbered) - 1:
+        raise FileFormatError(
+            f"its first line declares {numbered[0][1]} points, and {len(numbered) - 1} follow"
+        )
+    numbered = numbered[0 if columns is None and not _is_count(numbered) else 1 :]
     if separator == ";":
-        rows = [row.removesuffix(";") for row in rows]
+        numbered = [(number, row.removesuffix(";")) for number, row in numbered]
     if separator == ",":
-        _refuse_decimal_commas(rows)
-    values = _numbers(rows, separator)
+        _refuse_decimal_commas([row for _, row in numbered])
+    values = _numbers(numbered, separator)
     if columns is not None:
         return values[:, columns]
     n_rows, n_columns = values.shape
@@ -90,7 +94,13 @@ def _refuse_decimal_commas(rows: list[str]) -> None:
         raise FileFormatError(f"{rows[0][:_SHOWN]!r} is ambiguous: {_ADVICE}")
 
 
-def _numbers(rows: list[str], separator: str | None) -> Array:
+def _is_count(numbered: list[tuple[int, str]]) -> bool:
+    """Return whether the first line says how many points follow."""
+    return re.fullmatch(r"\d{1,18}", numbered[0][1]) is not None and len(numbered) > 1
+
+
+def _numbers(numbered: list[tuple[int, str]], separator: str | None) -> Array:
+    rows = [row for _, row in numbered]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a file without points
@@ -99,4 +109,15 @@ def _numbers(rows: list[str], separator: str | None) -> Array:
         if any("," in row for row in rows):
             first = next(row for row in rows if "," in row)
             raise FileFormatError(f"{first[:_SHOWN]!r} is not valid: {_ADVICE}") from error
+        n_columns = len(rows[0].split(separator))
+        for number, row in numbered:
+            fields = row.split(separator)
+            where = f"line {number} is not valid: {row[:_SHOWN]!r}"
+            if len(fields) != n_columns:
+                raise FileFormatError(
+                    f"{where}; it has {len(fields)} numbers, and line {numbered[0][0]} has "
+                    f"{n_columns}"
+                ) from error
+            if not all(_NUMBER.fullmatch(field.strip()) for field in fields):
+                raise FileFormatError(f"{where}; it should hold numbers") from error
         raise

@@ -118,17 +118,3 @@ def read_only(array: Kept) -> Kept:
     """Return the same array, which can no longer be written to."""
     array.setflags(write=False)
     return array
-
-
-def split_polygons(corners: Integers, lengths: Integers) -> Triangles:
-    """Return the triangles (1, 2, 3), (1, 3, 4), … of polygons of `lengths` among `corners`."""
-    short = np.flatnonzero(lengths < 3)
-    if len(short):
-        raise ArgumentError(
-            f"a face must have at least 3 corners; {len(short)} of {len(lengths)} have fewer, the "
-            f"first at index {short[0]} with {lengths[short[0]]}"
-        )
-    counts = lengths - 2
-    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    first = np.repeat(np.cumsum(lengths) - lengths, counts)
-    return np.stack([corners[first], corners[first + place + 1], corners[first + place + 2]], 1)

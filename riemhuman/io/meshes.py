@@ -31,8 +31,9 @@ from riemhuman.io.files import (
     write_bytes,
 )
 from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
-from riemhuman.io.mesh_arrays import check_mesh, split_polygons
+from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.mesh_seams import check_seams, find_seams
+from riemhuman.io.polygons import Polygons, is_split, split_polygons
 from riemhuman.optional import import_optional
 
 if TYPE_CHECKING:
@@ -51,9 +52,9 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[Arr
     """Read a triangle mesh from a file, in the file's order.
 
     By default, vertices and faces are neither merged, reordered nor dropped; normals, texture
-    coordinates, colours, materials and animations are ignored. Faces with more than three corners
-    are split by the order of their corners, (1, 2, 3), (1, 3, 4), …, so that registered meshes stay
-    registered.
+    coordinates, colours, materials and animations are ignored. A convex face with more than three
+    corners is split by their order, (1, 2, 3), (1, 3, 4), …; one that is not convex is split into
+    triangles of the same total area. `RegisteredMeshes` splits the polygons of all files alike.
     An STL file lists three corners for each triangle; equal corners become one vertex.
 
     Parameters
@@ -77,20 +78,34 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[Arr
     >>> rh.load_mesh("body.ply")[0].shape
     (1202, 3)
     """
-    file, join = _existing_file(path, MESH_SUFFIXES), check_seams(seams) == "join"
+    vertices, faces = load_split_mesh(path)
+    if check_seams(seams) == "join":
+        seams_of_file = find_seams(vertices, faces)
+        vertices, faces = seams_of_file.join(vertices), seams_of_file.faces
+    return vertices, faces
+
+
+def load_split_mesh(
+    path: str | os.PathLike[str], expected: Triangles | None = None
+) -> tuple[Array, Triangles]:
+    """Read a triangle mesh; polygons that can be split into the expected triangles are.
+
+    Otherwise, the same polygon in two poses may be split along different diagonals.
+    """
+    file = _existing_file(path, MESH_SUFFIXES)
     suffix = file.suffix.lower()
     with format_errors(file, "a mesh or a table of points"):
         if suffix == ".ply":
-            mesh = _read_ply_mesh(file)
+            points, polygons = _read_ply_mesh(file)
         elif suffix in _READERS:
-            mesh = _READERS[suffix](read_bytes(file))
+            points, polygons = _READERS[suffix](read_bytes(file))
         else:
-            mesh = _read_with_meshio(file)
-        vertices, faces = check_mesh(*mesh)
+            points, polygons = _read_with_meshio(file)
+        if expected is not None and is_split(expected, polygons):
+            vertices, faces = check_mesh(points, expected)
+        else:
+            vertices, faces = check_mesh(points, split_polygons(points, polygons))
     check_resolution(vertices, f"{file}: vertices", error=FileFormatError)
-    if join:
-        seams_of_file = find_seams(vertices, faces)
-        vertices, faces = seams_of_file.join(vertices), seams_of_file.faces
     return vertices, faces
 
 
@@ -123,6 +138,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, 
     file = _existing_file(path, POINT_SUFFIXES)
     suffix = file.suffix.lower()
     values = load_array(file) if suffix == ".npy" else None
+    polygons: Polygons | None = None
     faces: Triangles | None = None
     normals: Array | None = None
     with format_errors(file, "a mesh or a table of points"):
@@ -131,13 +147,13 @@ def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, 
         elif suffix == ".xyz":
             points, normals = _columns(read_points_text(read_bytes(file)))
         elif suffix == ".ply":
-            points, faces, normals, _ = read_ply(file, read_bytes(file))
+            points, polygons, normals, _ = read_ply(file, read_bytes(file))
         else:
-            points, faces = _READERS[suffix](read_bytes(file))
-        if faces is None:
+            points, polygons = _READERS[suffix](read_bytes(file))
+        if polygons is None:
             points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
         else:
-            points, faces = check_mesh(points, faces)
+            points, faces = check_mesh(points, split_polygons(points, polygons))
             normals = None
     dtype = None if values is None else values.dtype
     check_resolution(points, f"{file}: points", dtype, FileFormatError)
@@ -248,15 +264,17 @@ def as_arrays(mesh: object) -> tuple[Array, Triangles]:
         return check_mesh(*mesh)
     vertices = getattr(mesh, "vertices", getattr(mesh, "points", None))
     faces, cells = getattr(mesh, "faces", None), getattr(mesh, "cells", None)
-    if faces is None and isinstance(cells, list):
-        faces = _triangles_of_cells(cells)
+    if faces is None and isinstance(cells, list) and vertices is not None:
+        faces = split_polygons(np.asarray(vertices), _polygons_of_cells(cells))
     if vertices is None or faces is None:
         raise ArgumentTypeError(
             "mesh must have vertices and faces, as those of trimesh, PyVista and meshio have; "
             f"found {type(mesh).__name__}"
         )
-    faces = np.asarray(faces)
-    return check_mesh(np.asarray(vertices), _counted_triangles(faces) if faces.ndim == 1 else faces)
+    faces, vertices = np.asarray(faces), np.asarray(vertices)
+    if faces.ndim == 1:
+        faces = split_polygons(vertices, _counted_polygons(faces))
+    return check_mesh(vertices, faces)
 
 
 def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> trimesh.Trimesh:
@@ -305,10 +323,10 @@ def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Pat
 
 
 def _read_ply_mesh(file: Path) -> Mesh:
-    vertices, faces, *_ = read_ply(file, read_bytes(file))
-    if faces is None:
+    vertices, polygons, *_ = read_ply(file, read_bytes(file))
+    if polygons is None:
         raise FileFormatError("the PLY file holds no faces; a mesh needs at least one")
-    return vertices, faces
+    return vertices, polygons
 
 
 def _read_with_meshio(file: Path) -> Mesh:
@@ -317,7 +335,7 @@ def _read_with_meshio(file: Path) -> Mesh:
     try:
         with redirect_stdout(printed), redirect_stderr(printed):
             mesh = meshio.read(file)
-        return mesh.points, _triangles_of_cells(mesh.cells)
+        return mesh.points, _polygons_of_cells(mesh.cells)
     except (Exception, SystemExit) as error:  # meshio prints some errors and ends the program
         reason = " ".join(printed.getvalue().split()) or short_message(error)
         raise FileFormatError(
@@ -325,17 +343,17 @@ def _read_with_meshio(file: Path) -> Mesh:
         ) from error
 
 
-def _triangles_of_cells(cells: Iterable[meshio.CellBlock]) -> Triangles:
-    """Return the triangles of the surface cells of a meshio mesh, block by block."""
+def _polygons_of_cells(cells: Iterable[meshio.CellBlock]) -> Polygons:
+    """Return the polygons of the surface cells of a meshio mesh, block by block."""
     polygons = [
         np.asarray(p) for block in cells if block.type in _SURFACE_CELLS for p in block.data
     ]
     lengths = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
-    return split_polygons(np.concatenate([np.zeros(0, np.int64), *polygons]), lengths)
+    return Polygons(np.concatenate([np.zeros(0, np.int64), *polygons]), lengths)
 
 
-def _counted_triangles(faces: Integers) -> Triangles:
-    """Return the triangles of polygons listed in one array, each after its number of corners."""
+def _counted_polygons(faces: Integers) -> Polygons:
+    """Return polygons listed in one array, each after its number of corners."""
     starts, place = [], 0
     while place < len(faces):
         if not 0 <= faces[place] < len(faces) - place:
@@ -344,7 +362,7 @@ def _counted_triangles(faces: Integers) -> Triangles:
             )
         starts.append(place)
         place += 1 + int(faces[place])
-    return split_polygons(np.delete(faces, starts), faces[starts])
+    return Polygons(np.delete(faces, starts), faces[starts])
 
 
 def _columns(values: Values) -> tuple[Array, Array | None]:

@@ -27,7 +27,7 @@ from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.mesh_arrays import check_mesh, face_difference
-from riemhuman.io.meshes import as_arrays, load_mesh
+from riemhuman.io.meshes import as_arrays, load_mesh, load_split_mesh
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.mocap.motion_arrays import one_person, warn_of_varying_betas
@@ -422,7 +422,7 @@ class TopologyMap:
         expected = f"{places.n_source:,} vertices, as the map has"
         if isinstance(points, (str, os.PathLike)):
             name = os.fspath(points)
-            points = load_mesh(points)
+            points = load_split_mesh(points, places.faces)
         error = FileFormatError if name != "points" else ArgumentError
         is_pair = isinstance(points, tuple) and len(points) == 2
         if is_pair or hasattr(points, "faces") or hasattr(points, "cells"):

@@ -300,6 +300,19 @@ def test_templates_and_meshes_that_do_not_fit(folder, mesh):
         load_bodies(folder)
 
 
+def test_quads_are_split_as_in_the_reference(tmp_path):
+    """A quad that is convex in one pose and concave in another stays registered."""
+    quads = np.array([[0, 1, 2, 3], [1, 0, 4, 2], [2, 4, 0, 3]])
+    for name, place in (("a", 0.9), ("b", 0.2)):
+        points = np.array([[0, 0, 0], [0, 1, 0], [place, place, 0], [1, 0, 0], [0, 0, -1.0]])
+        lines = ["v {} {} {}\n".format(*row) for row in points]
+        lines += ["f {} {} {} {}\n".format(*row) for row in quads + 1]
+        (tmp_path / f"{name}.obj").write_text("".join(lines))
+    files = [tmp_path / "b.obj", tmp_path / "a.obj"]
+    assert RegisteredMeshes(files).faces.tolist() != RegisteredMeshes(files[::-1]).faces.tolist()
+    assert RegisteredMeshes(files)[:].shape == RegisteredMeshes(files[::-1])[:].shape == (2, 5, 3)
+
+
 def test_meshes_in_another_unit_are_refused(folder, mesh):
     template = Template(1000 * mesh[0][0], mesh[1])
     with pytest.raises(FileFormatError, match=r"b2\.ply is 1e\+03 times as small as the template"):

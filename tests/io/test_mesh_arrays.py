@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from riemhuman.errors import (
-    ArgumentError,
-)
+from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import (
     check_mesh,
     distinct_pairs,
-    split_polygons,
     triangle_sides,
 )
 
@@ -19,12 +16,6 @@ def test_checks_of_meshes():
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
     with pytest.raises(ArgumentError, match=r"faces\[1\] = \(0, 0, 9\) \(and 1 more\).* holds 2"):
         check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]])
-
-
-def test_polygons_of_few_corners():
-    assert split_polygons(np.zeros(0, int), np.zeros(0, int)).shape == (0, 3)
-    with pytest.raises(ArgumentError, match="1 of 3 have fewer, .*index 1 with 2"):
-        split_polygons(np.arange(12), np.array([3, 2, 7]))
 
 
 def test_sides_keep_the_direction_of_their_triangle():

@@ -490,13 +490,93 @@ def test_damage_of_text_files_is_named(tmp_path, name, content, message):
     assert_refused(write(tmp_path, name, content), message)
 
 
+VARIANTS = {
+    "spaces.ply": lambda files: files["a.ply"].replace(b"\n", b" \n", 9),
+    "capitals.ply": lambda files: files["a.ply"].replace(b"element vertex", b"ELEMENT  Vertex"),
+    "mark.ply": lambda files: b"\xef\xbb\xbf" + files["a.ply"],
+    "blank.ply": lambda files: files["a.ply"].replace(b"property", b"\nproperty", 1) + b"\n\n",
+    "cr.ply": lambda files: files["a.ply"].replace(b"\n", b"\r"),
+    "cr_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\r"),
+    "crlf_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\r\n"),
+    "spaces_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\t \n") + b"\n",
+    "byte.stl": lambda files: files["b.stl"] + b"\n",
+    "bytes.stl": lambda files: files["b.stl"] + 40 * b"\0",
+    "solid.stl": lambda files: b"solid made by a program".ljust(80) + files["b.stl"][80:],
+    "capitals.stl": lambda files: files["a.stl"].upper(),
+    "cr.stl": lambda files: b"\xef\xbb\xbf" + files["a.stl"].replace(b"\n", b"\r"),
+    "joined.off": lambda files: files["a.off"].replace(b"OFF\n", b"OFF"),
+    "small.off": lambda files: files["a.off"].replace(b"OFF\n", b"# a mesh\noff "),
+    "bare.off": lambda files: files["a.off"].replace(b"OFF\n", b"\n"),
+    "normals.off": lambda files: files["a.off"].replace(b"OFF\n", b"NCOFF\n"),
+}
+
+
+def with_header(content, old, new):
+    header, end, body = content.partition(b"end_header\n")
+    return (header + end).replace(old, new) + body
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_variants_that_other_programs_write(tmp_path, name):
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    # The first corner is at 0, 0, 0.625, which begins like a line end in binary files.
+    vertices = np.array([[0, 0, 0.625], [0, 1, 0], [1, 0, 0], [0, 0, 1.0]])
+    vertices[0, 0] = np.frombuffer(b"\n\n\n\n\n\n\n@", "<f8")[0]
+    save_mesh(tmp_path / "a.off", vertices, faces)
+    save_mesh(tmp_path / "b.ply", vertices, faces)
+    body = trimesh.Trimesh(vertices, faces, process=False)
+    files = {
+        "a.ply": ply(elements_of(vertices, faces), "ascii"),
+        "b.ply": (tmp_path / "b.ply").read_bytes(),
+        "a.off": (tmp_path / "a.off").read_bytes(),
+        "a.stl": trimesh.exchange.stl.export_stl_ascii(body).encode(),
+        "b.stl": trimesh.exchange.stl.export_stl(body),
+    }
+    content = VARIANTS[name](files)
+    assert content not in files.values()
+    found = load_mesh(write(tmp_path, name, content))
+    np.testing.assert_allclose(found[0][found[1]], vertices[faces], rtol=1e-6)
+
+
+def test_reasons_and_how_to_mend_a_file(mesh, tmp_path):
+    text = ply(elements_of(*mesh), "ascii")
+    binary = ply(elements_of(*mesh), "binary_little_endian")
+    n_faces = b"element face %d" % len(mesh[1])
+    stl = trimesh.exchange.stl.export_stl(trimesh.creation.box())
+    for name, content, message in (
+        (
+            "a.ply",
+            text.replace(n_faces, b"element face 9"),
+            "declares fewer rows than follow: 53 li",
+        ),
+        (
+            "a.ply",
+            binary.replace(n_faces, b"element face 9"),
+            "declares fewer rows.*correct the num",
+        ),
+        (
+            "a.ply",
+            text.replace(b"element face", b"element tristrips"),
+            "strips of triangles are not",
+        ),
+        ("a.stl", stl[:80] + b"\5\0\0\0" + stl[84:], "declares 5 triangles, and 12 follow"),
+        ("a.stl", stl[:-60], "truncated: its header declares 12 triangles, and 10 follow"),
+        ("a.stl", "solid a\nfacet\nvertex 0 0 0\nendfacet\n", "ends with 'endsolid'"),
+        ("a.off", "OFF BINARY\n4 4 0\n", "a binary OFF file; save it as text"),
+        ("a.off", "4OFF\n1 0 0\n0 0 0 1\n", "four or more coordinates"),
+    ):
+        assert_refused(write(tmp_path, name, content), message)
+
+
 def test_polygons_are_split_alike_from_every_source(tmp_path):
-    """The split depends on the order of corners alone, the same in files and in objects."""
+    """The first polygon is concave, and the last one bent."""
     corners = np.array([[0, 0, 0], [3, 0, 0], [1, 1, 0], [0, 3, 0], [0, 0, 1.0]])
     polygons = [[1, 2, 3, 0], [0, 1, 4], [4, 3, 2, 1, 0]]
-    expected = [[1, 2, 3], [1, 3, 0], [0, 1, 4], [4, 3, 2], [4, 2, 1], [4, 1, 0]]
     points = "\n".join(" ".join(map(str, corner)) for corner in corners)
     counted = "\n".join(" ".join(map(str, [len(polygon), *polygon])) for polygon in polygons)
+    expected = load_mesh(write(tmp_path, "first.off", f"OFF 5 3\n{points}\n{counted}"))[1].tolist()
+    assert expected[:3] == [[0, 1, 2], [0, 2, 3], [0, 1, 4]]
+    assert len(expected) == 6
     lines = ["v " + line for line in points.split("\n")]
     lines += ["f " + " ".join(str(k + 1) for k in polygon) for polygon in polygons]
     files = [

@@ -31,6 +31,11 @@ def test_points_of_every_separator(tmp_path, separator, header):
     assert normals is None
 
 
+def test_a_first_line_with_the_number_of_points(tmp_path):
+    np.testing.assert_array_equal(read(tmp_path, "3\n" + rows(" "))[0], POINTS)
+    np.testing.assert_array_equal(read(tmp_path, "# scan\r\n 3 \r\n" + rows(";"))[0], POINTS)
+
+
 def test_columns_that_a_header_names(tmp_path):
     reordered = "id;z;y;x\n" + "".join(f"{k};{z};{y};{x};\n" for k, (x, y, z) in enumerate(POINTS))
     np.testing.assert_array_equal(read(tmp_path, reordered)[0], POINTS)
@@ -70,7 +75,10 @@ def test_decimal_commas_are_refused(tmp_path, text):
         ("x x y z\n1 2 3 4\n", "line 1 is not valid"),
         ("1 0.5 0.1 0.2\n2 0.5 0.1 0.3\n3 0.1 0.5 0.1\n", "the first column numbers the points"),
         ("0.5;0.1;\n0.5;0.1;\n", "3 columns"),
-        ("0.5;;0.1\n", "could not convert"),
+        ("0.5;;0.1\n", "line 1 is not valid: '0.5;;0.1'; it should hold numbers"),
+        ("0 0 1\n\n0 1\n", "line 3 is not valid: '0 1'; it has 2 numbers, and line 1 has 3"),
+        ("3\n0 0 1\n0 1 0\n", "its first line declares 3 points, and 2 follow"),
+        ("1\nwater\nO 0 0 1\n", "declares 1 points, and 2 follow"),
     ],
 )
 def test_what_else_is_refused(tmp_path, text, message):
