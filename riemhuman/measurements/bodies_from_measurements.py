@@ -24,17 +24,12 @@ from riemhuman.arrays import Array, Booleans
 from riemhuman.checks import checked, choice, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.measurements._adults import SEXES, adults, given_values
 from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements._vertex_slopes import slopes_along
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, values_and_slopes
-from riemhuman.measurements.predicted_measurements import (
-    SEXES,
-    Prediction,
-    adults,
-    checked_values,
-    predict,
-)
+from riemhuman.measurements.predicted_measurements import Prediction, errors_of_values, predict
 
 # Share of adults below which a remark says that hardly anyone has such values.
 _RARE = 0.001
@@ -149,7 +144,8 @@ def model_from_measurements(
     """
     # Products of a step are so small that threads of BLAS cost more than they gain.
     with single_threaded_libraries():
-        given, errors = checked_values(values, tolerances, sex)
+        given = given_values(values, sex)
+        errors = errors_of_values(given, tolerances)
         return _probable_body(given, errors, sex, resolution, max_iter, start)
 
 

@@ -1,49 +1,53 @@
 r"""Adults of a stature: how their measurements spread, and their average body.
 
-The people are simulated: bodies of the open model with the spread of ANSUR II (US Army, 2012),
-whose body mass index is moved to that of the US public (NHANES, 2021 to 2023). For each sex,
+The people are those of ANSUR II (US Army, 2012), weighted to the body mass index of the US public
+(NHANES, 2021 to 2023) as far as there are such soldiers. For each sex,
 log m = a + b log s + e, with the measurement m, the stature s, and a residual e whose quantiles
-among these people are stored; for the stature itself, b = 0. The numbers come from
-`tutorials/remake/build_percentiles.py`.
+are stored; for the stature itself, b = 0. What our definition of a measurement measures more than
+tapes and callipers is part of a. The numbers come from `tutorials/remake/build_percentiles.py`,
+which also checks them on people who were not used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import numpy as np
 from scipy.special import ndtr, ndtri, softmax
 
 from riemhuman.arrays import Array, ArrayLike, JSONRecord
-from riemhuman.checks import one_of, real_number
+from riemhuman.checks import checked, choice, positive, real
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
+from riemhuman.measurements._adults import SEXES, check_values, given_values
 from riemhuman.measurements.measurement_set import load_json, open_measurements
-from riemhuman.measurements.measuring import Measurements, as_mapping
-from riemhuman.measurements.predicted_measurements import SEXES, check_values
+from riemhuman.measurements.measuring import Measurements
 
 _STATURE = "stature"
+a_population = choice("adult", *SEXES)
 # Standard deviations of the logarithm of stature beyond which there are hardly any adults.
 _FARTHEST = 4.0
 # Steps after which the average adult has the stature to within a tenth of a millimetre.
 _STATURE_STEPS = 3
 
 
+@checked(sex=a_population, stature=real())
 def percentiles(
     values: Mapping[str, float], sex: str = "adult", *, stature: float | None = None
 ) -> dict[str, float]:
     """Return the percentage of adults of the same sex and stature whose measurements are smaller.
 
-    The stature itself is compared with all adults of the sex. The adults are simulated: they have
-    the spread of ANSUR II (US Army, 2012), with the body mass index of the US public (NHANES, 2021
-    to 2023), and they are measured like any other body, in the standard pose.
+    The stature itself is compared with all adults of the sex. The adults are the soldiers of
+    ANSUR II (US Army, 2012), weighted to the body mass index of the US public (NHANES, 2021 to
+    2023) up to 41 kg/m² for women and 43 for men; nobody is heavier among the soldiers. They were
+    measured with tapes and callipers, and the mean offset of our definitions is taken into account.
 
     Parameters
     ----------
     values : mapping of str to float
         Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
-        Values that nobody has raise an error that suggests another unit.
+        Values that nobody has, alone or together, raise an error that suggests another unit.
     sex : {"adult", "woman", "man"}
         Population; for "adult", women and men are weighted by how many of them have the stature.
     stature : float, optional
@@ -53,32 +57,64 @@ def percentiles(
     -------
     dict of str to float
         Percentages between 0 and 100; those below 1 and above 99 are extrapolated. NaN for values
-        that are NaN, and all NaN if no adult of the sex has such a stature.
+        that are NaN, for measurements that ANSUR II lacks or defines otherwise, and for all
+        measurements if no adult of the sex has such a stature.
 
     Examples
     --------
-    >>> found = rh.measurements.percentiles({"stature": 1.70, "waist girth": 0.75}, "woman")
-    >>> 80 < found["stature"] < 95, 10 < found["waist girth"] < 50
+    >>> values = {"stature": 1.70, "waist girth (omphalion)": 0.80}
+    >>> found = rh.measurements.percentiles(values, "woman")
+    >>> 80 < found["stature"] < 95, 5 < found["waist girth (omphalion)"] < 40
     (True, True)
     """
-    one_of(sex, "sex", ("adult", *SEXES))
-    given = as_mapping(values, list(_adults()["woman"]["measurements"]), may_miss=True)
-    height = given.get(_STATURE, np.nan) if stature is None else real_number(stature, "stature")
+    given = given_values(values, sex, may_miss=True)
+    height = given.get(_STATURE, np.nan) if stature is None else stature
     check_values({**given, _STATURE: height}, sex)
     if np.isnan(height):
         raise ArgumentError("stature must be given, as an argument or among the values")
-    shares = _shares_of_sexes(height, sex)
-    percentages = dict.fromkeys(given, float("nan"))
-    if not shares:
-        return percentages
-    for name, value in given.items():
-        if not np.isnan(value):
-            percentages[name] = sum(
-                share * _percentile(name, value, height, group) for group, share in shares.items()
+    return percentages(given, sex, height)
+
+
+def percentages(values: Mapping[str, float], sex: str, stature: float) -> dict[str, float]:
+    """Return percentiles of measured values, as `percentiles` does; no values are refused."""
+    shares = _shares_of_sexes(stature, sex)
+    found = dict.fromkeys(values, float("nan"))
+    for name, value in values.items():
+        if shares and value > 0.0 and has_percentiles(name):
+            found[name] = sum(
+                share * _percentage(name, value, stature, group) for group, share in shares.items()
             )
-    return percentages
+    return found
 
 
+def has_percentiles(name: str) -> bool:
+    """Return whether our definition of a measurement agrees with one of ANSUR II."""
+    return name in _adults()["woman"]["measurements"]
+
+
+def spread_of_adults(name: str, sex: str) -> float:
+    """Return the standard deviation of a measurement among adults of one stature, of its value."""
+    levels, middle = _adults()["levels"], [25.0, 75.0]
+    between = ndtri(0.75) - ndtri(0.25)
+    sexes = [sex] if sex in SEXES else list(SEXES)
+    spreads = [
+        np.ptp(np.interp(middle, levels, _adults()[group]["measurements"][name][2:])) / between
+        for group in sexes
+    ]
+    return float(np.mean(spreads))
+
+
+def largest_body_mass_index(sex: str) -> float:
+    """Return the body mass index of the heaviest adult of a sex for their height, kg/m²."""
+    sexes = [sex] if sex in SEXES else list(SEXES)
+    return float(min(_adults()[group]["body mass index"][1] for group in sexes))
+
+
+@checked(
+    stature=positive,
+    sex=a_population,
+    resolution=choice("full", "coarse"),
+)
 def average_adult(
     stature: float, sex: str = "adult", resolution: str = "full", *, pose: ArrayLike | None = None
 ) -> Array:
@@ -111,9 +147,7 @@ def average_adult(
     >>> round(float(measured["stature"]), 2)
     1.7
     """
-    one_of(sex, "sex", ("adult", *SEXES))
-    one_of(resolution, "resolution", ("full", "coarse"))
-    shares = _shares_of_sexes(real_number(stature, "stature", minimum=0.0, strict=True), sex)
+    shares = _shares_of_sexes(stature, sex)
     if not shares:
         raise ArgumentError(f"stature must be that of an adult, in metres; found {stature:g}")
     definitions = open_measurements(resolution)
@@ -160,19 +194,25 @@ def _shares_of_sexes(stature: float, sex: str) -> dict[str, float]:
     return dict(zip(sexes, shares.tolist(), strict=True))
 
 
-def _percentile(name: str, value: float, stature: float, sex: str) -> float:
+def _percentage(name: str, value: float, stature: float, sex: str) -> float:
     """Return the percentage of one sex with this stature below a value."""
     entry = _adults()[sex]
-    intercept, slope = entry["measurements"][name][:2]
-    quantiles = entry["measurements"][name][2:]
+    intercept, slope, *quantiles = entry["measurements"][name]
     mean, _ = entry["log_stature"]
     rest = np.log(value) - intercept - slope * (np.log(stature) - mean)
-    scores = ndtri(np.array(_adults()["levels"]) / 100.0)
-    score = np.interp(rest, quantiles, scores)
-    if not quantiles[0] <= rest <= quantiles[-1]:
-        # Beyond the outermost quantile, follow the line through it and the median.
-        end = 0 if rest < quantiles[0] else -1
-        middle = len(quantiles) // 2
-        step = (quantiles[end] - quantiles[middle]) / (scores[end] - scores[middle])
-        score = scores[end] + (rest - quantiles[end]) / step
-    return float(100.0 * ndtr(score))
+    score = scores_of_quantiles(np.array([rest]), np.array(quantiles), _adults()["levels"])
+    return float(100.0 * ndtr(score[0]))
+
+
+def scores_of_quantiles(values: Array, quantiles: Array, levels: Sequence[float]) -> Array:
+    """Return the quantiles of the standard normal that values have, given quantiles of theirs.
+
+    Beyond the outermost quantile, they follow the line through it and the median.
+    """
+    normal = ndtri(np.array(levels) / 100.0)
+    scores: Array = np.interp(values, quantiles, normal)
+    middle = len(quantiles) // 2
+    for end, is_beyond in ((0, values < quantiles[0]), (-1, values > quantiles[-1])):
+        step = (quantiles[end] - quantiles[middle]) / (normal[end] - normal[middle])
+        scores[is_beyond] = normal[end] + (values[is_beyond] - quantiles[end]) / step
+    return scores

@@ -12,35 +12,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
-from riemhuman.arrays import Array, JSONRecord
-from riemhuman.checks import SUSPECTED_UNITS, metric_weight, one_of, real_number
-from riemhuman.errors import ArgumentError
-from riemhuman.measurements.measurement_set import load_json, open_measurements
+from riemhuman.arrays import Array
+from riemhuman.checks import checked, choice, metric_weight
+from riemhuman.measurements._adults import SEXES, adults, given_values, units_of_measurements
 from riemhuman.measurements.measuring import as_mapping
 
-SEXES = ("woman", "man")
 # Degrees of freedom with which the expected share of ANSUR II is flagged, and that share.
 _DEGREES, _SHARE = 12.0, 0.005
 # Standard deviation with which a value is measured, relative to it.
 _ERROR = 0.005
 # Default standard deviations of values: metres, and shares of areas, volumes and masses.
 _LENGTH_TOLERANCE, _SHARE_TOLERANCE = 1e-4, 5e-4
-# Smallest and largest values of people, as shares of the mean woman's: from the shortest adults,
-# 0.55 m tall, to the tallest, and to the heaviest; other values are in other units.
-_SHARES = {"m": (0.33, 2.0), "m²": (0.1, 4.0), "m³": (0.03, 10.0), "kg": (0.03, 10.0)}
-_SHARES_AROUND = (0.25, 3.0)  # of girths, breadths and depths, which grow with weight
-# The tallest person was 2.72 m tall, and no arm span was longer than 2.9 m.
-_LARGEST_LENGTH = 2.9
-# Body mass over the square of stature, kg/m²: the heaviest people known had 204, and nobody
-# survived below 6. Kilograms by the unit of what stands for mass.
-_MASS_INDICES = (6.0, 205.0)
-_DENSITIES = {"body mass": 1.0, "volume": 1000.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +58,7 @@ class PredictedMeasurements:
     contradictory: tuple[str, ...]
 
 
+@checked(sex=choice("adult", *SEXES))
 def predict_measurements(
     values: Mapping[str, float],
     sex: str = "adult",
@@ -86,7 +74,7 @@ def predict_measurements(
     ----------
     values : mapping of str to float
         Measurements by name, in metres, square metres, cubic metres or kilograms. Values that
-        nobody has raise an error that suggests another unit.
+        nobody has, alone or together, raise an error that suggests another unit.
     sex : {"adult", "woman", "man"}
         Population; for "adult", both sexes count by their probability given the values.
     tolerances : mapping of str to float, optional
@@ -99,9 +87,8 @@ def predict_measurements(
     >>> round(predicted.values["sitting height"], 2), round(predicted.std["sitting height"], 3)
     (0.88, 0.022)
     """
-    one_of(sex, "sex", ("adult", *SEXES))
-    given, errors = checked_values(values, tolerances, sex)
-    prediction = predict(given, sex, errors)
+    given = given_values(values, sex)
+    prediction = predict(given, sex, errors_of_values(given, tolerances))
     return PredictedMeasurements(
         prediction.mean,
         prediction.std,
@@ -111,94 +98,18 @@ def predict_measurements(
     )
 
 
-def checked_values(
-    values: Mapping[str, float], tolerances: Mapping[str, float] | None, sex: str
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Return given values and their standard deviations by name."""
-    given = as_mapping(values, list(dict.fromkeys((*_units(), *adults()["names"]))))
-    check_values(given, sex)
-    errors = {}
-    for name, value in given.items():
-        is_length = _units().get(name, "m") == "m"
-        errors[name] = _LENGTH_TOLERANCE if is_length else _SHARE_TOLERANCE * value
-    for name, error in _given_tolerances(tolerances, given).items():
-        errors[name] = metric_weight(error, f"tolerance of {name}", strict=True)
-    return given, errors
-
-
-def _given_tolerances(
-    tolerances: Mapping[str, float] | None, given: Mapping[str, float]
+def errors_of_values(
+    given: Mapping[str, float], tolerances: Mapping[str, float] | None
 ) -> dict[str, float]:
-    if tolerances is None or (isinstance(tolerances, Mapping) and not tolerances):
-        return {}
-    return as_mapping(tolerances, list(given))
-
-
-def check_values(values: Mapping[str, float], sex: str = "adult") -> None:
-    """Raise an error for values that no person has, alone or together; NaN is no value.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        Measurements by name, in SI units; names that are not the open body's are not checked.
-    sex : {"adult", "woman", "man"}
-        Whose means messages name.
-    """
-    people = "man" if sex == "man" else "woman"
-    typical = dict(zip(adults()["names"], adults()[people]["mean"].tolist(), strict=True))
-    given = {name: value for name, value in values.items() if not np.isnan(value)}
-    for name, value in given.items():
-        real_number(value, name, minimum=0.0, strict=True)
-        if name in typical:
-            unit = _units().get(name, "m")
-            _check_value(name, value, typical[name], unit, "men" if sex == "man" else "women")
-    stature = given.get("stature")
-    if stature is None:
-        return
-    for name, value in given.items():
-        if "height" in name and name in typical and value >= stature:
-            raise ArgumentError(
-                f"{name} must be smaller than the stature; found {value:g} m, and a stature of "
-                f"{stature:g} m"
-            )
-        if name in _DENSITIES:
-            lowest, highest = (index * stature**2 / _DENSITIES[name] for index in _MASS_INDICES)
-            if not lowest < value < highest:
-                raise ArgumentError(
-                    f"{name} must lie between {lowest:.3g} and {highest:.3g} {_units()[name]} with "
-                    f"a stature of {stature:g} m; found {value:g}, which nobody has"
-                )
-
-
-@cache
-def _units() -> dict[str, str]:
-    """Return the unit of each standing measurement; all seated ones are lengths."""
-    standing = open_measurements("coarse")
-    assert standing is not None, "the open model has measurements"
-    return {measurement.name: measurement.units for measurement in standing.measurements}
-
-
-def _check_value(name: str, value: float, usual: float, unit: str, people: str) -> None:
-    """Raise an error that suspects the unit if no person has a value, given the usual one."""
-    if _is_human(name, value, usual, unit):
-        return
-    units = []
-    if unit == "m":
-        for suspected, size in SUSPECTED_UNITS.items():
-            if _is_human(name, value / size, usual, unit):
-                units.append(suspected)
-    question = f": is it in {' or '.join(units)}?" if units else ""
-    raise ArgumentError(
-        f"{name} must be in {unit}, in which the mean of {people} is {usual:.3g}; found {value:g}, "
-        f"which nobody has{question}"
-    )
-
-
-def _is_human(name: str, value: float, usual: float, unit: str) -> bool:
-    """Return whether a person can have a value, given the usual one."""
-    is_around = any(word in name for word in ("girth", "breadth", "depth", "clearance"))
-    low, high = _SHARES_AROUND if unit == "m" and is_around else _SHARES[unit]
-    return low * usual < value < high * usual and not (unit == "m" and value >= _LARGEST_LENGTH)
+    """Return the standard deviations of errors of given values, in their units."""
+    units = units_of_measurements()
+    errors = {
+        name: _LENGTH_TOLERANCE if units[name] == "m" else _SHARE_TOLERANCE * value
+        for name, value in given.items()
+    }
+    for name, error in as_mapping(tolerances, list(given)).items() if tolerances else ():
+        errors[name] = metric_weight(error, f"tolerance of {name}", strict=True)
+    return errors
 
 
 @dataclass(frozen=True)
@@ -213,21 +124,6 @@ class Prediction:
     # The two values that fit each other least, and a value of the first that would fit.
     pair: tuple[str, str, float] | None
     rarity: float  # share of adults as far from the mean
-
-
-@cache
-def adults() -> JSONRecord:
-    """Return names, and by sex means, covariances and offsets: those of the model less ANSUR's."""
-    record: JSONRecord = load_json("measurements_of_adults.json")
-    size = len(record["names"])
-    for sex in SEXES:
-        entry, correlations = record[sex], np.eye(size)
-        correlations[np.tril_indices(size, -1)] = entry["correlations"]
-        correlations += np.tril(correlations, -1).T
-        std = np.array(entry["std"])
-        entry["mean"] = np.array(entry["mean"])
-        entry["covariance"] = correlations * np.outer(std, std)
-    return record
 
 
 def predict(

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from riemhuman.arrays import Array, Triangles
+from riemhuman.measurements.populations import largest_body_mass_index
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
 from riemhuman.report._sheet_pictures import (
@@ -293,12 +294,13 @@ def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
             f"stature of {_value(stature.value, unit)} {unit.name} is outside the range of "
             f"{adults}."
         )
+    limit = largest_body_mass_index(subject.sex)
     return (
-        f"Percentiles (pctl.) say how many of 100 {people} of this stature measure less; for the "
-        f"stature itself, they count all {people.rstrip(',')}. The darker part of a bar is the "
-        "middle half. These people are simulated: bodies with the spread of ANSUR II (US Army, "
-        "2012), body mass index as in the US public (NHANES, 2021–2023), measured like "
-        "this body."
+        f"A percentile (pctl.) of 24 means that 24 of 100 {people} of this stature measure less; "
+        f"for the stature itself, of all {people.rstrip(',')}. The darker part of a bar is the "
+        "middle half. The people are US soldiers (ANSUR II, 2012), who are fitter and younger than "
+        "the public, weighted to the body mass index of the US public (NHANES, 2021–2023) up to "
+        f"{limit:.0f} kg/m². Measurements that no survey takes alike have no percentile."
     )
 
 

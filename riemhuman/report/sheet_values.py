@@ -17,10 +17,10 @@ from riemhuman.measurements import (
     compare_visits,
     in_standard_pose,
     noise_of_measurements,
-    percentiles,
     person_distance,
     posture_angles,
 )
+from riemhuman.measurements.populations import percentages
 from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
 
 # Quotients of two measurements, and powers of the second.
@@ -50,7 +50,7 @@ class SheetRow:
     uncertainty : float
         Two standard deviations over poses of simulated people, registered from scans.
     percentile : float
-        Percentage of simulated adults of the same sex and stature with smaller values, see
+        Percentage of adults of the same sex and stature with smaller values, see
         `rh.measurements.percentiles`.
     why_missing : str
         Why the value is NaN.
@@ -195,7 +195,7 @@ def _values(
 ) -> SheetValues:
     named = dict(zip(measurements.names, values.tolist(), strict=True))
     stature = named.get("stature", float("nan"))
-    percentiles_by_name = _percentiles(named, subject.sex, stature)
+    percentiles_by_name = percentages(named, subject.sex, stature)
     noise = noise_of_measurements(measurements.names)
     rows = tuple(
         SheetRow(
@@ -222,16 +222,6 @@ def _values(
         average_faces=average.faces,
         remarks=tuple(remarks),
     )
-
-
-def _percentiles(named: Mapping[str, float], sex: str, stature: float) -> dict[str, float]:
-    if not np.isfinite(stature):
-        return {}
-    is_known = np.isfinite(noise_of_measurements(list(named)))
-    of_open_body = {
-        name: value for (name, value), known in zip(named.items(), is_known, strict=True) if known
-    }
-    return percentiles(of_open_body, sex, stature=stature)
 
 
 def _ratios(named: Mapping[str, float]) -> dict[str, tuple[float, str]]:

@@ -11,7 +11,8 @@ from riemhuman.measurements import (
     model_from_measurements,
     predict_measurements,
 )
-from riemhuman.measurements.predicted_measurements import adults, predict
+from riemhuman.measurements._adults import adults
+from riemhuman.measurements.predicted_measurements import predict
 
 SIXTEEN = (
     ["stature", "cervical height", "chest girth", "under-bust girth", "waist girth", "hip girth"]

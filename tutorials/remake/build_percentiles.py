@@ -1,16 +1,21 @@
-"""Write `percentiles_of_adults.json`: how measurements spread among adults of one stature.
+"""Rebuild or check the percentiles of adults from ANSUR II.
 
-    python tutorials/remake/build_percentiles.py
+    python tutorials/remake/build_percentiles.py ANSUR [folder]
+    python tutorials/remake/build_percentiles.py ANSUR --check [--splits 8]
 
-Bodies of both sexes are drawn from `adults.json`, which holds the mean and covariance of the shape
-coefficients of the people of ANSUR II. A normal distribution is symmetric, and the public's body
-mass index is not: its upper half is wider. So every drawn body is moved to the body mass index that
-has its rank among the public, along the regression of the coefficients on the index at one stature,
-and measured in the standard pose. Each measurement is regressed on stature, both as logarithms; the
-quantiles of what is left are kept. The shape coefficients are regressed on stature as well, for the
-average body of a stature.
-With --check it prints instead how often the kept quantiles hold for other draws, and the body mass
-index of the draws.
+ANSUR is a folder with men.csv and women.csv, as for build_statistics.py. The first command writes
+percentiles_of_adults.json. For each sex, log m = a + b log s + c i + d i² + e, with the measurement
+m, the stature s, the logarithm i of the body mass index (from its mean), and what is left, e. The
+index is spread as among the US public (NHANES, 2021 to 2023), as far as ANSUR has people; the
+quantiles of c i + d i² + e are kept. To what tapes and callipers measure, the offset of our
+definition is added: what the mean body of the open model measures more, the mean of both sexes. A
+measurement gets no percentiles if ANSUR lacks it, or if its offset is large or differs between
+women and men, because then the definitions do not agree.
+
+The shape coefficients are regressed on stature as well, for the average body of a stature.
+
+With --check, nothing is drawn from a model: percentiles built from one half of the people are tried
+on the other half, weighted to the public's body mass index, several times.
 """
 
 from __future__ import annotations
@@ -23,20 +28,31 @@ from pathlib import Path
 
 import numpy as np
 from adult_people import public_body_mass_index
+from build_statistics import read_people
 from numpy import ndarray
+from scipy.special import ndtr, ndtri
 from scipy.stats import norm, rankdata
 
-from riemhuman.measurements import Measurements, open_measurements, percentiles
+from riemhuman.measurements import Measurements, open_measurements
+from riemhuman.measurements._adults import SEXES, adults
 from riemhuman.measurements.measurement_set import DATA
+from riemhuman.measurements.populations import scores_of_quantiles
 
 _SOURCE = (
-    "Simulated adults: bodies of the open body model with the spread of ANSUR II (US Army, 2012), "
-    "body mass index moved to that of the US public (NHANES, August 2021 to August 2023); see "
-    "datasets/data/README.md."
+    "Derived from every second person of ANSUR II: 2012 Anthropometric Survey of U.S. Army "
+    "Personnel (Natick/TR-15/007), weighted to the body mass index of the US public (NHANES, "
+    "August 2021 to August 2023, Vital Health Stat. 3(50), 2025, table 10). Work of the US "
+    "government, in the public domain."
 )
 _LEVELS = (1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 97.5, 99.0)
-_SEXES = ("woman", "man")
-_MASS = ("stature", "body mass")
+# Definitions agree if the mean of the offsets of women and men is at most this, and if these differ
+# by at most that: standard deviations among people of one sex and stature. With half a deviation,
+# either sex is off by a quarter, which moves a median by ten points.
+_LARGEST_OFFSET, _LARGEST_GAP = 1.0, 0.5
+# Heavy people are rare among soldiers, so few would carry everything if people counted by their
+# weights. The roots of these do better on people who were not used, and no weights do worse.
+_POWER = 0.5
+_N_INDICES = 400  # quantiles of the public's body mass index
 _N_PEOPLE, _BATCH, _SEED = 1500, 50, 51
 # Steps after which a body has the wanted body mass index to within a thousandth.
 _INDEX_STEPS = 4
@@ -51,96 +67,205 @@ def main(arguments: Sequence[str] | None = None) -> None:
         Command line; by default that of the process.
     """
     parser = argparse.ArgumentParser(description="Percentiles of adults of one stature.")
+    parser.add_argument("ansur", type=Path, help="folder with men.csv and women.csv")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)
-    parser.add_argument("--people", type=int, default=_N_PEOPLE, help="people of each sex")
-    parser.add_argument("--check", action="store_true", help="check other draws, write nothing")
+    parser.add_argument("--check", action="store_true", help="check, write nothing")
+    parser.add_argument("--splits", type=int, default=8, help="halves to check on")
     options = parser.parse_args(arguments)
+    names, people = read_people(options.ansur)
+    standing = open_measurements("coarse").names
+    kept = [k for k, name in enumerate(names) if name in standing]
+    names, people = [names[k] for k in kept], {sex: v[:, kept] for sex, v in people.items()}
     if options.check:
-        _check(options.people)
+        check(names, people, options.splits)
         return
     record: dict[str, object] = {"source": _SOURCE, "levels": list(_LEVELS)}
-    for sex in _SEXES:
-        record[sex] = _statistics(*_drawn(sex, options.people, _SEED))
+    tables = {sex: fitted(names, people[sex], sex) for sex in SEXES}
+    offsets = agreeing_offsets(names, tables)
+    for sex, table in tables.items():
+        mean, std = _log_stature(people[sex])
+        index = _index(names, people[sex])
+        record[sex] = {
+            "people": len(people[sex]),
+            "body mass index": [round(float(index.min()), 1), round(float(index.max()), 1)],
+            "log_stature": [mean, std],
+            "measurements": {
+                name: _rounded([table[name][0] + offset, *table[name][1:]])
+                for name, offset in offsets.items()
+            },
+            "betas": _betas_of_stature(sex, mean),
+        }
     path = options.folder / "percentiles_of_adults.json"
     path.write_text(json.dumps(record, indent=0) + "\n", encoding="utf-8")
-    sys.stdout.write(f"{path}: {path.stat().st_size:,} bytes\n")
+    sys.stdout.write(f"{path}: {len(offsets)} of {len(names)} measurements of ANSUR II\n")
+
+
+def fitted(names: Sequence[str], people: ndarray, sex: str) -> dict[str, ndarray]:
+    """Return intercept (at the mean stature), slope, and quantiles of measurements by name."""
+    logs, index = np.log(people), np.log(_index(names, people))
+    stature = logs[:, names.index("stature")] - _log_stature(people)[0]
+    middle = index.mean()
+    ones = np.ones(len(people))
+    predictors = np.stack([ones, stature, index - middle, (index - middle) ** 2], axis=1)
+    weights = public_weights(np.exp(index), sex) ** _POWER
+    public = public_body_mass_index(norm.ppf((np.arange(_N_INDICES) + 0.5) / _N_INDICES), sex)
+    public = public[(public >= index.min()) & (public <= index.max())] - middle
+    table = {}
+    for k, name in enumerate(names):
+        # The stature is compared with all of the sex.
+        x = predictors[:, :1] if name == "stature" else predictors
+        root = np.sqrt(weights)
+        line = np.linalg.lstsq(x * root[:, np.newaxis], logs[:, k] * root, rcond=None)[0]
+        left = logs[:, k] - x @ line
+        line = np.pad(line, (0, 4 - len(line)))
+        mixed = np.add.outer(line[2] * public + line[3] * public**2, left)
+        quantiles = weighted_quantiles(mixed, np.broadcast_to(weights, mixed.shape), _LEVELS)
+        table[name] = np.array([line[0], line[1], *quantiles])
+    return table
+
+
+def agreeing_offsets(names: Sequence[str], tables: dict[str, dict[str, ndarray]]) -> dict:
+    """Return offsets of the logarithms, by names of measurements whose definitions agree."""
+    offsets = {}
+    statistics = adults()
+    for name in names:
+        row = statistics["names"].index(name)
+        of_sexes, in_deviations = [], []
+        for sex in SEXES:
+            offset = statistics[sex]["offsets"][name] / statistics[sex]["mean"][row]
+            quantiles = tables[sex][name][2:]
+            deviation = np.polyfit(ndtri(np.array(_LEVELS) / 100.0), quantiles, 1)[0]
+            of_sexes.append(np.log1p(offset))
+            in_deviations.append(np.log1p(offset) / deviation)
+        is_small = abs(np.mean(in_deviations)) <= _LARGEST_OFFSET
+        if is_small and np.ptp(in_deviations) <= _LARGEST_GAP:
+            offsets[name] = float(np.mean(of_sexes))
+    return offsets
+
+
+def public_weights(index: ndarray, sex: str) -> ndarray:
+    """Return weights of people with which their body mass index is spread as in the public."""
+    # Shares of the public between percentiles, where ANSUR has people, over those of ANSUR.
+    steps = np.linspace(-2.5, 2.5, 11)
+    edges = np.exp(public_body_mass_index(steps, sex))
+    bins = np.searchsorted(edges, index)
+    shares = np.diff(ndtr(np.concatenate([[-np.inf], steps, [np.inf]])))
+    weights = shares[bins] / np.bincount(bins, minlength=len(shares))[bins]
+    return weights / weights.sum()
+
+
+def weighted_quantiles(values: ndarray, weights: ndarray, levels: Sequence[float]) -> ndarray:
+    """Return quantiles at levels in per cent."""
+    order = np.argsort(values, axis=None)
+    weights = weights.ravel()[order]
+    places = (np.cumsum(weights) - 0.5 * weights) / weights.sum()
+    return np.interp(np.array(levels) / 100.0, places, values.ravel()[order])
+
+
+def _index(names: Sequence[str], people: ndarray) -> ndarray:
+    return people[:, names.index("body mass")] / people[:, names.index("stature")] ** 2
+
+
+def _log_stature(people: ndarray) -> tuple[float, float]:
+    stature = np.log(people[:, 0])
+    return round(float(stature.mean()), 5), round(float(stature.std()), 5)
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [round(float(value), 5) for value in values]
 
 
 def drawn_betas(
     sex: str, n_people: int, rng: np.random.Generator, resolution: str = "full"
 ) -> ndarray:
-    """Return shape coefficients of people of one sex with the public's body mass index."""
+    """Return shape coefficients of people of one sex with the public's body mass index.
+
+    They are drawn from `adults.json`; a normal distribution is symmetric, and the public's body
+    mass index is not, so every body is moved to the index that has its rank among the public.
+    """
     entry = json.loads((DATA / "adults.json").read_text(encoding="utf-8"))[sex]
     betas = rng.multivariate_normal(entry["mean"], entry["covariance"], n_people)
-    measured = _measured(betas, resolution, _MASS)
-    index, stature = _log_index(measured), np.log(measured[:, 0])
+    index, stature = _index_and_stature(betas, resolution)
     normal = norm.ppf((rankdata(index, method="ordinal") - 0.5) / n_people)
     wanted = public_body_mass_index(normal, sex)
     predictors = np.stack([np.ones(n_people), stature, index], axis=1)
     direction = np.linalg.lstsq(predictors, betas, rcond=None)[0][2]
     for _ in range(_INDEX_STEPS):
         betas = betas + (wanted - index)[:, None] * direction
-        index = _log_index(_measured(betas, resolution, _MASS))
+        index, _ = _index_and_stature(betas, resolution)
     return betas
 
 
-def _drawn(sex: str, n_people: int, seed: int) -> tuple[ndarray, tuple[str, ...], ndarray]:
-    """Return shape coefficients of people, and their measurements with names."""
-    betas = drawn_betas(sex, n_people, np.random.default_rng([seed, _SEXES.index(sex)]))
-    values = _measured(betas, "full")
-    known = np.isfinite(values).all(axis=1)
-    return betas[known], Measurements(open_measurements("full")).names, values[known]
-
-
-def _measured(betas: ndarray, resolution: str, names: Sequence[str] | None = None) -> ndarray:
-    """Return measurements in the standard pose, of these names or all, (n, M)."""
+def _index_and_stature(betas: ndarray, resolution: str) -> tuple[ndarray, ndarray]:
+    """Return logarithms of body mass indices and statures of bodies."""
     definitions = open_measurements(resolution)
-    measurements, pose = Measurements(definitions, names), definitions.standard_pose_vector
+    measurements = Measurements(definitions, ["stature", "body mass"])
     rows = []
     for first in range(0, len(betas), _BATCH):
-        points = definitions.model(betas[first : first + _BATCH], pose)
-        rows.append(measurements.measure(points, axes="space", missing="nan").values)
-    return np.concatenate(rows)
+        points = definitions.model(betas[first : first + _BATCH], definitions.standard_pose_vector)
+        rows.append(measurements.measure(points, axes="space").values)
+    stature, mass = np.log(np.concatenate(rows)).T
+    return mass - 2.0 * stature, stature
 
 
-def _log_index(stature_and_mass: ndarray) -> ndarray:
-    stature, mass = stature_and_mass.T
-    return np.log(mass / stature**2)
-
-
-def _statistics(betas: ndarray, names: tuple[str, ...], values: ndarray) -> dict[str, object]:
-    logs = np.log(values)
-    stature = logs[:, names.index("stature")]
-    mean, std = float(stature.mean()), float(stature.std())
+def _betas_of_stature(sex: str, mean: float) -> list[list[float]]:
+    """Return shape coefficients at the mean stature, and their change with its logarithm."""
+    betas = drawn_betas(sex, _N_PEOPLE, np.random.default_rng([_SEED, SEXES.index(sex)]))
+    _, stature = _index_and_stature(betas, "full")
     predictors = np.stack([np.ones(len(stature)), stature - mean], axis=1)
-    lines = np.linalg.lstsq(predictors, logs, rcond=None)[0]
-    lines[1, names.index("stature")] = 0.0  # is compared with all of the sex
-    left = logs - predictors @ lines
-    quantiles = np.percentile(left, _LEVELS, axis=0)
-    of_betas = np.linalg.lstsq(predictors, betas, rcond=None)[0]
-    return {
-        "people": len(values),
-        "log_stature": [round(mean, 5), round(std, 5)],
-        "measurements": {
-            name: [round(float(x), 5) for x in (*lines[:, k], *quantiles[:, k])]
-            for k, name in enumerate(names)
-        },
-        "betas": [[round(float(x), 4) for x in row] for row in of_betas],
-    }
+    lines = np.linalg.lstsq(predictors, betas, rcond=None)[0]
+    return [[round(float(x), 4) for x in row] for row in lines]
 
 
-def _check(n_people: int) -> None:
-    for sex in _SEXES:
-        _, names, values = _drawn(sex, n_people, _SEED + 1)
-        people = [dict(zip(names, row, strict=True)) for row in values]
-        levels = np.array([[*percentiles(person, sex).values()] for person in people])
-        index = values[:, names.index("body mass")] / values[:, names.index("stature")] ** 2
-        shown = ", ".join(f"{x:.1f}" for x in np.percentile(index, [5, 25, 50, 75, 95]))
-        sys.stdout.write(f"\n{len(values)} simulated people, {sex}; body mass index {shown}\n")
-        sys.stdout.write(f"{'':36}{'below 5':>9}{'below 50':>9}{'below 95':>9}\n")
-        for k, name in enumerate(names):
-            shares = [100 * np.mean(levels[:, k] < level) for level in (5, 50, 95)]
-            sys.stdout.write(f"{name:36}" + "".join(f"{share:9.1f}" for share in shares) + "\n")
+def check(names: Sequence[str], people: dict[str, ndarray], n_splits: int) -> None:
+    """Print how many people lie in the tails of percentiles built from other people."""
+    offsets = agreeing_offsets(names, {sex: fitted(names, people[sex], sex) for sex in SEXES})
+    for sex in SEXES:
+        tails = np.empty((n_splits, len(offsets), 4, 2))  # everybody, and thirds by stature
+        for split in range(n_splits):
+            order = np.random.default_rng([_SEED, split]).permutation(len(people[sex]))
+            built, tried = np.array_split(people[sex][order], 2)
+            tails[split] = _tails(names, list(offsets), built, tried, sex)
+        _print_tails(list(offsets), tails, sex, len(people[sex]))
+
+
+def _tails(
+    names: Sequence[str], shown: Sequence[str], built: ndarray, tried: ndarray, sex: str
+) -> ndarray:
+    """Return percentages of people below the 5th and above the 95th percentile, (M, 4, 2)."""
+    table = fitted(names, built, sex)
+    weights = public_weights(_index(names, tried), sex)
+    stature = np.log(tried[:, names.index("stature")])
+    thirds = np.searchsorted(np.quantile(stature, [1 / 3, 2 / 3]), stature)
+    groups = [np.ones(len(tried), dtype=bool), *(thirds == k for k in range(3))]
+    tails = np.empty((len(shown), 4, 2))
+    for k, name in enumerate(shown):
+        line = table[name]
+        rest = np.log(tried[:, names.index(name)]) - line[0]
+        rest -= line[1] * (stature - _log_stature(built)[0])
+        scores = scores_of_quantiles(rest, line[2:], _LEVELS)
+        scores -= weighted_quantiles(scores, weights, [50.0])
+        for number, group in enumerate(groups):
+            share = weights[group] / weights[group].sum()
+            tails[k, number] = (
+                100 * share @ (scores[group] < ndtri(0.05)),
+                100 * share @ (scores[group] > ndtri(0.95)),
+            )
+    return tails
+
+
+def _print_tails(names: Sequence[str], tails: ndarray, sex: str, n_people: int) -> None:
+    means = tails.mean(axis=0)
+    within = ((means[:, 0] >= 3.0) & (means[:, 0] <= 7.0)).all(axis=1)
+    sys.stdout.write(
+        f"\n{n_people} people, {sex}; percentiles from one half, tried on the other, {len(tails)} "
+        f"times; medians removed\nmean shares of both tails within 3 to 7 %: {within.sum()} of "
+        f"{len(names)} measurements\n{'':36}{'below 5':>9}{'above 95':>9}   by thirds of stature\n"
+    )
+    for k, name in enumerate(names):
+        thirds = "  ".join(f"{low:4.1f} {high:4.1f}" for low, high in means[k, 1:])
+        low, high = means[k, 0]
+        sys.stdout.write(f"{name:36}{low:9.1f}{high:9.1f}   {thirds}\n")
 
 
 if __name__ == "__main__":
