@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,9 +16,8 @@ from riemhuman.bodies._blending import SkinningWeights
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_parents, motions_of_joints, parents_first, skin_by
-from riemhuman.checks import flag, joint_shape, one_of, real_array, values_of
+from riemhuman.checks import checked, flag, joint_shape, one_of, real_array, values_of, whole
 from riemhuman.checks.labels import texts_of
-from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
@@ -31,11 +29,6 @@ from riemhuman.surfaces.template import Template
 
 # Weights in single precision, or rounded for storage, sum to one within this tolerance.
 _SUM_TOLERANCE = 1e-3
-# Larger ones, which mean nothing, do not fit into single precision.
-_LARGEST_COEFFICIENT = 1e30
-# For bodies with more bytes than this, the memory needed is checked first.
-_MANY_BYTES = 2**26
-_FEWER = "pose fewer at a time"
 
 
 class BodyModel(Unchanging):
@@ -114,9 +107,7 @@ class BodyModel(Unchanging):
         dtype: DTypeLike = onp.float64,
     ) -> None:
         self.dtype = _precision(dtype)
-        v_template = real_array(
-            v_template, "v_template", ("V", 3), batched=False, maximum=_LARGEST_COEFFICIENT
-        )
+        v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
         n_vertices = len(v_template)
         self.template = Template(v_template, faces)
         self.faces = self.template.faces
@@ -146,6 +137,7 @@ class BodyModel(Unchanging):
             raise ArgumentError(f"weights must not be negative; found {self.weights.min():g}")
 
     @classmethod
+    @checked(n_betas=whole(minimum=0))
     def from_file(
         cls,
         path: str | os.PathLike[str],
@@ -174,6 +166,7 @@ class BodyModel(Unchanging):
         with format_errors(file_path(path), "a body model"):
             return cls(**fields, dtype=dtype)
 
+    @checked(single_precision=flag)
     def save(self, path: str | os.PathLike[str], *, single_precision: bool = False) -> None:
         """Write the model as a compressed .npz file in SMPL's layout.
 
@@ -184,7 +177,7 @@ class BodyModel(Unchanging):
         single_precision : bool
             Whether real numbers are rounded to single precision, which halves the size.
         """
-        real = onp.float32 if flag(single_precision, "single_precision") else onp.float64
+        real = onp.float32 if single_precision else onp.float64
         kintree_table = onp.stack([self.parents, onp.arange(self.n_joints)])
         fields: dict[str, object] = {
             "v_template": self.template.vertices.astype(real),
@@ -224,11 +217,7 @@ class BodyModel(Unchanging):
         Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
         four. See Loper et al. 2015, equations 2 to 10; hands are relaxed by default.
         """
-        n_bodies = self._check_batches(betas, pose, trans, hands)
-        n_bytes = n_bodies * self.template.vertices.size * self.dtype.itemsize
-        if n_bytes > _MANY_BYTES:
-            # The bodies before they are posed, and after.
-            check_memory(2 * n_bytes, f"posing {n_bodies:,} bodies", _FEWER)
+        self._check_batches(betas, pose, trans, hands)
         surface = self._shaped(betas)
         if hands is not None:
             surface = surface + self._hand_offsets(hands)
@@ -321,8 +310,8 @@ class BodyModel(Unchanging):
         pose: ArrayLike | None,
         trans: ArrayLike | None,
         hands: ArrayLike | None = None,
-    ) -> int:
-        """Return the number of bodies; raise an error if leading axes do not fit together."""
+    ) -> None:
+        """Raise an error if leading axes do not fit together."""
         # Arrays of the leading shapes, which take no memory.
         batches = {}
         for name, array in {"betas": betas, "pose": pose, "trans": trans, "hands": hands}.items():
@@ -332,7 +321,7 @@ class BodyModel(Unchanging):
             is_table = name == "pose" and shape[-2:] == (self.n_joints, 3)
             leading = shape[:-2] if is_table else shape[:-1]
             batches[name] = onp.broadcast_to(0.0, leading)
-        return math.prod(joint_shape(**batches))
+        joint_shape(**batches)
 
     def _rounded(self, array: Array) -> Array:
         return array.astype(self.dtype, copy=False)
@@ -428,20 +417,19 @@ def convert_model(
 
 
 def _coefficients(values: ArrayLike, name: str, count: int) -> Array:
-    """Return so many coefficients, which fit into single precision, too."""
-    return real_array(values, name, (count,), maximum=_LARGEST_COEFFICIENT)
+    return real_array(values, name, (count,))
 
 
 def _checked_names(names: Sequence[str] | Array | None, n_joints: int) -> tuple[str, ...]:
     """Return names of the joints, by default their numbers."""
     if names is None:
         return tuple(f"joint_{joint}" for joint in range(n_joints))
-    checked = _texts(names, "joint_names")
-    if len(checked) != n_joints or len(set(checked)) != n_joints:
+    texts = _texts(names, "joint_names")
+    if len(texts) != n_joints or len(set(texts)) != n_joints:
         raise ArgumentError(
-            f"joint_names must hold {n_joints} different names; found {join_names(checked)}"
+            f"joint_names must hold {n_joints} different names; found {join_names(texts)}"
         )
-    return checked
+    return texts
 
 
 def _texts(names: Sequence[str] | Array, name: str) -> tuple[str, ...]:
@@ -453,8 +441,7 @@ def _texts(names: Sequence[str] | Array, name: str) -> tuple[str, ...]:
 
 
 def _copy(array: ArrayLike, name: str, shape: tuple[int | str, ...]) -> Array:
-    checked = real_array(array, name, shape, batched=False, maximum=_LARGEST_COEFFICIENT)
-    return read_only(onp.array(checked))
+    return read_only(onp.array(real_array(array, name, shape, batched=False)))
 
 
 def _check_sums(rows: Array, name: str) -> None:

@@ -23,15 +23,17 @@ from riemhuman.bodies.skinning import Skeleton, SkinnedModel
 from riemhuman.checks import (
     check_resolution,
     check_same_scale,
+    checked,
+    choice,
     flag,
     integer_array,
-    one_of,
+    positive,
+    real,
     real_array,
-    real_number,
     refuse_type,
     values_of,
     weight_shares,
-    whole_number,
+    whole,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
@@ -104,6 +106,16 @@ class ModelFit(Record):
 
 
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
+@checked(
+    loss=choice(*_LOSSES),
+    loss_scale=positive,
+    betas_prior=real(minimum=0.0),
+    pose_prior=real(minimum=0.0),
+    hands_prior=real(minimum=0.0),
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+    sequence=flag,
+)
 def fit_model(
     model: SkinnedModel,
     points: ArrayLike,
@@ -160,7 +172,6 @@ def fit_model(
     >>> bool(rh.bodies.fit_model(bodies.model, bodies[0]).mean_distance < 0.01)
     True
     """
-    sequence = flag(sequence, "sequence")
     combine = correspondence_matrix(model, correspondence)
     surfaces = _surfaces_of(model, points, combine, whole=correspondence is None)
     with_hands = hands_prior is not None
@@ -168,11 +179,9 @@ def fit_model(
         Skeleton(model, with_hands=with_hands),
         combine,
         weight_shares(weights, combine.shape[0]),
-        _loss(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
+        _loss(loss, loss_scale),
         _priors(model, betas_prior, pose_prior, hands_prior),
     )
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
-    max_iter = whole_number(max_iter, "max_iter", minimum=1)
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():  # the patches are too small to be shared between threads
         fits: list[ModelFit] = []
@@ -229,12 +238,11 @@ def _priors(
     model: SkinnedModel, betas_prior: float, pose_prior: float, hands_prior: float | None
 ) -> Array:
     """Return the weight of the prior of each parameter: pose, betas, hands and translation."""
-    in_pose = np.where(model.parents >= 0, real_number(pose_prior, "pose_prior", minimum=0.0), 0.0)
-    in_betas = np.full(model.n_betas, real_number(betas_prior, "betas_prior", minimum=0.0))
+    in_pose = np.where(model.parents >= 0, pose_prior, 0.0)
+    in_betas = np.full(model.n_betas, betas_prior)
     in_hands = np.zeros(0)
     if hands_prior is not None:
-        weight = real_number(hands_prior, "hands_prior", minimum=0.0)
-        in_hands = np.full(len(model.hand_pose("relaxed")), weight)
+        in_hands = np.full(len(model.hand_pose("relaxed")), hands_prior)
     return np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)])
 
 
@@ -455,7 +463,7 @@ def _spread_out(numbers: Integers, n_points: int) -> Integers:
 
 
 def _loss(name: str, scale: float) -> Loss:
-    if one_of(name, "loss", _LOSSES) == "squared":
+    if name == "squared":
         return lambda squares: (squares, np.ones_like(squares))
 
     def huber(squares: Array) -> tuple[Array, Array]:

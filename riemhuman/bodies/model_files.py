@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.arrays import Array
-from riemhuman.checks import whole_number
+from riemhuman.checks import checked, whole
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.pickles import load_pickled_arrays
@@ -75,6 +75,7 @@ class ModelContents:
         return sentence + (f"; ignored: {', '.join(self.left_out)}" if self.left_out else "")
 
 
+@checked(n_betas=whole(minimum=0))
 def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> ModelContents:
     """Return the contents of a file in SMPL's layout: which parts are used and which are ignored.
 
@@ -160,7 +161,7 @@ def _contents(fields: Mapping[str, Stored], n_betas: int | None) -> ModelContent
     if family == "SMPL-X":
         n_shapes = _SHAPES_OF_SMPLX.get(n_coefficients, n_coefficients)
     usual = _USUAL_BETAS if n_coefficients >= _MANY_BETAS else n_coefficients
-    wanted = usual if n_betas is None else whole_number(n_betas, "n_betas", minimum=0)
+    wanted = usual if n_betas is None else n_betas
     n_used = min(wanted, n_shapes)
     used = [f"{n_joints} joints", f"{n_used} shape coefficients"]
     left_out = []

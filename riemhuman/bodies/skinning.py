@@ -21,8 +21,6 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.surfaces.template import Template
 
-# Larger coordinates do not fit into single precision.
-_LARGEST_COORDINATE = 1e30
 # Joints of a cycle that are named in an error.
 _MOST_SHOWN = 10
 # The root's parent, -1, as an unsigned number.
@@ -475,7 +473,7 @@ def _in_its_precision(
     array: ArrayLike, name: str, shape: tuple[int | str, ...], *, batched: bool = True
 ) -> Array:
     """Return an array after checking it, in the precision that it has, single or double."""
-    checked = real_array(array, name, shape, batched=batched, maximum=_LARGEST_COORDINATE)
+    checked = real_array(array, name, shape, batched=batched)
     given = getattr(array, "dtype", None)
     is_single = given == onp.float32 and not isbox(array)
     return checked.astype(onp.float32) if is_single else checked

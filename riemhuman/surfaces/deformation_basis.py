@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, PointsOnDemand
-from riemhuman.checks import check_instance, check_same_scale, flag, real_array, whole_number
-from riemhuman.checks.memory import check_memory
+from riemhuman.checks import check_same_scale, checked, flag, instance, real_array, whole
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
@@ -31,8 +30,6 @@ _OUTSIDE = 1e-9
 # Largest deviation from orthonormal vectors that is accepted.
 _ORTHONORMAL = 1e-8
 _FORMAT_VERSION = 1
-
-_FEWER_COMPONENTS = "ask for fewer components, or use coarser bodies"
 
 
 class DeformationBasis:
@@ -67,20 +64,20 @@ class DeformationBasis:
     # Read by jobs to recognise a basis: its vectors are orthonormal whatever the argument was.
     _orthonormalize = False
 
+    @checked(orthonormalize=flag)
     def __init__(self, vectors: ArrayLike, *, orthonormalize: bool = False) -> None:
         values = real_array(vectors, "vectors", ("n_components", "n_vertices", 3), batched=False)
         if values.size == 0:
             raise ArgumentError(
                 f"vectors must hold at least one deformation; found shape {values.shape}"
             )
-        if flag(orthonormalize, "orthonormalize"):
+        if orthonormalize:
             rows = orthonormal_rows(values.reshape(len(values), -1), "vectors")
             self._vectors = read_only(rows.reshape(values.shape))
         else:
             self._vectors = read_only(np.array(values, order="C"))
-            with np.errstate(over="ignore", invalid="ignore"):
-                deviation = float(np.abs(self.flat @ self.flat.T - np.eye(len(self))).max())
-            if not deviation <= _ORTHONORMAL:
+            deviation = float(np.abs(self.flat @ self.flat.T - np.eye(len(self))).max())
+            if deviation > _ORTHONORMAL:
                 raise ArgumentError(
                     f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products "
                     f"deviate by up to {deviation:.3g}: pass orthonormalize=True to "
@@ -90,6 +87,12 @@ class DeformationBasis:
         self.explained_variance_ratio: Array | None = None
 
     @classmethod
+    @checked(
+        n_components=whole(minimum=1),
+        step=whole(minimum=1),
+        memory=whole(minimum=1),
+        progress=flag,
+    )
     def from_motions(
         cls,
         motions: Iterable[MotionLike],
@@ -119,8 +122,6 @@ class DeformationBasis:
             each component.
         progress : bool
         """
-        n_components = whole_number(n_components, "n_components", minimum=1)
-        memory = whole_number(memory, "memory", minimum=1)
         pairs = frames_apart(motions, step, progress=progress)
         first_start, first_end = next(pairs)
         deformations = _Deformations(chain([(first_start, first_end)], pairs))
@@ -145,6 +146,7 @@ class DeformationBasis:
         return basis
 
     @classmethod
+    @checked(template=instance(Template), n_components=whole(minimum=1))
     def from_laplacian(cls, template: Template, n_components: int = 100) -> DeformationBasis:
         """Return mesh harmonics of the template, each along x, then y, then z.
 
@@ -160,8 +162,6 @@ class DeformationBasis:
             Number of components K. If it is not a multiple of 3, the last harmonic is used only
             along x, or along x and y.
         """
-        check_instance(template, "template", Template)
-        n_components = whole_number(n_components, "n_components", minimum=1)
         _, functions = harmonics(template, math.ceil(n_components / 3))
         functions = orthonormal_rows(functions, "harmonics")
         vectors = np.zeros((len(functions), 3, template.n_vertices, 3))
@@ -279,6 +279,7 @@ class DeformationBasis:
     def __repr__(self) -> str:
         return f"DeformationBasis(n_components={len(self)}, n_vertices={self.n_vertices})"
 
+    @checked(n_components=whole(minimum=1))
     def truncate(self, n_components: int) -> DeformationBasis:
         """Return a basis of the first vectors.
 
@@ -286,7 +287,6 @@ class DeformationBasis:
         ----------
         n_components : int
         """
-        n_components = whole_number(n_components, "n_components", minimum=1)
         if n_components > len(self):
             raise ArgumentError(
                 f"n_components={n_components} exceeds the {len(self)} vectors of the basis"
@@ -350,7 +350,6 @@ def frames_apart(
     motions: Iterable[MotionLike], step: int = 10, *, progress: bool = False
 ) -> Iterator[tuple[Array, Array]]:
     """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, …."""
-    step = whole_number(step, "step", minimum=1)
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
         raise ArgumentError(
             f"motions must hold several motions; found one, of shape {motions.shape}: pass it in "
@@ -359,13 +358,7 @@ def frames_apart(
     reference: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
     listed = _iterate(motions, "motions")
-    bar = tqdm(
-        listed,
-        desc="Motions",
-        total=n_motions,
-        unit="motion",
-        disable=not flag(progress, "progress"),
-    )
+    bar = tqdm(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
     for index, motion in enumerate(bar):
         name, start = f"motions[{index}]", None
         for frame in _every_step(motion, step, name):
@@ -446,14 +439,7 @@ def singular_rows(
     half as many, the strongest rows of S Vᵀ. Each such merge lowers AᵀA, in the spectral norm, by
     the square of the largest singular value that it drops, and keeps at least 1.5 K larger ones.
     """
-    fitting = memory // (8 * n_features)
-    n_buffered = max(3 * n_components, min(fitting, 2 * n_features))
-    if n_buffered > fitting:
-        check_memory(
-            16 * n_buffered * n_features,  # the rows, and their copy while they are merged
-            f"a basis of {n_components:,} components",
-            _FEWER_COMPONENTS,
-        )
+    n_buffered = max(3 * n_components, min(memory // (8 * n_features), 2 * n_features))
     buffer = np.empty((n_buffered, n_features))
     n_filled = n_rows = 0
     sum_of_squares = 0.0

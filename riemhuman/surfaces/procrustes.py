@@ -10,12 +10,13 @@ from riemhuman.checks import (
     UNITS,
     check_resolution,
     check_same_scale,
+    checked,
+    choice,
     flag,
-    one_of,
     real_array,
-    real_number,
+    share,
     weight_shares,
-    whole_number,
+    whole,
 )
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 
@@ -27,6 +28,11 @@ _ROUNDING = 100 * np.finfo(np.float64).eps
 _REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 
 
+def _answer_or_none(value: object, name: str) -> bool | None:
+    return None if value is None else flag(value, name)
+
+
+@checked(scale=_answer_or_none)
 def procrustes(
     points: ArrayLike,
     to: ArrayLike | None = None,
@@ -66,7 +72,6 @@ def procrustes(
     """
     if to is None:
         return generalized_procrustes(points, scale=scale, weights=weights)[0]
-    scale = _checked_scale(scale)
     surfaces = real_array(points, "points", ("n_vertices", 3))
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
     reference = real_array(to, "to", ("n_vertices", 3), batched=False)
@@ -81,6 +86,7 @@ def procrustes(
     return aligned
 
 
+@checked(scale=_answer_or_none, tolerance=share, max_iter=whole(minimum=1))
 def generalized_procrustes(
     points: ArrayLike,
     *,
@@ -124,11 +130,8 @@ def generalized_procrustes(
     >>> aligned.shape, mean.shape
     ((10, 1202, 3), (1202, 3))
     """
-    scale = _checked_scale(scale)
     surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0, maximum=1.0)
-    max_iter = whole_number(max_iter, "max_iter", minimum=1)
     if surfaces.size == 0:
         raise ArgumentError(f"points must hold at least one surface; found shape {surfaces.shape}")
     shares = _shares(weights, surfaces.shape[-2])
@@ -195,10 +198,6 @@ def _align(surfaces: Points, to: Array, shares: Array, scale: bool) -> Array:
     return aligned
 
 
-def _checked_scale(scale: bool | None) -> bool | None:
-    return None if scale is None else flag(scale, "scale")
-
-
 def _center(surfaces: Points, shares: Array) -> Array:
     """Move the weighted centre of each surface to the origin."""
     return surfaces - (shares @ surfaces)[..., np.newaxis, :]
@@ -223,6 +222,7 @@ AXES = tuple(_ROTATIONS)
 """Names of the axes that may point up."""
 
 
+@checked(unit=choice(*UNITS), up=choice(*AXES))
 def make_upright(points: Points, unit: str | None = None, up: str | None = None) -> Array:
     """Return surfaces in metres, rotated so that y points up, shape (..., 3).
 
@@ -239,8 +239,6 @@ def make_upright(points: Points, unit: str | None = None, up: str | None = None)
     >>> rh.surfaces.make_upright(np.array([[0.0, 0.0, 1700.0]]), "millimetres", up="z").tolist()
     [[0.0, 1.7, 0.0]]
     """
-    one_of(unit, "unit", (None, *UNITS))
-    one_of(up, "up", (None, *AXES))
     points = real_array(points, "points", (3,), finite=False)
     if unit is not None:
         points = points / UNITS[unit]

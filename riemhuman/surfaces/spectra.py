@@ -11,7 +11,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from riemhuman.arrays import Array, Integers, Triangles
-from riemhuman.checks import one_of, whole_number
+from riemhuman.checks import checked, choice, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.mesh_seams import find_seams
@@ -68,6 +68,7 @@ class Spectrum(Record):
         )
 
 
+@checked(n_eigenvalues=whole(minimum=1), laplacian=choice(*LAPLACIANS))
 def spectrum(
     vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int, laplacian: str = "cotangent"
 ) -> Spectrum:
@@ -92,8 +93,6 @@ def spectrum(
     >>> spectrum.eigenvalues.shape, bool((spectrum.eigenvalues > 0).all())
     ((4,), True)
     """
-    n_eigenvalues = whole_number(n_eigenvalues, "n_eigenvalues", minimum=1)
-    one_of(laplacian, "laplacian", LAPLACIANS)
     vertices, faces = check_mesh(vertices, faces)
     seams = find_seams(vertices, faces)
     if seams:

@@ -251,6 +251,7 @@ def test_a_flat_point_cloud_is_fitted_as_well_as_can_be(model):
             assert np.isfinite(fit.pose).all()
 
 
+@pytest.mark.slow
 def test_from_coarse_to_full_and_back(model):
     full, fit = load_open_model("full"), model.fit(load_open_bodies("coarse").points[9:10])
     there = open_measurements(model).correspondence_to(full)

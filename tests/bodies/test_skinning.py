@@ -8,7 +8,7 @@ import pytest
 from riemhuman.bodies import joint_motions, joints_between, rotation_matrix, skin_surface
 from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivatives
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, RiemhumanError
 
 N_VERTICES, N_JOINTS = 11, 6
 PARENTS, ORDER = (-1, 0, 1, 1, 0, 4), (0, 1, 2, 3, 4, 5)
@@ -151,3 +151,26 @@ def test_arrays_of_other_joints_are_refused():
     for ends in ((0, 2), (-1, 1)):
         with pytest.raises(ArgumentError, match="must be a joint, from 0 to 1"):
             joints_between([-1, 0], *ends)
+
+
+@pytest.mark.parametrize(
+    "parents", [[1, 0], [-1, 1], [-1, 5], [], [-1, 0.5]],
+    ids=["a cycle", "its own parent", "a parent that is missing", "no joint", "fractions"],
+)  # fmt: skip
+def test_joints_that_are_no_tree_are_refused(parents):
+    still = np.tile(np.eye(3), (2, 1, 1))
+    with pytest.raises(RiemhumanError, match="parents"):
+        joints_between(parents, 0, 1)
+    with pytest.raises(RiemhumanError, match="parents"):
+        joint_motions(np.zeros((2, 3)), still, parents, (0, 1))
+
+
+def test_paths_stay_below_one_root_and_parents_come_first():
+    assert joints_between([-1, 0, 1, 0], 2, 3) == [2, 1, 0, 3]
+    with pytest.raises(ArgumentError, match="below the same root; found 0, below 0"):
+        joints_between([-1, -1], 0, 1)
+    with pytest.raises(ArgumentError, match="last must be a joint, from 0 to 1; found 2"):
+        joints_between([-1, 0], 0, 2)
+    joints = np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1))
+    with pytest.raises(ArgumentError, match="order must hold each of the 2 joints once"):
+        joint_motions(*joints, [-1, 0], (1, 0))
