@@ -94,6 +94,7 @@ if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is
     )
     from riemhuman.solvers.tangent_pca import TangentPCA as TangentPCA
     from riemhuman.statistics.learned_metric import LearnedMetric as LearnedMetric
+    from riemhuman.statistics.person_metric import PersonMetric as PersonMetric
     from riemhuman.surfaces.deformation_basis import DeformationBasis as DeformationBasis
     from riemhuman.surfaces.procrustes import (
         generalized_procrustes as generalized_procrustes,
@@ -143,6 +144,7 @@ _MODULE_OF_NAME = {
     "GeometricMedian": "solvers.means",
     "GeodesicRegression": "solvers.geodesic_regression",
     "LearnedMetric": "statistics.learned_metric",
+    "PersonMetric": "statistics.person_metric",
     "TangentPCA": "solvers.tangent_pca",
     "ConvergenceWarning": "errors",
     "MixedPosesWarning": "errors",

@@ -109,7 +109,13 @@ class BodySizes:
         return self.to_dict().items()
 
     def get(self, name: str, default: Array | None = None) -> Array | None:
-        """Return the values of one measurement, shape (...), or the default without it."""
+        """Return the values of one measurement, shape (...), or the default without it.
+
+        Parameters
+        ----------
+        name : str
+        default : array, optional
+        """
         return self.to_dict().get(name, default)
 
     def __repr__(self) -> str:

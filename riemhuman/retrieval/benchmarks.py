@@ -47,7 +47,7 @@ from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.retrieval.scores import RetrievalScores, scores
 from riemhuman.solvers.paths import LinearPath
-from riemhuman.statistics import LearnedMetric
+from riemhuman.statistics import LearnedMetric, PersonMetric
 from riemhuman.surfaces.template import Template
 
 # Names in tables.
@@ -238,10 +238,14 @@ def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
             f"metrics; found {type(bodies).__name__}"
         )
     space = AlignedSurfaces(bodies.template, equip=False)
-    return {
+    metrics: dict[str, Representation] = {
         SHAPE_METRIC: ElasticMetric(space, a=1.0, lam=1e-4, c=0.0),
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
         "area metric": AreaMetric(space),
+    }
+    with suppress(ArgumentError):  # of other triangles than the open model's
+        metrics["person metric"] = PersonMetric(space)
+    return metrics | {
         "SRNF": SRNFMetric(space),
         "rotation metric": RotationMetric(space),
         "general elastic metric (1, 1, 1)": GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
@@ -345,8 +349,8 @@ def _learned_distances(bodies: Bodies | LabelledMeshes) -> dict[str, Array]:
         return {}
     space = AlignedSurfaces(bodies.template, equip=False)
     metrics = {
-        "shape": (ElasticMetric(space, a=1.0, lam=1.0, c=0.0), subject),
-        "pose": (ElasticMetric(space, a=0.0, lam=0.0, c=1.0), pose),
+        "shape": (AreaMetric(space), subject),
+        "pose": (RotationMetric(space), pose),
     }
     return {
         task: LearnedMetric(metric).held_out_distances(bodies.points, labels, subject)

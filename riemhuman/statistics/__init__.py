@@ -6,6 +6,7 @@ Means, principal components and geodesic regression are solvers: `rh.FrechetMean
 
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
 from riemhuman.statistics.learned_metric import LearnedMetric
+from riemhuman.statistics.person_metric import PersonMetric
 from riemhuman.statistics.shape_regression import ShapeRegression, regress_shape
 from riemhuman.statistics.two_sample_test import TwoSampleResult, two_sample_test
 
@@ -13,6 +14,7 @@ __all__ = [
     "HierarchicalClustering",
     "KMedoids",
     "LearnedMetric",
+    "PersonMetric",
     "ShapeRegression",
     "TwoSampleResult",
     "regress_shape",

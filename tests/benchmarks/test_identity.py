@@ -44,6 +44,7 @@ def metrics_over(template):
         "(1, 1, 0)": rh.ElasticMetric(space, 1.0, 1.0, 0.0),
         "SRNF": rh.SRNFMetric(space),
         "AreaMetric": rh.AreaMetric(space),
+        "PersonMetric": rh.PersonMetric(space),
     }
 
 

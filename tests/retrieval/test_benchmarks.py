@@ -64,10 +64,10 @@ def test_descriptors_share_what_is_costly(few, monkeypatch):
 
 def test_metrics_by_default(few):
     records = benchmark(few)
-    names = ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "area metric", "SRNF"]
-    names += ["rotation metric", "general elastic metric (1, 1, 1)"]
+    names = ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "area metric"]
+    names += ["person metric", "SRNF", "rotation metric", "general elastic metric (1, 1, 1)"]
     assert [record.representation for record in records] == [name for name in names for _ in "ab"]
-    assert [record.task for record in records] == 6 * ["shape", "pose"]
+    assert [record.task for record in records] == 7 * ["shape", "pose"]
     by_key = {(record.representation, record.task): record for record in records}
     assert by_key[names[0], "shape"].scores.nn == 100.0
     assert by_key[names[1], "pose"].scores.nn == 100.0

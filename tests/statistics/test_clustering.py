@@ -86,8 +86,6 @@ def test_refusals():
     for estimator in (KMedoids(2), HierarchicalClustering(2)):
         with pytest.raises(ArgumentError, match="symmetric.*by 1"):
             estimator.fit(distances + np.eye(17, k=1))
-        with pytest.raises(ArgumentError, match=r"is 1e\+308"):
-            estimator.fit(np.where(np.eye(4), 0.0, 1e308))
     with pytest.raises(ArgumentError, match="n_clusters=18 exceeds the 17 points"):
         KMedoids(18).fit(distances)
     with pytest.raises(ArgumentError, match="n_clusters"):
