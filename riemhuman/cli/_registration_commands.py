@@ -118,13 +118,14 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
     import numpy as np
 
     from riemhuman.io.outputs import files_together
+    from riemhuman.surfaces.measures import share_of_surface
 
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
     scan = rh.registration.load_scan(options.scans, options.unit)
     with options.task(f"Registering {len(scan):,} points"):
         result = registration.solve(scan, landmarks=landmarks)
     median = float(np.median(result.distances[~result.background]))
-    share = float(result.matched.mean())
+    share = share_of_surface(result.points, registration.model.faces, result.matched)
     record = {name: getattr(result, name) for name in ("trusted", "message", "unit")}
     record |= {"scan": options.scans, "median_distance": median, "matched_share": share}
     if options.verbose:
@@ -150,7 +151,7 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
         return cli.Answer(text, record, trusted=False, written=False)
     text = (
         f"{rh.measurements.readable_gap(median, options.units)} from the scan in the median, "
-        f"{100 * share:.0f} % of the vertices matched; scan in {result.unit}, body in metres"
+        f"{100 * share:.0f} % of the body seen; scan in {result.unit}, body in metres"
         f"{_details(options, result)}"
     )
     return cli.Answer(text, record, trusted=result.trusted)

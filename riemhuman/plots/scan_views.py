@@ -1,8 +1,12 @@
-"""A scan over its body: a page to look through it and cut it, and a figure."""
+"""A scan over its body: a page to look through it and cut it, and a figure.
+
+Points outside of a body hide those inside, so that noise alone makes a body look too thin. The body
+itself is therefore coloured, by the mean distance of the scan around each vertex.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,9 +15,10 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import Array, Image, Points, Values
+from riemhuman.arrays import Array, Image, Integers, Points, Values
 from riemhuman.checks import check_instance, real_number
 from riemhuman.checks.labels import text
+from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill
@@ -24,6 +29,7 @@ from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View, Window, pixel_height, view_of, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
+from riemhuman.surfaces.measures import share_of_surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,12 +37,17 @@ if TYPE_CHECKING:
 # Points of a scan on a page: corners of triangles, and loose ones, each drawn as a disc.
 _MOST_CORNERS = 60_000
 _MOST_DISCS = 40_000
-# Ends of the colour scale, in the unit of the distances; the first that covers most is used.
+# Ends of the colour scale, in the unit of the distances; the first that is some times the median
+# distance is used.
 _ENDS: Mapping[str, tuple[float, ...]] = {
-    "mm": (3, 5, 10, 15, 20, 30, 50),
-    "in": (0.1, 0.2, 0.4, 0.6, 0.8, 1.2, 2.0),
+    "mm": (1, 2, 3, 5, 10, 15, 20, 30, 50),
+    "in": (0.04, 0.1, 0.2, 0.4, 0.6, 0.8, 1.2, 2.0),
 }
-_SHARE_WITHIN = 0.97
+_MEDIANS = 3.0
+_N_BARS = 41  # of the histogram, an odd number: the middle one is about 0
+# Of local means: a point weighs as a Gaussian of this deviation says, up to twice as far. Metres.
+_LOCAL_METRES = 0.015
+_FEWEST_POINTS = 3
 _NOT_SEEN = (0.62, 0.68, 0.76)
 # Points that do not belong to the body are shown up to this distance from it, metres.
 _AROUND_METRES = 0.3
@@ -58,6 +69,8 @@ class ScanPanel:
     ----------
     over : ScanOverBody
         As it is drawn: with few enough points.
+    counts : array of int, shape (n_bars,)
+        Numbers of points by their distance, from minus the limit to the limit.
     limit : float
         End of the colour scale, in the unit.
     unit : ReadableUnit
@@ -65,6 +78,7 @@ class ScanPanel:
     """
 
     over: ScanOverBody
+    counts: Integers
     limit: float
     unit: ReadableUnit
     name: str = "scan"
@@ -102,15 +116,60 @@ class ScanPanel:
             identifier=identifier,
             limit=f"{self.limit:g}",
             unit=self.unit.name,
-            colors=SIGNED_COLORS,
+            bars=_bars(self.counts),
             has_unseen=not self.over.seen.all(),
             has_background=bool(self.over.background.any()),
         )
 
     def picture(self, height: int) -> Image:
         """Return the scan, the body and the distances side by side."""
-        pictures, _ = _pictures(self.over, self.limit, self.unit, height)
+        pictures, _ = scan_pictures(self.over, self.limit, self.unit, height)
         return np.concatenate(list(pictures.values()), axis=1)
+
+
+def _bars(counts: Integers) -> list[tuple[float, float, str]]:
+    """Return the left edge and the height of each bar in percent, and its colour."""
+    heights = 100 * counts / max(int(counts.max(initial=0)), 1)
+    colors = np.round(255 * value_colors(np.linspace(-1.0, 1.0, len(counts)), 1.0, signed=True))
+    left_edges = 100 * np.arange(len(counts)) / len(counts)
+    bars = zip(left_edges.round(2).tolist(), heights.round(1).tolist(), colors, strict=True)
+    return [(left, height, _hexadecimal(color)) for left, height, color in bars]
+
+
+def _hexadecimal(color: Array) -> str:
+    red, green, blue = color.astype(int).tolist()
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def local_means(over: ScanOverBody) -> Array:
+    """Return the mean distance of the scan around each vertex of its body, shape (V,), metres.
+
+    It is NaN where the scan has too few points.
+
+    Parameters
+    ----------
+    over : ScanOverBody
+    """
+    foreground = over.chosen(~over.background)
+    feet = foreground.scan_points - foreground.distances[:, np.newaxis] * foreground.normals
+    means = np.full(len(over.points), np.nan)
+    if not len(feet):
+        return means
+    near = cKDTree(over.points).sparse_distance_matrix(
+        cKDTree(feet), 2.0 * _LOCAL_METRES, output_type="coo_matrix"
+    )
+    vertices, points = near.row, near.col
+    # Points of the other thigh, or of the next finger, face elsewhere.
+    facing = vertex_normals(over.points, over.faces)[vertices] * foreground.normals[points]
+    is_same_side = facing.sum(axis=1) > 0
+    vertices, points = vertices[is_same_side], points[is_same_side]
+    weights = np.exp(-0.5 * (near.data[is_same_side] / _LOCAL_METRES) ** 2)
+    n_vertices = len(over.points)
+    sums = np.bincount(vertices, weights * foreground.distances[points], n_vertices)
+    totals = np.bincount(vertices, weights, n_vertices)
+    enough = np.bincount(vertices, minlength=n_vertices) >= _FEWEST_POINTS
+    means[enough] = sums[enough] / totals[enough]
+    return means
 
 
 def _tenths(distances: Array) -> Values:
@@ -137,11 +196,12 @@ def view_scan(
     title: str | None = None,
     system: str = "cm",
 ) -> Viewer:
-    """Return a page with a scan over its body, coloured by its distance from it.
+    """Return a page with a body and its scan, coloured by the distance between them.
 
-    The page has sliders for the opacity of both and for a plane that cuts them. Parts of the body
-    that the scan does not show are hatched. Of larger scans, about 60,000 corners of triangles or
-    40,000 loose points are drawn.
+    The body has the colours of the mean distance of the scan around each vertex; points of the scan
+    have those of their own distances, of which the page has a histogram. Sliders set the opacity of
+    both, and a plane cuts them. Parts of the body that the scan does not show are hatched. Of
+    larger scans, about 60,000 corners of triangles or 40,000 loose points are drawn.
 
     Parameters
     ----------
@@ -167,15 +227,27 @@ def view_scan(
         page_title = page_title or trust
         if scan.message:
             sentences.insert(0, f"{scan.message[0].upper()}{scan.message[1:].rstrip('.')}.")
+    limit = colour_end([_gaps(over)], gap)
+    distances = gap.scale * over.distances[~over.background]
+    counts, _ = np.histogram(np.clip(distances, -limit, limit), _N_BARS, (-limit, limit))
     drawn = _around(over).thinned(_MOST_DISCS if over.scan_faces is None else _MOST_CORNERS)
     if len(drawn.scan_points) < over.n_points:
         sentences.append(f"{len(drawn.scan_points):,} of {over.n_points:,} points are drawn.")
+    body = ViewedBody(
+        "",
+        over.points[None],
+        values=gap.scale * local_means(drawn),
+        value_label=gap.name,
+        value_caption="mean distance of the scan around each place: + outside, − inside the body",
+        value_limit=limit,
+        value_signed=True,
+    )
     return Viewer(
         over.faces,
-        {"Body": [ViewedBody("", over.points[None])]},
+        {"Body": [body]},
         title=page_title or "Scan over its body",
         description=" ".join(sentences),
-        panel=ScanPanel(drawn, _colour_end(over, gap), gap),
+        panel=ScanPanel(drawn, counts, limit, gap),
     )
 
 
@@ -190,9 +262,10 @@ def _sentence(over: ScanOverBody, gap: ReadableUnit) -> str:
     if not len(gaps):
         return "No point of the scan is near the body."
     median, most = np.quantile(gaps, [0.5, 0.95])
+    seen = share_of_surface(over.points, over.faces, over.seen)
     return (
         f"Half of the scan is within {gap.text(median)} {gap.name} of the body, 95 % within "
-        f"{gap.text(most)} {gap.name}; the scan shows {100 * over.seen.mean():.0f} % of the body."
+        f"{gap.text(most)} {gap.name}; the scan shows {100 * seen:.0f} % of the body's surface."
     )
 
 
@@ -204,34 +277,42 @@ def _around(over: ScanOverBody) -> ScanOverBody:
     return over.chosen(is_near)
 
 
-def _colour_end(over: ScanOverBody, gap: ReadableUnit) -> float:
-    """Return a round end of the colour scale, in the unit of the distances."""
-    gaps = _gaps(over)
-    most = gap.scale * float(np.quantile(gaps, _SHARE_WITHIN)) if len(gaps) else 0.0
+def colour_end(gaps: Sequence[Array], gap: ReadableUnit) -> float:
+    """Return a round end of the colour scale of one or several scans, in the unit.
+
+    Parameters
+    ----------
+    gaps : sequence of array
+        Sizes of the distances of each scan from its body, metres.
+    gap : ReadableUnit
+    """
+    medians = [float(np.median(of_scan)) for of_scan in gaps if len(of_scan)]
+    most = _MEDIANS * gap.scale * float(np.median(medians)) if medians else 0.0
     ends = _ENDS[gap.name]
     return float(next((end for end in ends if most <= end), ends[-1]))
 
 
-def _pictures(
+def scan_pictures(
     over: ScanOverBody, limit: float, gap: ReadableUnit, height: int, view: View | None = None
 ) -> tuple[Mapping[str, Image], Window]:
     """Return pictures of the scan, the body and the distances, of one window and one light."""
     view = View() if view is None else view
     foreground = over.chosen(~over.background)
-    window = window_around(np.concatenate([over.points, foreground.scan_points]), view)
-    colors = value_colors(gap.scale * foreground.distances, limit, signed=True)
-    body = np.where(over.seen[:, np.newaxis], SKIN, _NOT_SEEN)
-    colors_of_scan = {"scan": np.broadcast_to(SKIN, colors.shape), "distances": colors}
-    pictures = {}
-    for name, color in colors_of_scan.items():
-        points, faces = foreground.scan_points, foreground.scan_faces
-        if faces is None or not len(faces):
-            picture = points_picture(points, window, height, color, view)
-        else:
-            picture = render(points, faces, height=height, view=view, window=window, color=color)
-        pictures[name] = picture
-    surface = render(over.points, over.faces, height=height, view=view, window=window, color=body)
-    return {"scan": pictures["scan"], "body": surface, "distances": pictures["distances"]}, window
+    points, faces = foreground.scan_points, foreground.scan_faces
+    window = window_around(np.concatenate([over.points, points]), view)
+    if faces is None or not len(faces):
+        scan = points_picture(points, window, height, view=view)
+    else:
+        scan = render(points, faces, height=height, view=view, window=window)
+    colors = {
+        "body": np.where(over.seen[:, np.newaxis], SKIN, _NOT_SEEN),
+        "distances": value_colors(gap.scale * local_means(over), limit, signed=True),
+    }
+    bodies = {
+        name: render(over.points, over.faces, height=height, view=view, window=window, color=color)
+        for name, color in colors.items()
+    }
+    return {"scan": scan, **bodies}, window
 
 
 def plot_scan(
@@ -244,7 +325,8 @@ def plot_scan(
 ) -> Figure:
     """Draw a scan, its body and their distances side by side, from one viewpoint.
 
-    Parts of the body that the scan does not show are blue-grey.
+    Parts of the body that the scan does not show are blue-grey. Distances are means around each
+    vertex of the body.
 
     Parameters
     ----------
@@ -252,8 +334,8 @@ def plot_scan(
         See `riemhuman.registration.lay_over_body`.
     view : View, optional
     limit : float, optional
-        End of the colour scale, in the unit of the distances; by default a round number that
-        exceeds most of them.
+        End of the colour scale, in the unit of the distances; by default a round number of about
+        three times the median.
     height : int
         Pixels.
     system : {"cm", "in"}
@@ -268,10 +350,10 @@ def plot_scan(
     """
     gap = gap_unit(system)
     check_instance(over, "over", ScanOverBody, "a scan over its body")
-    end = _colour_end(over, gap)
+    end = colour_end([_gaps(over)], gap)
     if limit is not None:
         end = real_number(limit, "limit", minimum=0.0, strict=True)
-    pictures, window = _pictures(over, end, gap, pixel_height(height), view_of(view))
+    pictures, window = scan_pictures(over, end, gap, pixel_height(height), view_of(view))
     figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.2)
     axes = figure.subplots(1, 3)
     gaps = _gaps(over)
@@ -287,8 +369,13 @@ def plot_scan(
         ax.set_title(titles[name], fontsize=10, pad=8)
     if not over.seen.all():
         axes[1].text(
-            0.5, -0.01, "blue-grey: not seen", transform=axes[1].transAxes, ha="center", va="top",
+            0.5,
+            -0.01,
+            "blue-grey: not scanned",
+            transform=axes[1].transAxes,
+            ha="center",
+            va="top",
             fontsize=9,
-        )  # fmt: skip
-    draw_bar(axes[2], -end, end, f"outside of the body, {gap.name}")
+        )
+    draw_bar(axes[2], -end, end, f"scan outside (+) or inside (−) the body, {gap.name}")
     return figure

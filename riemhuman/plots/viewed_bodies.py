@@ -73,6 +73,8 @@ class ViewedBody:
         What the values or their signs mean, below the colour scale.
     value_limit : float, optional
         Value of the last colour, such as one that several bodies share.
+    value_signed : bool, optional
+        Whether the scale goes to both sides of 0; by default if some values are negative.
     components : ComponentChanges, optional
         What the sliders of `view_components` change about the only surface in `frames`.
     times : array, shape (n,), optional
@@ -94,6 +96,7 @@ class ViewedBody:
     value_label: str = ""
     value_caption: str = ""
     value_limit: float | None = None
+    value_signed: bool | None = None
     components: ComponentChanges | None = None
     times: Array | None = None
     track: Array | None = None
@@ -190,6 +193,8 @@ class ViewedBody:
     @property
     def signed(self) -> bool:
         """Whether some values are negative; the first colour then belongs to minus the limit."""
+        if self.value_signed is not None:
+            return self.value_signed
         return self.values is not None and has_sign(self.values)
 
 

@@ -30,6 +30,7 @@ from riemhuman.registration.registered_scans import RegisteredScan, apply_transf
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_scan
 from riemhuman.solvers.results import Result, interruptible
+from riemhuman.surfaces.measures import share_of_surface
 from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
@@ -70,7 +71,7 @@ class ScanRecord:
     median_distance : float
         Median distance of the scan's points from the body, metres.
     matched_share : float
-        Share of the vertices that match the scan.
+        Share of the surface of the body that the scan shows.
     arrays : dict of str to array
         The arrays of `RegisteredScan` in the axes of the scan, faces, and some points of the scan
         with their distances; empty if the scan could not be registered.
@@ -307,7 +308,7 @@ def _record(name: str, result: RegisteredScan, scan: Scan) -> ScanRecord:
         message=result.message,
         likelihood=result.likelihood,
         median_distance=float(np.median(result.distances[seen])),
-        matched_share=float(result.matched.mean()),
+        matched_share=share_of_surface(result.points, result.faces, result.matched),
         arrays=arrays,
     )
 

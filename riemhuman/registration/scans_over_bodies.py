@@ -19,6 +19,7 @@ from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration.folders import ScanRecord
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
 from riemhuman.registration.scans import as_scan
+from riemhuman.surfaces.measures import share_of_surface
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
 
 # Points of the scan that are placed roughly, and then precisely.
@@ -206,7 +207,7 @@ class ScanOverBody:
         return (
             f"<ScanOverBody: {self.n_points} points, {np.median(millimetres):.1f} mm median "
             f"distance, "
-            f"{100 * self.seen.mean():.0f} % of the vertices seen>"
+            f"{100 * share_of_surface(self.points, self.faces, self.seen):.0f} % of the body seen>"
         )
 
     def chosen(self, kept: Booleans) -> ScanOverBody:

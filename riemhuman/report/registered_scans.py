@@ -10,25 +10,19 @@ from urllib.parse import quote
 
 import numpy as np
 
-from riemhuman.arrays import Booleans, Points, Triangles
 from riemhuman.io.files import convert_errors, write_text
 from riemhuman.measurements import readable_gap
-from riemhuman.plots.figures import VALUE_COLORS, value_colors
-from riemhuman.plots.rendering import image_source, points_picture, render
-from riemhuman.plots.scan_views import view_scan
+from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
+from riemhuman.plots.figures import SIGNED_COLORS
+from riemhuman.plots.rendering import image_source
+from riemhuman.plots.scan_views import colour_end, scan_pictures, view_scan
 from riemhuman.plots.viewer import web_file
-from riemhuman.plots.windows import View, window_around
-from riemhuman.registration import ScanRecord, read_records
-from riemhuman.registration.registered_scans import apply_transform
+from riemhuman.registration import ScanRecord, lay_over_body, read_records
 from riemhuman.report._page import Image, Section, fill, page
-from riemhuman.surfaces import triangle_areas
+from riemhuman.surfaces.measures import share_of_surface
 
-_LARGEST_METRES = 0.02  # distance of the last colour, also used for larger distances
 _HEIGHT = 300  # pixels
 _VIEWS = "views"  # folder of the pages of scans over their bodies
-# Colours of parts of a body without and with a counterpart in its scan.
-_UNMATCHED = (0.62, 0.68, 0.76)
-_MATCHED = (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
@@ -94,18 +88,21 @@ def scan_section(
     def gap(metres: float) -> str:
         return readable_gap(metres, units)
 
+    unit = gap_unit(units)
+    gaps = [np.abs(record.arrays["shown_distances"]) for record in records if record.arrays]
+    limit = colour_end(gaps, unit)
     html = fill(
         "scans",
         css=web_file("report", "scans.css"),
-        records=[(record, _pictures(record)) for record in records],
+        records=[(record, _pictures(record, limit, unit)) for record in records],
         views=views or {},
         badge=_badge,
         shown_share=shown_share,
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
-        colors=VALUE_COLORS,
+        colors=SIGNED_COLORS,
         gap=gap,
-        largest=_LARGEST_METRES,
+        limit=f"{limit:g} {unit.name}",
     )
     return Section("scans", "Scans and their bodies", "Scans", html)
 
@@ -131,35 +128,18 @@ def shown_share(record: ScanRecord) -> float:
     return share_of_surface(arrays["points"], arrays["faces"], arrays["matched"])
 
 
-def share_of_surface(points: Points, faces: Triangles, chosen: Booleans) -> float:
-    """Return the share of a surface around some of its vertices, of which hands have many."""
-    areas = triangle_areas(points, faces)
-    return float(areas @ chosen[faces].mean(axis=1) / areas.sum())
-
-
-def _pictures(record: ScanRecord) -> list[tuple[Image, str]]:
+def _pictures(record: ScanRecord, limit: float, gap: ReadableUnit) -> list[tuple[Image, str]]:
     """Return pictures of the scan, the body and the distances, at one scale and in one light."""
     if not record.arrays:
         return []
-    transform = record.arrays["transform"]
-    body = apply_transform(transform, record.arrays["points"])
-    scan = apply_transform(transform, record.arrays["shown"])
-    faces = record.arrays["faces"]
-    view = View()
-    window = window_around(np.concatenate([body, scan]), view)
-    is_matched = np.any(record.arrays["matched"][faces], axis=1)
-    colors = np.where(is_matched[:, np.newaxis], _MATCHED, _UNMATCHED)
-    errors = value_colors(record.arrays["shown_distances"], _LARGEST_METRES)
-    surface = render(body, faces, height=_HEIGHT, view=view, window=window, color=colors)
-    pictures = {
-        f"points of the scan {record.name}": points_picture(scan, window, _HEIGHT),
-        f"body registered to the scan {record.name}": surface,
-        f"distances of the scan {record.name} from its body": points_picture(
-            scan, window, _HEIGHT, errors
-        ),
+    pictures, _ = scan_pictures(lay_over_body(record), limit, gap, _HEIGHT)
+    titles = {
+        "scan": f"points of the scan {record.name}",
+        "body": f"body registered to the scan {record.name}",
+        "distances": f"mean distances of the scan {record.name} from its body",
     }
     images = []
-    for alt, picture in pictures.items():
+    for name, picture in pictures.items():
         height, width = picture.shape[:2]
-        images.append((Image(image_source(picture), width, height), alt))
+        images.append((Image(image_source(picture), width, height), titles[name]))
     return images

@@ -24,7 +24,6 @@ from riemhuman.report._sheet_making import average_for, content_for, library_ver
 from riemhuman.report._sheet_page import sheet_page
 from riemhuman.report._sheet_subjects import subject_of_record, subject_of_scan
 from riemhuman.report.printing import find_browser
-from riemhuman.report.registered_scans import share_of_surface
 from riemhuman.report.sheet_values import (
     SheetRow,
     SheetSubject,
@@ -32,6 +31,7 @@ from riemhuman.report.sheet_values import (
     values_of,
     with_changes,
 )
+from riemhuman.surfaces.measures import share_of_surface
 
 _MOST_POINTS = 12_000  # of a scan that are drawn
 

@@ -105,6 +105,12 @@ def body_size(surface: Points, faces: Triangles | None) -> tuple[float, float]:
     return extent, volume if abs(volume) > _FLAT * extent**3 else np.nan
 
 
+def share_of_surface(points: Points, faces: Triangles, chosen: Booleans) -> float:
+    """Return the share of a surface around some of its vertices, of which hands have many."""
+    areas = triangle_areas(points, faces)
+    return float(areas @ chosen[faces].mean(axis=1) / areas.sum())
+
+
 def is_closed(faces: Triangles) -> bool:
     """Return whether every edge belongs to two triangles, which pass it in opposite directions.
 

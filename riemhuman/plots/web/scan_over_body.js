@@ -44,7 +44,7 @@ if (hatchWidth > 0.0 && isUnseen > 0.5) {
 }
 if (beforeCut < 2.0 * fwidth(beforeCut)) diffuseColor = vec4(edgeColor, 1.0);`);
   };
-  material.customProgramCacheKey = () => "cut and hatch";
+  material.customProgramCacheKey = () => `cut and hatch ${before}`;
 }
 
 // Squares at points, perpendicular to their normals; the shader cuts them to discs.
@@ -230,13 +230,13 @@ class ScanOverBody extends Panel {
       const distance = this.distances[point];
       const where = distance < 0 ? "inside" : "outside";
       const { digits, name } = this.data.unit;
-      const part = text.replace(/^Body: /, "");
-      const ofBody = part && hit ? ` (${part})` : "";
+      const part = hit && this.viewer.parts ? this.viewer.parts.names[this.viewer.parts.numbers[hit.face]] : "";
+      const ofBody = part ? ` (${part})` : "";
       return `${Math.abs(distance).toFixed(digits)} ${name} ${where} the body${ofBody}`;
     }
     if (!onBody) return "";
     const isUnseen = !this.seen[onBody.face.a];
-    return isUnseen ? [text, "not seen by the scan"].filter(Boolean).join(", ") : text;
+    return isUnseen ? [text, "not scanned"].filter(Boolean).join(", ") : text;
   }
 
   isBeforeCut(mesh, point) {

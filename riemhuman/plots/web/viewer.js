@@ -133,9 +133,10 @@ class Viewer {
     this.sliders.choose(bodies);
     this.bars.choose(bodies);
     this.trail.choose(bodies);
-    this.panel.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
+    // Labels make the colours of values, over which panels draw.
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
+    this.panel.choose(bodies);
     this.hideHint();
     this.seek(this.time);
     this.resize();

@@ -3,6 +3,7 @@
 "use strict";
 
 const NARROWEST = 0.02; // least distance between the ends, as a share of the bar
+const MOST_ENDS = 2; // how far the ends can be moved, in first ends
 const N_LINES = 10; // approximate number between the ends
 
 const LINE_VERTEX = "#include <begin_vertex>\nreading = value;";
@@ -54,6 +55,7 @@ class ValueScale {
     body.values.forEach((value) => {
       if (!Number.isNaN(value)) largest = Math.max(largest, Math.abs(value));
     });
+    largest = Math.min(largest, MOST_ENDS * body.largest || largest);
     this.limits = [this.signed ? -largest : 0, largest];
     this.first = [this.signed ? -body.largest : 0, body.largest];
     this.ends = this.first;
