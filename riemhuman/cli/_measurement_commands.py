@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from riemhuman.errors import ArgumentError, counted
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord
     from riemhuman.measurements import BodySizes, Measurements, VisitComparison
+    from riemhuman.measurements.readable_units import ReadableUnit
 
 _MOST_COLUMNS = 5
 
@@ -115,7 +117,7 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
     lines = [f"{'':{width}}  {titles}"]
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
-        shown_unit = rh.measurements.readable_unit(unit, system)
+        shown_unit = _shown_unit(unit, system)
         numbers = " ".join(shown_unit.text(value, w) for value, w in values)
         lines.append(f"{name:{width}}  {numbers} {shown_unit.name}")
     if len(files) > len(shown):
@@ -189,8 +191,9 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "area_distance": people.distance,
         "usual_area_distances": vars(people.usual),
     }
-    count = len(result.names)
-    gaps = [rh.measurements.readable_gap(1e-3 * end, options.units) for end in (least, most)]
+    count, share = len(result.names), 100 * result.areas_significant.mean()
+    ends = (max(-least, 0.0), max(most, 0.0))
+    gaps = [rh.measurements.readable_gap(1e-3 * end, options.units) for end in ends]
     lines = [
         *_table_of_changes(result, options.units),
         *reasons,
@@ -199,8 +202,8 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
             f"expect about {result.expected_by_chance:.1f} false alarms among {count}"
         ),
         *([advice] if advice else []),
-        f"surface moved outward by {gaps[0]} to {gaps[1]}",
-        f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
+        f"surface change: {gaps[0]} inward to {gaps[1]} outward",
+        f"triangles that changed area by more than noise: {share:.0f} %",
     ]
     return cli.Answer("\n".join(lines), record)
 
@@ -226,12 +229,20 @@ def _changes(result: VisitComparison) -> list[_Change]:
     return rows
 
 
+def _shown_unit(unit: str, system: str) -> ReadableUnit:
+    """Return a unit for readers; centimetres have one decimal, since noise is larger than that."""
+    readable = rh.measurements.readable_unit(unit, system)
+    if readable.name != "cm":
+        return readable
+    return dataclasses.replace(readable, digits=1)
+
+
 def _table_of_changes(result: VisitComparison, system: str) -> list[str]:
     """Return the printed table of two visits, in everyday units."""
     width = max(map(len, result.names))
     lines = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
     for name, si_unit, before, after, change, threshold, is_significant in _changes(result):
-        unit = rh.measurements.readable_unit(si_unit, system)
+        unit = _shown_unit(si_unit, system)
         numbers = " ".join(
             [
                 unit.text(before, 9),

@@ -1,6 +1,6 @@
 """Where two bodies differ: signed millimetres along the normal, or a metric's density.
 
-Both bodies are coloured, each compared with the other.
+The first body is plain, and the second is coloured by where it differs.
 """
 
 from __future__ import annotations
@@ -55,16 +55,6 @@ class _Difference:
     is_standard: bool  # whether they are in the standard pose
     panel: Panel | None = None
 
-    def outside(self, scale: float) -> tuple[Array, Array]:
-        """Return how far each body is outside of the other, along its normals, in a unit.
-
-        The second is outside along the normals of the first, as `VisitComparison` has it.
-        """
-        first, second = self.surfaces
-        back = np.sum((first - second) * vertex_normals(second, self.faces), axis=1)
-        is_seen = np.isfinite(self.displacements)
-        return scale * np.where(is_seen, back, np.nan), scale * self.displacements
-
 
 def view_difference(
     point_a: object,
@@ -77,11 +67,11 @@ def view_difference(
     title: str | None = None,
     system: str = "cm",
 ) -> Viewer:
-    """Return a page with two bodies side by side, each coloured by where it differs.
+    """Return a page with two bodies side by side, the second coloured by where it differs.
 
-    One choice of the page is how far the surface of each is outside (+) or inside (−) of the
-    other, in millimetres along normals, on one scale; the other what each place adds to the
-    squared distance under a metric, which is the same on both. Bodies of a body model with
+    One choice of the page is how far its surface is outside (+) or inside (−) of the first, in
+    millimetres along normals; the other what each place adds to the squared distance under a
+    metric. Bodies of a body model with
     measurements are brought to the standard pose, and their measurements are listed with the
     changes and the noise of changes; others stand as they are, the second moved onto the first by
     Procrustes analysis.
@@ -112,33 +102,29 @@ def view_difference(
     titles = _two_names(names)
     page_title = None if title is None else text(title, "title")
     difference = _difference(point_a, point_b, faces, measurements, titles, system)
-    outside = difference.outside(gap.scale)
+    outside = gap.scale * difference.displacements
     density = _density(difference, metric)
-    lengths = []
-    densities = []
-    for k, (name, other) in enumerate(zip(titles, reversed(titles), strict=True)):
-        surface = difference.surfaces[k][np.newaxis]
-        lengths.append(
-            ViewedBody(
-                name,
-                surface,
-                values=outside[k],
-                value_label=gap.name,
-                value_caption=f"+ outside of {other}, − inside",
-                value_limit=colour_limit(np.concatenate(outside)),
-            )
-        )
-        densities.append(
-            ViewedBody(
-                name,
-                surface,
-                values=density,
-                value_label="per m²",
-                value_caption="share of the squared distance",
-                value_limit=colour_limit(density),
-            )
-        )
-    choices = {_LENGTHS[system]: lengths, _DENSITY: densities}
+    before, after = (surface[np.newaxis] for surface in difference.surfaces)
+    first, second = titles
+    plain = ViewedBody(first, before)
+    lengths = ViewedBody(
+        second,
+        after,
+        values=outside,
+        value_label=gap.name,
+        value_caption=f"+ outside {first}, − inside",
+        value_limit=colour_limit(outside),
+        value_signed=True,
+    )
+    densities = ViewedBody(
+        second,
+        after,
+        values=density,
+        value_label="per m²",
+        value_caption=f"share of the squared distance from {first}",
+        value_limit=colour_limit(density),
+    )
+    choices = {_LENGTHS[system]: [plain, lengths], _DENSITY: [plain, densities]}
     return Viewer(
         difference.faces,
         choices,
@@ -160,9 +146,9 @@ def plot_difference(
     height: int = 640,
     system: str = "cm",
 ) -> Figure:
-    """Draw two bodies side by side, each coloured by where it differs, in millimetres or inches.
+    """Draw two bodies side by side, the second coloured by where it differs from the first.
 
-    Both are of one scale, on one floor, and share the scale of the colours.
+    Both are of one scale, on one floor.
 
     Parameters
     ----------
@@ -182,7 +168,8 @@ def plot_difference(
     gap = gap_unit(system)
     titles = _two_names(names)
     difference = _difference(point_a, point_b, faces, measurements, titles)
-    values = np.stack(difference.outside(gap.scale))
+    outside = gap.scale * difference.displacements
+    values = np.stack([np.zeros_like(outside), outside])  # the colour of 0 is that of skin
     figure = new_figure(7.2, 4.8)
     plot_path(
         np.stack(difference.surfaces),
@@ -190,7 +177,7 @@ def plot_difference(
         values,
         largest=colour_limit(values),
         labels=titles,
-        label=f"+ outside of the other body, − inside, {gap.name}",
+        label=f"{titles[1]} outside (+) or inside (−) {titles[0]}, {gap.name}",
         view=view,
         ax=figure.subplots(),
         height=height,
@@ -215,7 +202,7 @@ def _description(difference: _Difference, names: tuple[str, str], gap: ReadableU
     description = (
         f"{pose}, half of the surface of {names[1]} is within {median:.3g} {gap.name} of that of "
         f"{names[0]}; it is up to {inside:.3g} {gap.name} inside and {outside:.3g} {gap.name} "
-        "outside. On each body, + means outside the other body and − inside it."
+        "outside."
     )
     if not is_seen.all():
         unseen = 100.0 * (1.0 - is_seen.mean())

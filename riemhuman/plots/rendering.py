@@ -157,7 +157,8 @@ def _with_eyes(
     if np.ndim(color) == 1:
         eye_colors = eyes.shares()[eyes.faces(0)][..., None] * _linear(color)
     else:
-        eye_colors = eyes.socket_colors(corner_colors, faces)
+        shares = eyes.shares()[eyes.faces(0)][..., None]
+        eye_colors = shares * eyes.socket_colors(corner_colors, faces)
     return (
         np.concatenate([vertices, eyes.points(vertices)]),
         np.concatenate([faces, eyes.faces(len(vertices))]),

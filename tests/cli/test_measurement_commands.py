@@ -120,7 +120,7 @@ def test_two_visits(run, scans, bodies, measurements, tmp_path):
     by_chance = pytest.approx(0.0455 * len(measurements.names), rel=1e-3)
     assert record["expected_beyond_threshold_by_chance"] == by_chance
     finished = run("compare", *files, "-o", tmp_path / "changes.csv", "--only", "stature")
-    assert "surface moved outward by" in finished.out
+    assert "surface change: " in finished.out
     assert "of 1 exceed their thresholds; expect about" in finished.out
     with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as file:
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
@@ -191,14 +191,14 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     assert row["unit"] == "m"
     shown = [float(number) for number in line.split()[1:5]]
     stored = [100 * float(row[key]) for key in ("before", "after", "change", "threshold")]
-    np.testing.assert_allclose(shown, stored, atol=0.0051)
+    np.testing.assert_allclose(shown, stored, atol=0.051)
     outward = json.loads(run(*changes, "--json").out)["outward_millimetres"]
     for system, size in {"cm": 1.0, "in": 25.4}.items():
         said = run(*changes, "--units", system).out
-        (line,) = [line for line in said.splitlines() if line.startswith("surface moved outward")]
-        low, unit, _, high, _ = line.split("by ")[1].split()
+        (line,) = [line for line in said.splitlines() if line.startswith("surface change")]
+        inward, unit, _, _, high, *_ = line.split(": ")[1].split()
         assert unit == {"cm": "mm", "in": "in"}[system]
-        assert [float(low), float(high)] == pytest.approx(
+        assert [-float(inward), float(high)] == pytest.approx(
             [outward["least"] / size, outward["most"] / size], abs=0.051 / size
         )
 

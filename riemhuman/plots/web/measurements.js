@@ -3,7 +3,7 @@
 "use strict";
 
 const TUBE = { thin: 0.0016, thick: 0.0045, sides: 6 }; // radii in metres
-const LINE_COLOR = { light: "#1f5f99", dark: "#124a7d" };
+const LINE_COLOR = { plain: "#1f5f99", onValues: "#16181c" }; // blue is a value
 const LIT_COLOR = "#d1105a";
 const NEAR_LINE = 9; // pixels
 const BEHIND_SKIN = 0.03; // metres: lines a little inside the body still count as in front of it
@@ -105,7 +105,7 @@ class MeasurementList extends Panel {
       (line) => line.map((value, i) => value - body.centre[i % 3]),
     ));
     const meshes = local.map((lines) => {
-      const material = new THREE.MeshStandardMaterial({ color: LINE_COLOR.light, roughness: 0.9 });
+      const material = new THREE.MeshStandardMaterial({ color: body.values ? LINE_COLOR.onValues : LINE_COLOR.plain, roughness: 0.9 });
       const mesh = new THREE.Mesh(tubesAlong(lines, TUBE.thin), material);
       body.mesh.add(mesh);
       return mesh;

@@ -68,7 +68,7 @@ class Eyes {
     });
   }
 
-  // Draw pupils on a plain body; if values colour the body, use the mean colour of the socket.
+  // Draw pupils; if values colour the body, in the mean colour of the socket.
   paint() {
     const { geometry, values } = this.body;
     this.meshes.forEach((mesh) => {
@@ -78,7 +78,7 @@ class Eyes {
       ) / mesh.userData.socket.length;
       const around = values && [0, 1, 2].map((k) => mean(geometry.attributes.color, k));
       color.array.forEach((_, i) => {
-        color.array[i] = around ? around[i % 3] : this.shares[Math.floor(i / 3)] / 255;
+        color.array[i] = (around ? around[i % 3] : 1) * this.shares[Math.floor(i / 3)] / 255;
       });
       color.needsUpdate = true;
       if (value && geometry.attributes.value) {
