@@ -23,12 +23,14 @@ def _leave(number: int, frame: FrameType | None) -> None:
 def _open_closed_streams() -> None:
     """Open the standard streams that the caller closed, as in ``riemhuman ... >&-``, on nothing.
 
-    Each takes the lowest free descriptor, its own, so that no file of results gets that.
+    Each takes the lowest free descriptor, its own, so that no file of results gets that. What is
+    written to standard output fails, as it would have without this.
     """
     if sys.stdin is None:
         sys.stdin = open(os.devnull, encoding="utf-8")  # noqa: SIM115
     if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+        read_only = os.open(os.devnull, os.O_RDONLY)
+        sys.stdout = open(read_only, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 

@@ -120,7 +120,9 @@ def _run(words: Sequence[str]) -> int:
                 f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"
             )
         return _NOT_DONE
-    sys.stdout.write(f"{_text(answer, options)}\n")
+    is_closed = sys.__stdout__ is None  # by a caller who wants nothing but files
+    if not (is_closed and answer.written and options.written):
+        sys.stdout.write(f"{_text(answer, options)}\n")
     return _NOT_TRUSTED if unconverged or not answer.trusted else _DONE
 
 

@@ -111,7 +111,7 @@ class NearestNeighbors(Estimator):
         check_metric(self.metric)
         whole_number(self.n_neighbors, "n_neighbors", minimum=1)
         thread_count(self.n_jobs)
-        if length_of(X, "X") == 0:
+        if self._number_of_points(X) == 0:
             raise ArgumentError("X must hold at least one point; found none")
         one_of(self.algorithm, "algorithm", _ALGORITHMS)
         whole_number(self.n_components, "n_components", minimum=0)
@@ -126,6 +126,15 @@ class NearestNeighbors(Estimator):
             if np.mean(n_compared) > (1.0 - _LEAST_EXCLUDED) * len(X):
                 self._projection = None
         return self
+
+    def _number_of_points(self, X: Sequence[Array] | Array) -> int:
+        shape = self.metric.space.shape
+        if getattr(X, "shape", None) == shape:
+            raise ArgumentError(
+                f"X must hold several points, shape (n, {', '.join(map(str, shape))}); found one, "
+                f"of shape {shape}: pass X[np.newaxis]"
+            )
+        return length_of(X, "X")
 
     def kneighbors(
         self,
@@ -167,7 +176,7 @@ class NearestNeighbors(Estimator):
                 f"n_neighbors must be at least 1 and at most {n_others}, the number of other "
                 f"points; found {k}"
             )
-        n_queries = n_points if X is None else length_of(X, "X")
+        n_queries = n_points if X is None else self._number_of_points(X)
         if candidates is not None:
             candidates = integer_array(candidates, "candidates", (n_queries, "m"))
             if candidates.size and not 0 <= candidates.min() <= candidates.max() < n_points:

@@ -159,6 +159,18 @@ def test_streams_that_the_caller_closed(scans, tmp_path, descriptors):
     assert "distances" in riemhuman.io.load_arrays(table, ["distances"])
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="descriptors of Unix")
+def test_an_answer_without_a_place_is_no_success(scans):
+    finished = subprocess.run(
+        [*COMMAND, "info", scans / "labels.csv"],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: os.close(1),
+    )
+    assert finished.returncode == 2
+    assert "standard output cannot be written: Bad file descriptor" in finished.stderr
+
+
 # The terminal closes while the result is written: nothing can be said from then on, or it can,
 # where only the signal was sent.
 _HANG_UP = """
