@@ -115,6 +115,8 @@ def _run(words: Sequence[str]) -> int:
         elif isinstance(error, MemoryError):
             details = f": {error}" if str(error) else ""
             terminal.note(f"not enough memory; use fewer or coarser meshes{details}")
+        elif isinstance(error, OSError) and error.strerror and error.filename:
+            terminal.note(f"{error.filename}: {error.strerror}")  # such as a name that is too long
         else:
             terminal.note(
                 f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"

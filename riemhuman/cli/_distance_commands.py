@@ -13,7 +13,6 @@ from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._readable_units import UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, counted
-from riemhuman.io.label_tables import without_ending
 from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
@@ -426,6 +425,8 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
+    from riemhuman.io.label_tables import without_ending
+
     distances, names, labels = _read_matrix(options)
     item_names = None
     meshes = None
@@ -486,6 +487,8 @@ def _meaning(
 
 def _meshes_of(names: Sequence[str], folder: Path) -> RegisteredMeshes:
     """Return the meshes of a matrix, which a folder holds, in its order."""
+    from riemhuman.io.label_tables import without_ending
+
     files = {without_ending(file.name): file for file in rh.datasets.find_meshes(folder)}
     missing = [name for name in names if without_ending(name) not in files]
     if missing:
@@ -506,6 +509,8 @@ def _map_page(
     scale: str,
 ) -> None:
     """Write a map as a page."""
+    from riemhuman.io.label_tables import without_ending
+
     if meshes is None:
         raise ArgumentError("a page of a map shows bodies: give their folder with --bodies")
     rh.plots.view_map(
@@ -550,6 +555,9 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     for place in (options.bodies, options.faust, options.dfaust, options.scans):
         if place is not None and not place.exists():
             raise FileError(f"there is no file or folder {place}")
+    from riemhuman.io.outputs import absolute
+
+    absolute(options.output)  # before the work, not after it
     _check_body_set(options)
     import_matplotlib(extra="report")  # before the work, not after it
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)

@@ -34,37 +34,18 @@ _POINT_CLOUDS = {
 _OF_SYSTEMS = (".DS_Store", "Thumbs.db", "desktop.ini", ".directory")
 # Some errors quote a whole file.
 _LONGEST_MESSAGE = 300
-_NEIGHBOUR = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?(\.lock|\.replaced)?")
-# Bytes of the name of a file or folder.
-_LONGEST_NAME = 255
+_NEIGHBOUR = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.[^.]*)?")
 
 
 def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "file") -> Path:
     """Return a path; ``~`` is the user's home, and `name` and `kind` are for messages."""
     try:
         # `Path.expanduser` would refuse a file ~anna.ply where there is no user anna.ply.
-        place = Path(os.path.expanduser(path))
+        return Path(os.path.expanduser(path))
     except TypeError as error:
         raise ArgumentTypeError(
             f"{name} must be the path of a {kind}; found {shown(path)}"
         ) from error
-    if "\0" in str(place):
-        raise FileError(
-            f"{name} must be the path of a {kind}; found a null character in {shown(path)}"
-        )
-    try:
-        longest = max(map(len, map(os.fsencode, place.parts)), default=0)
-    except UnicodeEncodeError as error:
-        raise FileError(
-            f"{name} must be the path of a {kind}; found {shown(path)}, a name that the file "
-            f"system cannot hold: {error}"
-        ) from error
-    if longest > _LONGEST_NAME:
-        raise FileError(
-            f"{name} must be the path of a {kind}; found a name of {longest} bytes, but file "
-            f"systems allow at most {_LONGEST_NAME}: {short_message(ValueError(place))}"
-        )
-    return place
 
 
 def suffix_of(file: Path, suffixes: Collection[str]) -> str:
@@ -101,7 +82,7 @@ def read_bytes(file: Path) -> bytes:
     check_file(file)
     try:
         return file.read_bytes()
-    except (OSError, MemoryError) as error:
+    except OSError as error:
         raise FileError(f"{file} cannot be read: {short_message(error)}") from error
 
 
@@ -172,7 +153,7 @@ def neighbour(path: Path) -> Path:
 
 
 def is_being_written(name: str) -> bool:
-    """Return whether a hidden name is one by `neighbour`, or that of its lock."""
+    """Return whether a hidden name is one by `neighbour`."""
     return _NEIGHBOUR.fullmatch(name) is not None
 
 

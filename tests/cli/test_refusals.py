@@ -116,7 +116,9 @@ def test_a_name_that_no_file_system_allows_is_no_fault_of_the_output(refused):
     name = 300 * "a" + ".ply"
     for arguments in (["info", name], ["dist", name, name], ["view", name, "-o", "page.html"]):
         said = refused(*arguments)
-        assert said.startswith("riemhuman: path must be the path of a file; found a name of 304")
+        assert "a.ply" in said
+        assert "File name too long" in said
+        assert "unexpected" not in said
 
 
 def test_a_name_does_nothing_to_the_terminal(refused):

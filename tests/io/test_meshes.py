@@ -425,7 +425,7 @@ def test_places_of_files(mesh, tmp_path, monkeypatch):
     assert_reads(Path("~/body.ply"), mesh)
     with pytest.raises(FileError, match=r"there is no file .*none\.ply"):
         load_mesh(tmp_path / "none.ply")
-    with pytest.raises(FileError, match="a name of 304 bytes"):
+    with pytest.raises(FileError, match="(?i)name too long"):
         load_mesh("n" * 300 + ".ply")
     with pytest.raises(FileError, match="is a folder"):
         load_mesh(tmp_path)

@@ -3,9 +3,7 @@
 import errno
 import os
 import re
-import shutil
 import stat
-import subprocess
 import sys
 from pathlib import Path
 
@@ -136,38 +134,6 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o700
 
 
-WRITE = """
-import sys
-from pathlib import Path
-from riemhuman.io.outputs import atomic_folder
-with atomic_folder(Path(sys.argv[1])) as temporary:
-    (temporary / "time_0").touch()
-    print("begun", flush=True)
-    sys.stdin.read()
-"""
-
-
-@pytest.mark.parametrize("other", ["path", "other"])
-def test_what_a_killed_writer_left_is_removed(tmp_path, other):
-    """By the next writer of this folder or of one beside it, and not while the writer lives."""
-    command = [sys.executable, "-c", WRITE, str(tmp_path / "path")]
-    writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert writer.stdout.readline() == "begun\n"
-    (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
-    with atomic_folder(tmp_path / "first", CONTENT) as temporary:
-        (temporary / "time_0").touch()
-    assert (hidden / "time_0").exists()
-    writer.kill()
-    writer.communicate()
-    assert hidden.exists()
-    with (
-        pytest.warns(UserWarning, match=f"killed process had left in .*: {re.escape(hidden.name)}"),
-        atomic_folder(tmp_path / other, CONTENT) as temporary,
-    ):
-        (temporary / "time_0").touch()
-    assert {place.name for place in tmp_path.iterdir()} == {"first", other}
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of Unix")
 @pytest.mark.parametrize("is_link", [False, True])
 def test_pipes_and_devices_are_not_replaced(tmp_path, is_link):
@@ -187,127 +153,23 @@ def test_a_link_is_written_where_it_points(tmp_path):
         check_output_file(tmp_path / "link.npz", [".npz"], force=True)
 
 
-# The last two share the first letters of their names, which hidden names begin with.
-@pytest.mark.parametrize("other", ["path", "other", "path.v2", "p" * 50])
-def test_a_folder_that_was_to_be_replaced_is_put_back(tmp_path, monkeypatch, other):
-    """Where its writer was killed between two renames, by the writer of any folder beside it."""
-    path = tmp_path / ("p" * 51 if other == "p" * 50 else "path")
-    path.mkdir()
-    (path / "time_0").write_text("old")
-    copy = tmp_path / "copy"
-    rename = os.rename
-
-    def copy_all(source, target):
-        if target == path:  # the second rename: what a kill would leave
-            copy.mkdir()
-            for place in tmp_path.glob(".*"):
-                if place.is_dir():
-                    shutil.copytree(place, copy / place.name)
-                else:
-                    (copy / place.name).touch()
-        rename(source, target)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "rename", copy_all)
-        with atomic_folder(path, CONTENT) as temporary:
-            (temporary / "time_0").write_text("new")
-    thesis = copy / ".thesis.part.lock"
-    thesis.touch()
-    with (
-        pytest.raises(KeyboardInterrupt),
-        pytest.warns(UserWarning, match="killed") as warned,
-        atomic_folder(copy / other, CONTENT),
-    ):
-        raise KeyboardInterrupt
-    assert any(f": {path.name}" in str(warning.message) for warning in warned)
-    assert {place.name for place in copy.iterdir()} == {path.name, thesis.name}
-    assert (copy / path.name / "time_0").read_text() == "old"
-
-
-def test_an_interruption_between_two_renames_leaves_the_old_folder(tmp_path, monkeypatch):
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_a_folder_that_cannot_be_moved_leaves_the_old_one(tmp_path, monkeypatch, error):
     path = tmp_path / "path"
     path.mkdir()
     (path / "time_0").write_text("old")
     rename = os.rename
 
-    def interrupted(source, target):
+    def stopped(source, target):
+        if target == path and (source / "time_0").read_text() == "new":
+            raise error
         rename(source, target)
-        if source == path:
-            raise KeyboardInterrupt
 
-    monkeypatch.setattr(os, "rename", interrupted)
-    with pytest.raises(KeyboardInterrupt), atomic_folder(path, CONTENT) as temporary:
+    monkeypatch.setattr(os, "rename", stopped)
+    with pytest.raises((KeyboardInterrupt, FileError)), atomic_folder(path, CONTENT) as temporary:
         (temporary / "time_0").write_text("new")
     assert [place.name for place in tmp_path.iterdir()] == ["path"]
     assert (path / "time_0").read_text() == "old"
-
-
-def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):
-    path = tmp_path / "path"
-    path.mkdir()
-    (path / "time_0").touch()
-    rename = os.rename
-
-    def refuse_new(source, target):
-        if target == path and (source / "time_1").exists():
-            raise OSError(28, "No space left on device")
-        rename(source, target)
-
-    monkeypatch.setattr(os, "rename", refuse_new)
-    with pytest.raises(FileError, match="No space left"), atomic_folder(path, CONTENT) as temporary:
-        (temporary / "time_1").touch()
-    assert os.listdir(path) == ["time_0"]
-    assert list(tmp_path.iterdir()) == [path]
-
-
-WRITE_TWO = """
-import sys
-from pathlib import Path
-from riemhuman.io.outputs import files_together
-folder = Path(sys.argv[1])
-with files_together({"table": folder / "D.csv", "matrix": folder / "D.npz"}) as places:
-    places["table"].touch()
-    print("begun", flush=True)
-    sys.stdin.read()
-"""
-
-
-def test_what_a_killed_writer_of_files_left_is_removed(tmp_path):
-    """By the next writer, and not while the first one lives."""
-    command = [sys.executable, "-c", WRITE_TWO, str(tmp_path)]
-    writer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert writer.stdout.readline() == "begun\n"
-    (hidden,) = (place for place in tmp_path.iterdir() if place.is_dir())
-    with files_together({"table": tmp_path / "other.csv"}) as places:
-        places["table"].touch()
-    assert (hidden / "D.csv").exists()
-    writer.kill()
-    writer.communicate()
-    with (
-        pytest.warns(UserWarning, match=f"killed process had left in .*: {re.escape(hidden.name)}"),
-        files_together({"table": tmp_path / "D.csv"}) as places,
-    ):
-        places["table"].touch()
-    assert {place.name for place in tmp_path.iterdir()} == {"D.csv", "other.csv"}
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="locks of Unix")
-@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
-def test_folders_without_locks_are_written_too(tmp_path, monkeypatch, number):
-    """Some network folders have none: files and folders appear, and nothing hidden stays."""
-    import fcntl
-
-    def no_lock(descriptor, operation):
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr(fcntl, "flock", no_lock)
-    (tmp_path / "old.txt").write_text("old")
-    with files_together({"text": tmp_path / "old.txt"}) as places:
-        places["text"].write_text("new")
-    with atomic_folder(tmp_path / "path") as folder:
-        (folder / "0.ply").touch()
-    assert sorted(os.listdir(tmp_path)) == ["old.txt", "path"]
-    assert (tmp_path / "old.txt").read_text() == "new"
 
 
 def test_disks_that_set_no_permissions(tmp_path, monkeypatch):
@@ -349,41 +211,6 @@ def test_files_of_several_folders_appear_together(tmp_path):
     write()
     assert all(place.read_text() == name for name, place in places.items())
     assert not list(tmp_path.rglob(".*"))
-
-
-@pytest.mark.parametrize("error", [OSError(errno.EACCES, "in use"), KeyboardInterrupt()])
-@pytest.mark.parametrize("links", [True, False])
-def test_no_file_appears_if_another_cannot_be_moved(tmp_path, monkeypatch, error, links):
-    """As on Windows, where a table that another program shows cannot be replaced."""
-    places = {name: tmp_path / f"{name}.txt" for name in ("old", "new", "shown")}
-    before = {"old.txt": "old", "shown.txt": "shown"}
-    for name, text in before.items():
-        (tmp_path / name).write_text(text)
-    replace = os.replace
-
-    def replace_others(source, target):
-        if target == places["shown"]:
-            raise error
-        replace(source, target)
-
-    def no_link(*names):
-        raise OSError(errno.EPERM, "no links")
-
-    def write():
-        with files_together(places) as hidden:
-            for file in hidden.values():
-                file.write_text("written")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", replace_others)
-        if not links:
-            patch.setattr(os, "link", no_link)
-        with pytest.raises((FileError, KeyboardInterrupt)):
-            write()
-    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == before
-    write()
-    assert {file.read_text() for file in tmp_path.iterdir()} == {"written"}
-    assert sorted(os.listdir(tmp_path)) == ["new.txt", "old.txt", "shown.txt"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps working folders")
