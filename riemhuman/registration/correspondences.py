@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
-from riemhuman.checks import check_instance, integer_array
+from riemhuman.checks import checked, instance, integer_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.kernels.surface import vertex_normals
@@ -33,6 +33,9 @@ _FARTHEST = 0.015
 _LIMITS, _N_SOURCES, _SHORTEST = (0.05, 0.2), 200, 1e-12
 # A place on a body is seen if vertices with at least this share of it are trusted.
 _SEEN = 0.5
+# Neighbours in a scan have places that are farther apart than this multiple of their distance, and
+# the length above, only where one of them is on the wrong part of its body.
+_MOST_STRETCHED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +80,13 @@ class ScanCorrespondence:
         return seen
 
 
+@checked(result_a=instance(RegisteredScan), result_b=instance(RegisteredScan))
 def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCorrespondence:
     """Return the place of every vertex of one scan on another scan.
 
-    A vertex goes to the nearest place on its registered body, to the same place on the other body,
-    and from there to the nearest place on the other scan that faces the same way.
+    A vertex goes to the nearest place on its registered body that faces the same way, to the same
+    place on the other body, and from there to the nearest place on the other scan that faces the
+    same way. Loose points have no side: they go to the nearest place on their body.
 
     Parameters
     ----------
@@ -91,7 +96,9 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
     Returns
     -------
     ScanCorrespondence
-        Places are missing for the background, and where either scan does not show the body.
+        Places are missing for the background, where either scan does not show the body, and for
+        parts of a mesh, such as a hand taken for the trunk, whose places are away from those of
+        the rest of it.
 
     Raises
     ------
@@ -105,7 +112,6 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
     >>> rh.registration.correspondence(*results).vertices  # doctest: +SKIP
     """
     for name, result in (("result_a", result_a), ("result_b", result_b)):
-        check_instance(result, name, RegisteredScan)
         if not result.trusted_vertices.any():
             raise ArgumentError(f"no part of {name} is trusted: {result.message}")
     faces = result_a.faces
@@ -114,22 +120,22 @@ def correspondence(result_a: RegisteredScan, result_b: RegisteredScan) -> ScanCo
             "result_a and result_b must be registered with the same model; found bodies with "
             f"{len(faces):,} and {len(result_b.faces):,} triangles, or others"
         )
-    places, scan = result_a.correspondence, result_b.scan
+    scan, size = result_b.scan, _size_of(result_b)
+    places, gaps = _places_on_body(result_a)
     corners = faces[places.triangles]
-    size = float(np.linalg.norm(np.ptp(result_b.points, axis=0)))
-    seen = _on_body(result_a)
+    targets = np.einsum("nk,nkx->nx", places.barycentric, result_b.points[corners])
+    seen = _on_body(result_a, gaps)
+    if result_a.scan.faces is not None:
+        seen &= _without_jumps(result_a.scan.points, result_a.scan.faces, targets, _FARTHEST * size)
     for result in (result_a, result_b):
         trusted = result.trusted_vertices[corners]
         seen &= np.einsum("nk,nk->n", places.barycentric, trusted) > _SEEN
 
-    targets = np.einsum("nk,nkx->nx", places.barycentric, result_b.points[corners])
     body_normals = vertex_normals(result_b.points, faces)
     normals = np.einsum("nk,nkx->nx", places.barycentric, body_normals[corners])
-    near = _nearest_vertices(
-        np.concatenate([targets, _NORMAL_LENGTH * size * normals], axis=1),
-        np.concatenate([scan.points, _NORMAL_LENGTH * size * _scan_normals(result_b)], axis=1),
-        _on_body(result_b),
-    )
+    usable = np.flatnonzero(_on_body(result_b, result_b.distances))
+    known = _with_normals(scan.points, _scan_normals(result_b), size)[usable]
+    near = usable[_nearest_vertices(_with_normals(targets, normals, size), known)]
     numbers = np.arange(len(targets))
     if scan.faces is None:
         vertices, surface = near[:, 0], None
@@ -156,20 +162,69 @@ def _only_seen(
     )
 
 
-def _on_body(result: RegisteredScan) -> Booleans:
+def _size_of(result: RegisteredScan) -> float:
+    """Return the diagonal of the bounding box of a registered body."""
+    return float(np.linalg.norm(np.ptp(result.points, axis=0)))
+
+
+def _places_on_body(result: RegisteredScan) -> tuple[SurfacePoints, Array]:
+    """Return the places of a scan's vertices on its registered body, and their distances."""
+    scan = result.scan
+    if scan.faces is None:
+        return result.correspondence, result.distances
+    size, body_normals = _size_of(result), vertex_normals(result.points, result.faces)
+    near = _nearest_vertices(
+        _with_normals(scan.points, _scan_normals(result), size),
+        _with_normals(result.points, body_normals, size),
+    )
+    return nearest_points_around(scan.points, near, result.points, result.faces)
+
+
+def _on_body(result: RegisteredScan, distances: Array) -> Booleans:
     """Return which vertices of a scan lie on its registered body."""
-    size = np.linalg.norm(np.ptp(result.points, axis=0))
-    near: Booleans = ~result.background & (result.distances < _FARTHEST * size)
+    near: Booleans = ~result.background & (distances < _FARTHEST * _size_of(result))
     if result.scan.faces is not None:
         near &= np.isin(np.arange(len(near)), result.scan.faces)
     return near
 
 
-def _nearest_vertices(queries: Array, known: Array, usable: Booleans) -> Integers:
-    """Return the nearest usable vertices, (N, k), by place and normal, (n, 6)."""
-    chosen = np.flatnonzero(usable)
-    count = min(_N_NEAR, len(chosen))
-    near: Integers = chosen[cKDTree(known[chosen]).query(queries, k=range(1, count + 1))[1]]
+def _without_jumps(points: Array, faces: Triangles, targets: Array, farthest: float) -> Booleans:
+    """Return which vertices belong to the largest part of each component, without jumps in it.
+
+    A hand that the registration has lost is taken for the trunk next to it. Every such place is
+    plausible alone, but around the wrist, neighbours in the scan go to places far apart.
+    """
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    before, after = (
+        np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
+        for places in (points, targets)
+    )
+    stays_near = after < _MOST_STRETCHED * before + farthest
+    whole, parts = (_components(some, len(points)) for some in (edges, edges[stays_near]))
+    sizes = np.bincount(parts)[parts]
+    largest = np.zeros(whole.max() + 1, dtype=sizes.dtype)
+    np.maximum.at(largest, whole, sizes)
+    belongs: Booleans = sizes == largest[whole]
+    return belongs
+
+
+def _components(edges: Integers, n_vertices: int) -> Integers:
+    """Return the number of the connected component of every vertex."""
+    shape = (n_vertices, n_vertices)
+    graph = sparse.csr_array((np.ones(len(edges)), edges.T), shape=shape)
+    numbers: Integers = connected_components(graph, directed=False)[1]
+    return numbers
+
+
+def _with_normals(points: Array, normals: Array, size: float) -> Array:
+    """Return places and normals as points in six dimensions."""
+    return np.concatenate([points, _NORMAL_LENGTH * size * normals], axis=1)
+
+
+def _nearest_vertices(queries: Array, known: Array) -> Integers:
+    """Return the nearest vertices, (N, k), by place and normal."""
+    count = min(_N_NEAR, len(known))
+    near: Integers = cKDTree(known).query(queries, k=range(1, count + 1))[1]
     return near
 
 

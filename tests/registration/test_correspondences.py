@@ -99,6 +99,31 @@ def test_what_either_scan_lacks_has_no_place(pair, bodies):
     assert not correspondence(floor, second).seen[:50].any()
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_lost_hand_is_not_taken_for_the_trunk(pair, bodies, side):
+    """The hand touches the hip; its body is elsewhere, so the hip is nearest to its points."""
+    (first, second), surfaces = pair
+    faces, model = bodies.template.faces, bodies.model
+    hand = model.weights.argmax(axis=1) == model.joint_names.index(f"{side}_wrist")
+    moved = np.where(hand[:, np.newaxis], second.points + [0.0, 1.0, 0.0], second.points)
+    places, distances = nearest_points(second.scan.points, moved, faces)
+    trusted = second.trusted_vertices & ~hand
+    lost = replace(
+        second,
+        points=moved,
+        correspondence=places,
+        distances=distances,
+        trusted_vertices=trusted,
+    )
+    found = correspondence(lost, first)
+    away = errors(found, second, surfaces[::-1], faces) > 0.10
+    on_trunk = trusted[faces[places.triangles]].all(axis=1) & (distances < 0.03)
+    of_hand = hand[faces[nearest_points(second.scan.points, second.points, faces)[0].triangles]]
+    assert np.sum(of_hand.all(axis=1) & on_trunk) > 10  # are taken for it by their places alone
+    assert np.mean(away[found.seen]) < 0.002
+    assert found.seen.mean() > 0.93
+
+
 def test_results_that_cannot_be_matched_are_refused(pair):
     (first, second), _ = pair
     with pytest.raises(rh.errors.ArgumentError, match="must be registered with the same model"):
