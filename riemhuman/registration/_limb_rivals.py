@@ -68,11 +68,9 @@ from riemhuman.registration._limbs import (
     points_on,
     swing_elbow,
 )
-from riemhuman.registration._messages import LANDMARKS_DECIDE, OPEN_HANDS, part_in_words
+from riemhuman.registration._messages import MARK_JOINTS, MARK_WRISTS, OPEN_HANDS, part_in_words
 from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 from riemhuman.surfaces.nearest_points import nearest_points
-
-_EQUAL = "two explanations fit almost equally"
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class LimbDoubt:
 
     vertices: Booleans  # (V,) which vertices are not trusted
     reason: str
-    remedy: str = LANDMARKS_DECIDE  # what to do
+    remedy: str = MARK_JOINTS  # what to do
 
 
 @dataclass(frozen=True)
@@ -163,8 +161,8 @@ def _ill_fitting_limbs(body: BodyFit, shown: ShownLimbs) -> list[LimbDoubt]:
     return [
         LimbDoubt(
             parts.vertices([k]),
-            f"{part_in_words(name)}: the scan is {shown.excess[k]:.1f} times as far from it as "
-            "from the rest of the body",
+            f"{part_in_words(name)}: it fits {shown.excess[k]:.1f} times worse than the rest of "
+            "the body",
         )
         for k, name in enumerate(parts.names)
         if not name.endswith("wrist") and shown.excess[k] > MOST_LIMB_EXCESS
@@ -187,7 +185,7 @@ def _touching_hands(body: BodyFit) -> list[LimbDoubt]:
         _uncertain_fingers(arm, body.hand_fits.get(arm, []), np.inf)
         for arm in body.task.body.arm_surfaces
     ]
-    reason = "hands: they touch, and the scan does not tell their fingers apart"
+    reason = "hands: they touch, so their fingers cannot be told apart"
     return _doubts_about(body, np.concatenate(uncertain), reason, OPEN_HANDS)
 
 
@@ -226,8 +224,8 @@ def _turned_arm(body: BodyFit, arm: ArmSurface, poses: list[Pose]) -> list[LimbD
     for rival in others:
         if rival.cost < most:
             displaced |= _displaced(surface, rival.surface)
-    reason = f"{arm.side} hand: {_EQUAL}, in which the forearm is turned differently"
-    return _doubts_about(body, arm.vertices[displaced], reason)
+    reason = f"{arm.side} forearm: its rotation is ambiguous"
+    return _doubts_about(body, arm.vertices[displaced], reason, MARK_WRISTS)
 
 
 def _other_hand(
@@ -244,7 +242,7 @@ def _other_hand(
     if shown.matched[arm.on_hand].mean() < LEAST_HAND_SHOWN:
         why = "the scan shows little of it"
     elif not is_far and not is_no_better:
-        margin, why = HAND_MARGIN, f"{_EQUAL}, in which its fingers are open or bent"
+        margin, why = HAND_MARGIN, "its fingers may be open or bent"
     uncertain = _uncertain_fingers(arm, fits, margin)
     return _doubts_about(body, uncertain, f"{arm.side} hand: {why}", OPEN_HANDS)
 
@@ -291,9 +289,9 @@ def _arm_elsewhere(body: BodyFit, arm: ArmSurface) -> list[LimbDoubt]:
     by_swings, by_shifts = (
         rows.any(axis=0) for rows in (displaced[: len(swings)], displaced[len(swings) :])
     )
-    ways = ["the elbow points elsewhere"] * bool(by_swings.any())
-    ways += ["the hand is on the other side of what it touches"] * bool(by_shifts.any())
-    reason = f"{arm.side} arm: {_EQUAL}, in which {' or '.join(ways)}"
+    ways = ["its elbow may point elsewhere"] * bool(by_swings.any())
+    ways += ["its hand may be on the other side of what it touches"] * bool(by_shifts.any())
+    reason = f"{arm.side} arm: {', or '.join(ways)}"
     return _doubts_about(body, vertices[by_swings | by_shifts], reason)
 
 
@@ -326,7 +324,7 @@ def _turned_head(body: BodyFit) -> list[LimbDoubt]:
         local[joints[1]] = local[joints[1]] @ rotation_matrix(np.radians([*turn, 0.0]))
         starts.append(_Start(pose._replace(local=local)))
     displaced = _displaced_in_rivals(body, limb, starts, HEAD_MARGIN)
-    reason = f"head: {_EQUAL}, in which it is turned or nods differently"
+    reason = "head: it may be turned or nod differently"
     return _doubts_about(body, limb.vertices[displaced.any(axis=0)], reason)
 
 
@@ -375,7 +373,7 @@ def _displaced(surface: Array, rival: Array) -> Booleans:
 
 
 def _doubts_about(
-    body: BodyFit, numbers: Integers, reason: str, remedy: str = LANDMARKS_DECIDE
+    body: BodyFit, numbers: Integers, reason: str, remedy: str = MARK_JOINTS
 ) -> list[LimbDoubt]:
     vertices = np.zeros(len(body.fit.points), dtype=bool)
     vertices[numbers] = True
@@ -395,4 +393,6 @@ def _exchanged_limbs(body: BodyFit, joint: str) -> list[LimbDoubt]:
         if crossing.distances(task, rival).mean() < (1.0 + LIMB_MARGIN) * most:
             displaced |= _displaced(surface, task.body.surface(rival)[both])
     limbs = "arms" if joint == "elbow" else "legs"
-    return _doubts_about(body, both[displaced], f"{limbs}: they cross, and {_EQUAL}")
+    return _doubts_about(
+        body, both[displaced], f"{limbs}: they cross, and left and right may be exchanged"
+    )

@@ -38,9 +38,10 @@ _PLURALS = {
     "hand": "hands",
 }
 # What to do about a doubt; said once, at the end of a message.
-LANDMARKS_DECIDE = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
-OPEN_HANDS = "fingers are told in scans of open hands, away from each other and from the body"
-_REMEDIES = (LANDMARKS_DECIDE, OPEN_HANDS)
+MARK_JOINTS = "rescan with the limbs away from the body, or mark some joints by hand"
+MARK_WRISTS = "rescan with open hands, or mark the wrists by hand"
+OPEN_HANDS = "fingers can be told apart only if the hands are open and away from the body"
+_REMEDIES = (MARK_JOINTS, MARK_WRISTS, OPEN_HANDS)
 _TRUNK = ("pelvis", "lower_spine", "middle_spine", "upper_spine", "chest")
 _SIDES = ("left", "right")
 
@@ -113,7 +114,7 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
     else:
         said = f"{percent} was not seen"
     if guessed_up:
-        said += "; the up direction was guessed; set it with up= or --up"
+        said += "; the up direction was guessed: check it"
     return said
 
 

@@ -39,7 +39,7 @@ from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb_doubts
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._messages import (
-    LANDMARKS_DECIDE,
+    MARK_JOINTS,
     in_words,
     join_reasons,
     part_in_words,
@@ -139,13 +139,13 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
         return reasons, of_limb  # the other checks make sense only for bodies
     if quality.margin < BODY_MARGIN:
         reasons.append(
-            f"a body that faces or stands another way fits nearly as well; {LANDMARKS_DECIDE}"
+            f"a body that faces or stands differently fits almost as well; {MARK_JOINTS}"
         )
     if quality.near < LEAST_NEAR_OF_LIMB and quality.limb_matched < LIMB_ELSEWHERE:
         of_limb.append(
             f"{100 * (1.0 - quality.near):.1f} % of the scan lies more than "
-            f"{100 * NEAR_METRES:.0f} cm from the body, and hardly anything in it "
-            f"matches the {quality.limb} of the body, which may be elsewhere; {LANDMARKS_DECIDE}"
+            f"{100 * NEAR_METRES:.0f} cm from the body, and hardly any of it matches the "
+            f"{quality.limb}, which may be elsewhere; {MARK_JOINTS}"
         )
     if quality.overlap > LARGEST_OVERLAP:
         reasons.append(
@@ -157,7 +157,7 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
         reasons.append(
             f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more "
             f"than {100 * quality.far:.1f} cm from the model's surface; it may face the wrong way, "
-            f"have limbs in wrong places or wear thick clothes; {LANDMARKS_DECIDE}"
+            f"have limbs in wrong places or wear thick clothes; {MARK_JOINTS}"
         )
     if quality.betas > LARGEST_BETA:
         reasons.append(
@@ -324,6 +324,6 @@ def _other_units(scan: Scan, background: Booleans) -> list[str]:
     others = [unit for unit in likely_units(extent * UNITS[scan.unit]) if unit != scan.unit]
     return [
         f"the scan may be in {unit}: it is {extent:.2f} m long, and {scan.unit} were inferred "
-        "from this size; set the unit with unit= or --unit"
+        "from this size; check the unit"
         for unit in others[:1]
     ]

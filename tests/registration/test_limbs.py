@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.bodies.skinning import JointMotions
-from riemhuman.registration._limbs import elbow_bend, move_end, swing_elbow
+from riemhuman.registration._limbs import are_less, elbow_bend, move_end, swing_elbow
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 
@@ -76,3 +76,12 @@ def test_a_hand_out_of_reach_is_moved_as_far_as_the_arm_is_long(arm):
     length = np.linalg.norm(middle - start) + np.linalg.norm(end - middle)
     assert 0.99 * length < np.linalg.norm(end - start) < length
     assert (end - start)[1] > 0.8 * length
+
+
+def test_a_gain_must_be_more_than_chance():
+    """Gains of a tenth in the mean, which vary: among few points, they say nothing."""
+    others = np.full(4000, 0.010)
+    some = others - 0.001 + 0.008 * np.resize([1.0, -1.0], len(others))
+    assert are_less(some, others)
+    assert not are_less(some[:40], others[:40])
+    assert not are_less(0.96 * others, others)  # surely, but by too little

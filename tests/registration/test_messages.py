@@ -39,7 +39,7 @@ def test_one_line_says_what_was_not_seen():
     )
     assert say_unseen(["left_wrist"], 0.03, guessed_up=False).startswith("the left hand was not")
     assert say_unseen([], 0.31, guessed_up=False) == "31 % of the body was not seen"
-    assert say_unseen([], 0.31, guessed_up=True).endswith("set it with up= or --up")
+    assert say_unseen([], 0.31, guessed_up=True).endswith("the up direction was guessed: check it")
 
 
 def test_words():

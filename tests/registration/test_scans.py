@@ -6,6 +6,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.errors import FileFormatError
 from riemhuman.registration import load_landmarks, load_scan
+from riemhuman.registration.scans import as_scan
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +119,11 @@ def test_wrong_tables(tmp_path, text, message):
     with pytest.raises(FileFormatError, match=message) as refusal:
         load_landmarks(file)
     assert "marks.csv" in str(refusal.value)
+
+
+def test_strays_do_not_count_for_the_size_of_a_scan(surface):
+    """Which tells its unit, and how far away a point may be."""
+    rng = np.random.default_rng(0)
+    strays = rng.uniform(-9.0, 9.0, (8, 3))  # of 1,202 points
+    points = np.concatenate([surface[0], strays])
+    assert as_scan(100.0 * points).unit == "centimetres"
