@@ -27,6 +27,7 @@ from riemhuman.checks import (
     choice,
     flag,
     integer_array,
+    longest_side,
     positive,
     real,
     real_array,
@@ -224,7 +225,7 @@ def _surfaces_of(
     check_resolution(surfaces, "points")
     check_same_scale(
         surfaces,
-        combine @ model.template.vertices,
+        longest_side(combine @ model.template.vertices),
         "points",
         "the model",
         remedy="a fit needs points in the unit of the model",

@@ -57,6 +57,7 @@ from riemhuman.checks.sizes import (
     check_same_scale,
     is_human_size,
     likely_units,
+    longest_side,
 )
 
 __all__ = [
@@ -95,6 +96,7 @@ __all__ = [
     "joint_shape",
     "length_of",
     "likely_units",
+    "longest_side",
     "mask",
     "metric_weight",
     "number_of_item",

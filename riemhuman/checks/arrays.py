@@ -87,7 +87,7 @@ def real_array(
             f"{name} must have entries of at most {maximum:g} in absolute value; the largest is "
             f"{np.abs(numbers).max():g}"
         )
-    return array if isbox(array) else numbers
+    return array if values is not array and isbox(array) else numbers
 
 
 def unflatten(array: Array, shape: Sequence[int | str]) -> Array:

@@ -89,23 +89,22 @@ def check_human_size(extent: float, volume: float, name: str) -> None:
 
 def check_same_scale(
     points: Array,
-    reference: Array,
+    side: Array | float,
     name: str,
     reference_name: str,
     *,
     error: type[Exception] = ArgumentError,
     remedy: str = TAKE_ANY_SCALE,
 ) -> None:
-    """Raise an error if a surface, shape (..., V, 3), is over 8 times larger or smaller."""
-    # Diagonals of the boxes around some of the vertices, found faster in rows than in columns.
-    samples = (f[..., :: max(1, f.shape[-2] // _N_SAMPLES), :] for f in (points, reference))
-    rows = (np.ascontiguousarray(np.swapaxes(f, -1, -2)) for f in samples)
-    sizes, size = (np.linalg.norm(np.ptp(f, axis=-1), axis=-1) for f in rows)
-    if size == 0:
+    """Raise an error if a surface, shape (..., V, 3), is over 8 times larger or smaller.
+
+    `side` is the `longest_side` of the surface that it is compared with.
+    """
+    if side == 0:
         return
-    ratios = sizes / size
+    ratios = longest_side(points) / side
     strange = (ratios > _LARGEST_RATIO) | ((ratios > 0) & (ratios < 1 / _LARGEST_RATIO))
-    if not strange.any():
+    if not np.any(strange):
         return
     index = tuple(int(i) for i in np.argwhere(strange)[0]) if strange.ndim else ()
     ratio = float(ratios[index])
@@ -115,6 +114,14 @@ def check_same_scale(
         f"{place} is {factor:.3g} times as {adjective} as {reference_name}{_unit_hint(ratio)}; "
         f"bring both to one unit; {remedy}"
     )
+
+
+def longest_side(surfaces: Array) -> Array:
+    """Return the longest side of the box around some of the vertices of surfaces, shape (...)."""
+    sample = surfaces[..., :: max(1, surfaces.shape[-2] // _N_SAMPLES), :]
+    rows = np.ascontiguousarray(np.swapaxes(sample, -1, -2))  # extremes are found faster in rows
+    sides: Array = (rows.max(axis=-1) - rows.min(axis=-1)).max(axis=-1)
+    return sides
 
 
 def _unit_hint(ratio: float) -> str:

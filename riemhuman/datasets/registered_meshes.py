@@ -12,7 +12,16 @@ import numpy as np
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike, Integers
-from riemhuman.checks import SCALES, UNITS, check_same_scale, flag, items_of, numbers_at, one_of
+from riemhuman.checks import (
+    SCALES,
+    UNITS,
+    check_same_scale,
+    flag,
+    items_of,
+    longest_side,
+    numbers_at,
+    one_of,
+)
 from riemhuman.checks.labels import texts_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -154,7 +163,7 @@ class RegisteredMeshes:
             vertices = self.seams.join(vertices)
         if self._scale is not None:
             names = str(file), self._name
-            check_same_scale(vertices, self.reference, *names, error=FileFormatError)
+            check_same_scale(vertices, longest_side(self.reference), *names, error=FileFormatError)
         return vertices
 
 

@@ -11,12 +11,15 @@ from riemhuman.checks import (
     Rng,
     check_resolution,
     check_same_scale,
+    checked,
+    choice,
     generator,
-    one_of,
+    instance,
+    longest_side,
     real_array,
     values_of,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, SeamWarning, warn
+from riemhuman.errors import ArgumentError, SeamWarning, warn
 from riemhuman.geometry.manifold import SurfaceSpace, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
@@ -59,17 +62,15 @@ class AlignedSurfaces(SurfaceSpace):
     ((2400, 2, 2), (2400, 3))
     """
 
+    @checked(
+        template=instance(Template, "a Template, such as that of a data set"),
+        scale=choice(*SCALES),
+    )
     def __init__(
         self, template: Template, equip: bool = True, *, scale: str | None = "template"
     ) -> None:
-        if not isinstance(template, Template):
-            raise ArgumentTypeError(
-                "template must be a Template, such as Template(vertices, faces) or the template of "
-                f"a data set; found {type(template).__name__}"
-            )
-        self.template = template
-        self.scale = one_of(scale, "scale", SCALES)
-        self._reference = template.vertices
+        self.template, self.scale = template, scale
+        self._side = longest_side(template.vertices)
         super().__init__(3 * template.n_vertices, (template.n_vertices, 3), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -192,7 +193,7 @@ class AlignedSurfaces(SurfaceSpace):
         dtype = getattr(point, "dtype", None)
         point = real_array(point, name, self.shape, rows=True)
         if self.scale is not None:
-            check_same_scale(values_of(point), self._reference, name, "the template")
+            check_same_scale(values_of(point), self._side, name, "the template")
         check_resolution(point, name, dtype)
         return point
 
@@ -211,7 +212,7 @@ class AlignedSurfaces(SurfaceSpace):
     def check_scale(self, point: Points, name: str = "point") -> None:
         check_resolution(point, name)
         if self.scale is not None:
-            check_same_scale(values_of(point), self._reference, name, "the template")
+            check_same_scale(values_of(point), self._side, name, "the template")
 
     def warn_of_tears(self, points: Points, directions: TangentVectors | None = None) -> None:
         seams = self.template.seams

@@ -11,8 +11,9 @@ import numpy as onp
 from riemhuman.arrays import Array, ArrayLike, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import (
     Rng,
-    check_instance,
+    checked,
     generator,
+    instance,
     joint_shape,
     real_array,
     refuse_type,
@@ -47,8 +48,8 @@ class TriangleFields(Manifold):
     value_shape: tuple[int, ...]
     value_name: str
 
+    @checked(template=instance(Template))
     def __init__(self, template: Template, equip: bool = True) -> None:
-        check_instance(template, "template", Template)
         self.template, n_faces = template, template.n_faces
         super().__init__(self.value_dim * n_faces, (n_faces, *self.value_shape), equip)
 

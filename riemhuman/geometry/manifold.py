@@ -8,7 +8,7 @@ from copy import copy
 from typing import Self, TypeGuard
 
 from riemhuman.arrays import Array, Points, TangentVectors, Triangles
-from riemhuman.checks import flag, real_number, refuse_type, whole_number
+from riemhuman.checks import checked, flag, real_number, refuse_type, whole_number
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.point_space import PointSpace, check_room_for
@@ -66,9 +66,10 @@ class Manifold(PointSpace):
     factors: tuple[Manifold, ...] = ()
     """The factors of a product, each equipped with a metric."""
 
+    @checked(equip=flag)
     def __init__(self, dim: int, shape: tuple[int, ...], equip: bool = True) -> None:
         super().__init__(dim, shape)
-        if flag(equip, "equip") and self.default_metric() is not None:
+        if equip and self.default_metric() is not None:
             self.equip_with_metric()
 
     @property
@@ -100,6 +101,7 @@ class Manifold(PointSpace):
         self.metric = make(self, **metric_kwargs)
         return self
 
+    @checked(equip=flag)
     def new(self, equip: bool = True) -> Self:
         """Return a manifold with the same parameters, with its default metric or without one.
 
@@ -110,7 +112,7 @@ class Manifold(PointSpace):
         space = copy(self)
         if space.is_equipped:
             del space.metric
-        if flag(equip, "equip") and space.default_metric() is not None:
+        if equip and space.default_metric() is not None:
             space.equip_with_metric()
         return space
 

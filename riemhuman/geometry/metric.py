@@ -14,14 +14,14 @@ from autograd.extend import defvjp_argnums, primitive
 from scipy import sparse
 
 from riemhuman.arrays import Array, ArrayLike, Points, TangentVectors
-from riemhuman.checks import check_strategy, joint_shape, metric_weight, real_array, refuse_type
+from riemhuman.checks import a_solver, checked, joint_shape, positive, real_array, refuse_type
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry.metric_tensor import MetricTensor
+from riemhuman.geometry.metric_tensor import POINT, VECTOR, MetricTensor
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.surface import differential
@@ -70,6 +70,12 @@ class RiemannianMetric(MetricTensor):
     has_target_metric: bool = False
     """Whether it is pulled back by `map` from a space where geodesics have a closed form."""
 
+    @checked(
+        geodesic_solver=a_solver,
+        exp_solver=a_solver,
+        log_solver=a_solver,
+        transport_solver=a_solver,
+    )
     def __init__(
         self,
         space: PointSpace,
@@ -85,14 +91,6 @@ class RiemannianMetric(MetricTensor):
                 f"AlignedSurfaces(template); found {type(space).__name__}"
             )
         super().__init__(space)
-        for name, solver in (
-            ("geodesic_solver", geodesic_solver),
-            ("exp_solver", exp_solver),
-            ("log_solver", log_solver),
-            ("transport_solver", transport_solver),
-        ):
-            if solver is not None:
-                check_strategy(solver, name)
         self.geodesic_solver = geodesic_solver
         self.exp_solver = exp_solver
         self.log_solver = log_solver
@@ -152,6 +150,7 @@ class RiemannianMetric(MetricTensor):
         """
         raise self._not_defined("map")
 
+    @checked(tangent_vec=VECTOR, base_point=VECTOR)
     def differential(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Apply the differential of `map` to tangent vectors.
 
@@ -159,8 +158,6 @@ class RiemannianMetric(MetricTensor):
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
-        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
-        base_point = self._vectors(base_point, "base_point")
         shape = joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
@@ -202,6 +199,7 @@ class RiemannianMetric(MetricTensor):
             )
         return self._solve(self.geodesic_solver, "squared_dist", point_a, point_b).energy  # type: ignore[return-value]  # one number
 
+    @checked(tangent_vec=VECTOR, base_point=POINT)
     def exp(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Return the end of the geodesic with this initial velocity after unit time.
 
@@ -213,8 +211,6 @@ class RiemannianMetric(MetricTensor):
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
-        base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
         joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         return self._exp(tangent_vec, base_point)
 
@@ -226,6 +222,7 @@ class RiemannianMetric(MetricTensor):
             lambda x, v: solve_geodesic(v, x, self, solver)[-1], point, velocity
         )
 
+    @checked(point=POINT, base_point=POINT)
     def log(self, point: Points, base_point: Points) -> Array:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
@@ -237,8 +234,6 @@ class RiemannianMetric(MetricTensor):
         ----------
         point, base_point : array, shape (..., \*shape)
         """
-        point = self.space.check_point(point, "point")
-        base_point = self.space.check_point(base_point, "base_point")
         joint_shape(point=point, base_point=base_point)
         return self._log(point, base_point)
 
@@ -248,6 +243,7 @@ class RiemannianMetric(MetricTensor):
             solver = _default_solvers().log_solver(self)
         return self._one_by_one(lambda x, y: solver.solve(self, y, x).tangent_vec, start, point)
 
+    @checked(tangent_vec=VECTOR, base_point=POINT)
     def parallel_transport(
         self,
         tangent_vec: TangentVectors,
@@ -270,8 +266,6 @@ class RiemannianMetric(MetricTensor):
         """
         if (direction is None) == (end_point is None):
             raise ArgumentError("parallel_transport needs direction or end_point, and not both")
-        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
-        base_point = self.space.check_point(base_point, "base_point")
         if self.has_closed_form_transport and end_point is not None:
             direction = self.log(end_point, base_point)
         name = "end_point" if direction is None else "direction"
@@ -292,6 +286,7 @@ class RiemannianMetric(MetricTensor):
         """Return vectors at the ends of geodesics with initial velocities, in closed form."""
         raise self._not_defined("parallel_transport")
 
+    @checked(initial_tangent_vec=VECTOR)
     def geodesic(
         self,
         initial_point: Points,
@@ -311,14 +306,14 @@ class RiemannianMetric(MetricTensor):
         initial_tangent_vec : array, shape (..., \*shape), optional
             Initial velocity; exactly one of the two is given.
         """
-        if (end_point is None) == (initial_tangent_vec is None):
-            raise ArgumentError("geodesic needs end_point or initial_tangent_vec, and not both")
-        if end_point is not None:
+        if end_point is not None and initial_tangent_vec is None:
             return self._geodesic_between(initial_point, end_point)
+        if end_point is not None or initial_tangent_vec is None:
+            raise ArgumentError("geodesic needs end_point or initial_tangent_vec, and not both")
         initial_point = self.space.check_point(initial_point, "initial_point")
-        velocity = self._vectors(initial_tangent_vec, "initial_tangent_vec")
         point, velocity = (
-            np.expand_dims(array, -self.space.point_ndim - 1) for array in (initial_point, velocity)
+            np.expand_dims(array, -self.space.point_ndim - 1)
+            for array in (initial_point, initial_tangent_vec)
         )
         return lambda t: self.exp(self._times(t) * velocity, point)
 
@@ -554,10 +549,11 @@ defvjp_argnums(solve_geodesic, _derivatives)
 class ScalarProductMetric(RiemannianMetric):
     """A metric times a number above 0: ``2.0 * metric``; geodesics stay the same."""
 
+    @checked(scale=positive)
     def __init__(self, metric: RiemannianMetric, scale: float) -> None:
         super().__init__(metric.space, **metric.solvers)
         self.underlying_metric = metric
-        self.scale = metric_weight(scale, "scale", strict=True)
+        self.scale = scale
         self._root: float = self.scale**0.5
         self.is_translation_invariant = metric.is_translation_invariant
         self.is_rotation_invariant = metric.is_rotation_invariant

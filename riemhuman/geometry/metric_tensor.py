@@ -17,9 +17,11 @@ from scipy import sparse
 
 from riemhuman.arrays import Array, Integers, Points, PointsLike, TangentVectors
 from riemhuman.checks import (
+    OfOwner,
     check_shape,
+    checked,
+    choice,
     joint_shape,
-    one_of,
     path_array,
     real_array,
 )
@@ -46,6 +48,16 @@ _Index: TypeAlias = "tuple[EllipsisType | slice[int | None, int | None, None], .
 
 # For points with more bytes than this, the memory of their features is checked first.
 _MANY_BYTES = 2**26
+
+
+POINT = OfOwner(lambda metric: metric.space.check_point)
+"""The check of points of a metric's space, shape (..., *shape)."""
+
+POINTS = OfOwner(lambda metric: metric.check_points)
+"""The check of several points, or of one path, shape (n, *shape)."""
+
+VECTOR = OfOwner(lambda metric: metric._vectors)
+"""The check of tangent vectors, shape (..., *shape)."""
 
 
 class MetricTensor(Unchanging, ABC):
@@ -124,6 +136,7 @@ class MetricTensor(Unchanging, ABC):
         covector = self.covector(tangent_vec_a, base_point)
         return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
 
+    @checked(tangent_vec=VECTOR, base_point=POINT)
     def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         r"""Lower the index of tangent vectors: ⟨covector(v), w⟩ = inner_product(v, w).
 
@@ -134,8 +147,6 @@ class MetricTensor(Unchanging, ABC):
         ----------
         tangent_vec, base_point : array, shape (..., \*shape)
         """
-        tangent_vec = self._vectors(tangent_vec, "tangent_vec")
-        base_point = self.space.check_point(base_point, "base_point")
         shape = joint_shape(tangent_vec=tangent_vec, base_point=base_point)
         if self.has_inner_product:
             zero = np.zeros(shape)
@@ -297,6 +308,7 @@ class MetricTensor(Unchanging, ABC):
         """
         return table_of_distances(self, points_a, points_b, n_jobs, precision, memory, progress)
 
+    @checked(precision=choice(*PRECISIONS))
     def features(
         self,
         points: PointsLike,
@@ -317,7 +329,6 @@ class MetricTensor(Unchanging, ABC):
             As for `dist_pairwise`.
         name : str, for messages
         """
-        one_of(precision, "precision", PRECISIONS)
         if n_jobs is not None:
             return features_in_threads(self, points, precision, n_jobs, name)
         if self.space.is_surface_space:
@@ -340,18 +351,19 @@ class MetricTensor(Unchanging, ABC):
         """
         raise self._not_defined("lower_bound_coordinates")
 
+    @checked(point=POINT, neighbors=POINTS)
     def closest_neighbor_index(self, point: Points, neighbors: Points) -> Integers:
         r"""Return the index of the neighbour that is nearest to each point, shape (...).
+
+        Estimators of geomstats call it.
 
         Parameters
         ----------
         point : array, shape (..., \*shape)
         neighbors : array, shape (n, \*shape)
         """
-        neighbors = self.check_points(neighbors, "neighbors")
         if not len(neighbors):
             raise ArgumentError("neighbors must hold at least one point; found none")
-        point = self.space.check_point(point, "point")
         lead = point.shape[: point.ndim - self.space.point_ndim]
         distances = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
         return np.argmin(distances, axis=-1)
@@ -387,6 +399,7 @@ class MetricTensor(Unchanging, ABC):
         n_segments: int = path.shape[-len(self.space.shape) - 1] - 1
         return n_segments * np.sum(self._squared_segments(path), axis=-1)
 
+    @checked(path=POINTS)
     def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
         r"""Return the energy of one path, infinite outside the manifold, and its gradient.
 
@@ -394,7 +407,6 @@ class MetricTensor(Unchanging, ABC):
         ----------
         path : array, shape (n_times, \*shape)
         """
-        path = self.check_points(path, "path")
         energy, gradient = value_and_grad(self.energy)(path)
         return float(energy), gradient
 

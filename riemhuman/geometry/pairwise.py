@@ -13,7 +13,7 @@ from numpy import ndarray
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Features, Points, PointsByNumber, PointsLike
-from riemhuman.checks import check_shape, flag, one_of, unflatten, whole_number
+from riemhuman.checks import check_shape, checked, choice, flag, unflatten, whole
 from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
@@ -224,6 +224,7 @@ def squared_dist_rectangle(
     return squared
 
 
+@checked(precision=choice(*PRECISIONS), memory=whole(minimum=1), progress=flag)
 def table_of_distances(
     metric: MetricOfFeatures,
     points_a: PointsLike,
@@ -234,8 +235,6 @@ def table_of_distances(
     progress: bool,
 ) -> Array:
     """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`."""
-    one_of(precision, "precision", PRECISIONS)
-    memory = whole_number(memory, "memory", minimum=1)
     blocks = partial(_blocks, metric, precision, thread_count(n_jobs))
     within = points_b is None
     row_name, column_name = ("points", "points") if within else ("points_a", "points_b")
@@ -258,9 +257,7 @@ def table_of_distances(
     )
     result = np.zeros((len(rows), len(columns)))
     n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
-    with tqdm(
-        total=n_pairs, desc="Distances", disable=not flag(progress, "progress"), unit=" pairs"
-    ) as bar:
+    with tqdm(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows), n_at_once):
             row_blocks = blocks(rows, row_name, first, first + n_at_once)
             for start in range(first if within else 0, len(columns), n_at_once):

@@ -8,13 +8,7 @@ from abc import ABC, abstractmethod
 import autograd.numpy as np
 
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors
-from riemhuman.checks import (
-    Rng,
-    generator,
-    real_array,
-    values_of,
-    whole_number,
-)
+from riemhuman.checks import Rng, generator, real_array, values_of, whole_number
 from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text

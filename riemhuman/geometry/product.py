@@ -12,8 +12,10 @@ import autograd.numpy as np
 from riemhuman.arrays import Array, ArrayLike, Booleans, Points, TangentVectors
 from riemhuman.checks import (
     Rng,
-    check_instance,
+    checked,
+    each,
     generator,
+    instance,
     items_of,
     joint_shape,
     metric_weight,
@@ -23,6 +25,7 @@ from riemhuman.checks import (
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_tensor import POINT
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.geometry.strategies import Solvers
@@ -48,12 +51,11 @@ class ProductManifold(Manifold):
     ((2400, 2, 2), (2400, 3))
     """
 
+    @checked(factors=each(instance(Manifold), "a list of manifolds"))
     def __init__(self, factors: Sequence[Manifold], equip: bool = True) -> None:
-        self.factors = items_of(factors, "factors", "a list of manifolds")
-        if not self.factors:
+        if not factors:
             raise ArgumentError("factors must hold at least one manifold; found none")
-        for number, factor in enumerate(self.factors):
-            check_instance(factor, f"factors[{number}]", Manifold)
+        self.factors = tuple(factors)
         self._sizes = [math.prod(factor.shape) for factor in self.factors]
         self._ends = np.cumsum(self._sizes).tolist()
         super().__init__(sum(factor.dim for factor in self.factors), (sum(self._sizes),), equip)
@@ -349,17 +351,16 @@ class PullbackMetric(RiemannianMetric):
         base_point: Points | None = None,
     ) -> Array:
         base_point = self.space.check_point(base_point, "base_point")
-        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        tangent_vec_a = self._vectors(tangent_vec_a, "tangent_vec_a")
         image_a = image_b = self.differential(tangent_vec_a, base_point)
         if tangent_vec_b is not tangent_vec_a:
-            tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+            tangent_vec_b = self._vectors(tangent_vec_b, "tangent_vec_b")
             joint_shape(tangent_vec_a=tangent_vec_a, tangent_vec_b=tangent_vec_b)
             image_b = self.differential(tangent_vec_b, base_point)
         return self.target_metric.inner_product(image_a, image_b, self.map(base_point))
 
+    @checked(point_a=POINT, point_b=POINT)
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
         joint_shape(point_a=point_a, point_b=point_b)
         return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))
 

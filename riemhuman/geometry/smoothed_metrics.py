@@ -10,11 +10,12 @@ import autograd.numpy as np
 import numpy as onp
 
 from riemhuman.arrays import Array, Booleans, Fields, Points, TangentVectors
-from riemhuman.checks import real_number, values_of
+from riemhuman.checks import checked, real, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
 from riemhuman.geometry.manifold import SurfaceSpace, surface_space
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_tensor import POINTS
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.product import PullbackMetric
 from riemhuman.geometry.strategies import Solvers
@@ -39,25 +40,26 @@ class SmoothedMetric(PullbackMetric):
     _adult_time: float
     is_translation_invariant = True
 
+    @checked(time=real(minimum=0.0))
     def __init__(
         self,
         space: SurfaceSpace,
         target_metric: RiemannianMetric,
         map: Callable[[Points], Array],
-        time: float | None,
+        time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:
         if time is None:
-            time = self._adult_time / _SKIN * space.template.face_areas.sum()
-        self.time = real_number(time, "time", minimum=0.0)
+            time = self._adult_time / _SKIN * float(space.template.face_areas.sum())
+        self.time = time
         super().__init__(space, target_metric, map, **solvers)
 
     @abstractmethod
     def _undefined(self, f: Points) -> bool:
         """Return whether a surface, or one of several, has no field."""
 
+    @checked(path=POINTS)
     def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
-        path = self.check_points(path, "path")
         if self._undefined(path):
             return np.inf, np.zeros(path.shape)
         return super().energy_and_gradient(path)

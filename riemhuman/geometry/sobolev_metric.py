@@ -7,7 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
-from riemhuman.checks import metric_weight
+from riemhuman.checks import checked, metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.manifold import SurfaceSpace, surface_space
 from riemhuman.geometry.strategies import Solvers
@@ -88,6 +88,14 @@ class SobolevMetric(MidpointMetric):
     True
     """
 
+    @checked(
+        a0=metric_weight,
+        a1=metric_weight,
+        b1=metric_weight,
+        c1=metric_weight,
+        d1=metric_weight,
+        a2=metric_weight,
+    )
     def __init__(
         self,
         space: SurfaceSpace,
@@ -100,9 +108,7 @@ class SobolevMetric(MidpointMetric):
         **solvers: Unpack[Solvers],
     ) -> None:
         space = surface_space(space)
-        given = {"a0": a0, "a1": a1, "b1": b1, "c1": c1, "d1": d1, "a2": a2}
-        weights = {name: metric_weight(value, name) for name, value in given.items()}
-        self.a0, self.a1, self.b1, self.c1, self.d1, self.a2 = weights.values()
+        self.a0, self.a1, self.b1, self.c1, self.d1, self.a2 = a0, a1, b1, c1, d1, a2
         first = FirstOrderWeights(self.a1, self.b1, self.c1, self.d1)
         terms: list[QuadraticTerm] = []
         if any(first):
@@ -116,10 +122,10 @@ class SobolevMetric(MidpointMetric):
             closed = bool(second.surrounded[used].all())
             terms.append(second)
         if self.a0 == 0 and sum(weight > 0 for weight in first[:3]) < 2 and not closed:
-            stated = ", ".join(f"{name} = {value:g}" for name, value in weights.items())
             raise ArgumentError(
                 "a0 must be above 0, or two of a1, b1 and c1, or (on a mesh without boundary) "
-                f"a2; otherwise some deformations would cost nothing; found {stated}"
+                "a2; otherwise some deformations would cost nothing; found "
+                f"a0 = {a0:g}, a1 = {a1:g}, b1 = {b1:g}, c1 = {c1:g}, d1 = {d1:g}, a2 = {a2:g}"
             )
         super().__init__(space, terms, **solvers)
 

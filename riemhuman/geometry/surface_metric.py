@@ -14,7 +14,15 @@ from autograd.tracer import isbox
 from scipy import sparse
 
 from riemhuman.arrays import Array, Fields, Points, TangentVectors
-from riemhuman.checks import joint_shape, metric_weight, path_array, real_array, values_of
+from riemhuman.checks import (
+    checked,
+    joint_shape,
+    metric_weight,
+    path_array,
+    positive,
+    real_array,
+    values_of,
+)
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.fields import (
     EbinMetric,
@@ -24,6 +32,7 @@ from riemhuman.geometry.fields import (
 )
 from riemhuman.geometry.manifold import Manifold, SurfaceSpace
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_tensor import POINT, POINTS
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.strategies import Solvers
@@ -182,10 +191,9 @@ class SurfaceMetric(MetricOfTerms):
     def has_target_metric(self) -> bool:  # type: ignore[override]  # read only
         return all(term.has_target_space for term in self.terms)
 
+    @checked(point_a=POINT, point_b=POINT)
     def squared_dist(self, point_a: Points, point_b: Points) -> Array:
         """Return the sum of the squared distances of fields (equation 5)."""
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
         if point_a.shape != point_b.shape:
             joint_shape(point_a=point_a, point_b=point_b)
         first_a, first_b = self._derivatives(point_a), self._derivatives(point_b)
@@ -194,19 +202,19 @@ class SurfaceMetric(MetricOfTerms):
             total = total + self._integral(term, term.fields(first_a), term.fields(first_b))
         return total
 
+    @checked(others=POINTS)
     def squared_dists_and_gradient(
         self, point: Points, others: Points, weights: Array
     ) -> tuple[Array, Array]:
         point = self.check_points(point[None], "point")[0]
-        others = self.check_points(others, "others")
         return self._sum.squared_dists(point, others, weights)
 
     @cached_property
     def bulk(self) -> Bulk:
         return self._sum
 
+    @checked(points=POINT)
     def lower_bound_coordinates(self, points: Points) -> Array:
-        points = self.space.check_point(points, "points")
         first = self._derivatives(points)
         sketches = [np.zeros((*points.shape[:-2], 0))]
         for term in self.terms:
@@ -225,8 +233,9 @@ class SurfaceMetric(MetricOfTerms):
             return factors[0].metric  # a vector space needs no product around it
         return ProductManifold(factors).equip_with_metric(ProductMetric, weights=weights).metric
 
+    @checked(point=POINT)
     def map(self, point: Points) -> Array:
-        first = self._derivatives(self.space.check_point(point))
+        first = self._derivatives(point)
         is_flat = isinstance(self.target_metric, FlatMetric)
         points = [term.target_point(first) for term in self.terms]
         if is_flat:
@@ -331,6 +340,7 @@ class ElasticMetric(SurfaceMetric):
     True
     """
 
+    @checked(a=metric_weight, lam=metric_weight, c=metric_weight)
     def __init__(
         self,
         space: SurfaceSpace,
@@ -339,9 +349,7 @@ class ElasticMetric(SurfaceMetric):
         c: float = 0.0,
         **solvers: Unpack[Solvers],
     ) -> None:
-        self.a = metric_weight(a, "a")
-        self.lam = metric_weight(lam, "lam")
-        self.c = metric_weight(c, "c")
+        self.a, self.lam, self.c = a, lam, c
         if self.a == self.c == 0:
             raise ArgumentError("a and c must not both be 0: every distance would be 0")
         if self.a > 0 and self.lam == 0:
@@ -415,6 +423,7 @@ class GeneralElasticMetric(SurfaceMetric):
     True
     """
 
+    @checked(a=metric_weight, b=positive, c=metric_weight)
     def __init__(
         self,
         space: SurfaceSpace,
@@ -423,9 +432,7 @@ class GeneralElasticMetric(SurfaceMetric):
         c: float = 1.0,
         **solvers: Unpack[Solvers],
     ) -> None:
-        self.a = metric_weight(a, "a")
-        self.b = metric_weight(b, "b", strict=True)
-        self.c = metric_weight(c, "c")
+        self.a, self.b, self.c = a, b, c
         # Without normals, fields have their own space, see `MetricFields`.
         ebin = self.a > 0 and self.c == 0
         term = EbinTerm(self.a, self.b / self.a) if ebin else ConeTerm(1.0, a, b, c)

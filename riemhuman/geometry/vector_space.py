@@ -10,8 +10,9 @@ import autograd.numpy as np
 from riemhuman.arrays import Array, Booleans, Fields, Points, TangentVectors
 from riemhuman.checks import (
     Rng,
-    check_instance,
+    checked,
     generator,
+    instance,
     items_of,
     metric_weight,
     real_array,
@@ -101,8 +102,8 @@ class FlatMetric(FieldMetric):
 
     _term = _Numbers()
 
+    @checked(space=instance(Manifold))
     def __init__(self, space: Manifold, weights: Array | None = None) -> None:
-        check_instance(space, "space", Manifold)
         super().__init__(space)
         length = space.shape[0]
         if weights is None:

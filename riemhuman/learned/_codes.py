@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_same_scale, real_array, refuse_type
+from riemhuman.checks import check_same_scale, longest_side, real_array, refuse_type
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.learned._weight_files import Weights
@@ -149,7 +149,9 @@ class PairedCodes(ABC):
 
     def _check_scale(self, points: Array, name: str) -> None:
         reference = self._home.vertices
-        check_same_scale(points, reference, name, "the network's template", remedy=_REMEDY)
+        check_same_scale(
+            points, longest_side(reference), name, "the network's template", remedy=_REMEDY
+        )
 
     def _check_codes(self, Z: ArrayLike) -> Array:
         return np.asarray(real_array(Z, "Z", ("n", sum(self._n_codes)), batched=False))

@@ -13,6 +13,7 @@ from riemhuman.checks import (
     checked,
     choice,
     flag,
+    longest_side,
     real_array,
     share,
     weight_shares,
@@ -82,7 +83,7 @@ def procrustes(
         )
     aligned = _align(surfaces, reference, _shares(weights, len(reference)), bool(scale))
     if scale is False:
-        check_same_scale(surfaces, reference, "points", "to", remedy=_REMEDY)
+        check_same_scale(surfaces, longest_side(reference), "points", "to", remedy=_REMEDY)
     return aligned
 
 
@@ -137,7 +138,7 @@ def generalized_procrustes(
     shares = _shares(weights, surfaces.shape[-2])
     first = surfaces.reshape(-1, *surfaces.shape[-2:])[0]
     if scale is False:
-        check_same_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
+        check_same_scale(surfaces, longest_side(first), "points", "the first", remedy=_REMEDY)
     size = np.sqrt(_squared_size(_center(surfaces, shares), shares).mean())
     leading_axes = tuple(range(surfaces.ndim - 2))
 

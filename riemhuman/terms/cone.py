@@ -28,7 +28,7 @@ import numpy as onp
 from autograd.extend import defvjp, primitive
 
 from riemhuman.arrays import Array, Booleans, FeatureRows, Fields, Points
-from riemhuman.checks import metric_weight
+from riemhuman.checks import checked, metric_weight, positive
 from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.sphere import sine_cardinal
 from riemhuman.kernels.surface import (
@@ -83,10 +83,10 @@ class ConeTerm(Term):
     single = True
     area_power = 1.0
 
+    @checked(a=metric_weight, b=positive, c=metric_weight)
     def __init__(self, weight: float = 1.0, a: float = 1.0, b: float = 1.0, c: float = 1.0) -> None:
         super().__init__(weight)
-        self.a, self.c = metric_weight(a, "a"), metric_weight(c, "c")
-        self.b = metric_weight(b, "b", strict=True)
+        self.a, self.b, self.c = a, b, c
         self.n_features = 7 if self.c > 0.0 else 4
         # ψ/ℓ where the normals are the same, and ψ/φ where ĝ is the same.
         self.angle_per_length = math.sqrt(self.a / (8.0 * self.b))
@@ -234,8 +234,9 @@ class EbinTerm(ConeTerm):
     True
     """
 
+    @checked(lam=positive)
     def __init__(self, weight: float = 1.0, lam: float = 0.5) -> None:
-        self.lam = metric_weight(lam, "lam", strict=True)
+        self.lam = lam
         super().__init__(weight, a=1.0, b=self.lam, c=0.0)
 
     @property

@@ -18,7 +18,7 @@ import autograd.numpy as np
 from autograd import value_and_grad
 
 from riemhuman.arrays import Array, FeatureRows, Fields
-from riemhuman.checks import metric_weight
+from riemhuman.checks import checked, positive
 from riemhuman.errors import NotDefinedError
 from riemhuman.kernels.surface import Derivatives, differential, follow_up
 from riemhuman.representation import constructor_text
@@ -171,8 +171,9 @@ class Term(ABC):
     area_power = 0.0
     has_target_space: bool = False
 
+    @checked(weight=positive)
     def __init__(self, weight: float = 1.0) -> None:
-        self.weight = metric_weight(weight, "weight", strict=True)
+        self.weight = weight
 
     def __repr__(self) -> str:
         return constructor_text(self)

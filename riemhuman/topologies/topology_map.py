@@ -18,6 +18,7 @@ from riemhuman.checks import (
     check_same_scale,
     checked_rate,
     flag,
+    longest_side,
     one_of,
     real_array,
     refuse_type,
@@ -645,7 +646,12 @@ def _check_bodies(
 ) -> None:
     """Refuse other units and mirrored bodies."""
     check_same_scale(
-        surfaces, known, name, "the body model", error=error, remedy="the map is in metres"
+        surfaces,
+        longest_side(known),
+        name,
+        "the body model",
+        error=error,
+        remedy="the map is in metres",
     )
     centred = surfaces - surfaces.mean(axis=-2, keepdims=True)
     first_corners, second_corners, third_corners = (centred[..., corner, :] for corner in faces.T)
