@@ -10,7 +10,7 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.mocap._joint_names import BONES, SIDES, find_joints
 from riemhuman.mocap._skeletons import check_bones, has_bone, leg_length, middle
-from riemhuman.mocap._upward import rest_directions, upward_axis, warn_of_doubt
+from riemhuman.mocap._upward import BVH, MARKERS, rest_directions, upward_axis, warn_of_doubt
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -97,12 +97,14 @@ def read_skeleton(
     parts = _uninterrupted_parts(recording, positions, joints, leg)
     if up is None:
         directions = middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
-        offsets = np.median(recording.translations, axis=0)
-        at_rest = rest_directions(parents, offsets, joints)
+        at_rest, convention = None, MARKERS
+        if recording.has_rest_pose:
+            offsets = np.median(recording.translations, axis=0)
+            at_rest, convention = rest_directions(parents, offsets, joints), BVH
         is_long = np.bincount(parts)[parts] >= _LONG_PART * len(parts)
         if not is_long.any():
             is_long[:] = True
-        axes = upward_axis(positions[is_long], directions[is_long], leg, at_rest)
+        axes = upward_axis(positions[is_long], directions[is_long], leg, at_rest, convention)
         warn_of_doubt(recording.name, axes)
         up = axes[0]
     upright = make_upright(np.eye(3), up=up).T

@@ -49,14 +49,17 @@ class Convention:
 
     Axes that it does not name are rare. Where bodies `move`, standing and a floor, at any height,
     count by the share of frames in which a body is near the floor: the file holds no rest pose to
-    tell more.
+    tell more. Axes that are `as_usual` as the first are not doubted.
     """
 
     axis: str
     against: Mapping[str, float]
     move: bool = False
+    as_usual: tuple[str, ...] = ()
 
 
+# Laboratories have z up, OpenSim y.
+MARKERS = Convention("y", {"z": 0.5}, as_usual=("z",))
 BVH = Convention("y", {"z": 2.5})
 # Files from elsewhere use this layout too, and in them y up is usual.
 AMASS = Convention("z", {"y": 1.5}, move=True)
@@ -108,7 +111,8 @@ def upward_axis(
             is_sure = True
         return chosen, "" if is_sure else likely
     # For people who stand along the opposite axis, the lowest place is the head, not a floor.
-    is_doubtful = chosen not in (usual, f"-{usual}") and evidence[usual].floor > _DOUBTFUL_FLOOR
+    is_unusual = chosen not in (usual, f"-{usual}", *convention.as_usual)
+    is_doubtful = is_unusual and evidence[usual].floor > _DOUBTFUL_FLOOR
     return chosen, usual if is_doubtful else ""
 
 

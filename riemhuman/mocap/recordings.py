@@ -281,7 +281,7 @@ def load_recording(
         )
     if suffix in (".trc", ".c3d"):
         load = load_trc if suffix == ".trc" else load_c3d
-        recording = load(file, unit=unit, joints=joints)
+        recording = load(file, unit=unit, joints=joints, frames_per_second=frames_per_second)
         return retarget(recording, model, frames_per_second=frames_per_second, betas=betas, up=up)
     if joints is not None:
         raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import check_parents
-from riemhuman.checks import check_shape, checked, checked_rate, instance, real_array
+from riemhuman.checks import check_shape, checked, checked_rate, flag, instance, real_array
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError, warn
 from riemhuman.mocap._units import metres_in
@@ -28,6 +28,7 @@ _LONGEST = 1e60
     parents=lambda parents, _: check_parents(parents),
     frames_per_second=checked_rate,
     name=instance(str, "a text"),
+    has_rest_pose=flag,
 )
 @dataclass(frozen=True, eq=False, repr=False)
 class SkeletonMotion(Record):
@@ -52,6 +53,8 @@ class SkeletonMotion(Record):
         Name of the file without its ending.
     unit : str, number or None
         Unit of lengths, as for `load_bvh`, or None if it is unknown.
+    has_rest_pose : bool
+        Whether the offsets are a pose at rest; those between markers are means over the frames.
 
     Examples
     --------
@@ -67,6 +70,7 @@ class SkeletonMotion(Record):
     frames_per_second: float
     name: str = ""
     unit: str | float | None = None
+    has_rest_pose: bool = True
 
     def __post_init__(self) -> None:
         n_joints, parents = len(self.joint_names), self.parents

@@ -1,0 +1,178 @@
+"""Sets of markers of laboratories: every joint is where an adult's markers say."""
+
+import numpy as np
+import pytest
+from marker_files import RATE, write_trc
+
+from riemhuman.datasets import load_open_motions, load_trc, retarget
+from riemhuman.errors import FileFormatError
+from riemhuman.mocap._marker_sets import NEEDED, RECIPES, MarkerNames
+
+# Half the breadths of an adult's joints with a marker, and of an adult's pelvis, metres.
+KNEE, ANKLE, ELBOW, WRIST = 0.055, 0.042, 0.041, 0.030
+SIDES = {"L": "left", "R": "right"}
+
+
+@pytest.fixture(scope="module")
+def standing():
+    """Return the joints of a person who walks with lowered arms, and outward axes of the limbs."""
+    (motion,) = load_open_motions("coarse", "average man", "knees", RATE)
+    positions = motion.model.joints(motion.betas, motion.pose_vectors)
+    positions += motion.translations[:, None]
+    return dict(zip(motion.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+
+
+def skin(joints):
+    """Return places on the skin by role, and by "lateral", "medial" and others: (n_frames, 3)."""
+    across = joints["left_hip"] - joints["right_hip"]
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    hips = 0.5 * (joints["left_hip"] + joints["right_hip"])
+    up, ahead = np.array([0.0, 1.0, 0.0]), np.cross(across, [0.0, 1.0, 0.0])
+    places = {}
+    for letter, side in SIDES.items():
+        sign = 1.0 if letter == "L" else -1.0
+        for part, breadth in (("knee", KNEE), ("ankle", ANKLE), ("elbow", ELBOW)):
+            joint = joints[f"{side}_{part}"]
+            places[letter, part, "lateral"] = joint + sign * breadth * across
+            places[letter, part, "medial"] = joint - sign * breadth * across
+        wrist = joints[f"{side}_wrist"]
+        places[letter, "wrist", "lateral"] = wrist + WRIST * ahead
+        places[letter, "wrist", "medial"] = wrist - WRIST * ahead
+        shoulder = joints[f"{side}_shoulder"]
+        places[letter, "shoulder", "above"] = shoulder + 0.06 * up
+        places[letter, "shoulder", "front"] = shoulder + 0.05 * ahead
+        places[letter, "shoulder", "back"] = shoulder - 0.05 * ahead
+        places[letter, "toes", "front"] = joints[f"{side}_toes"]
+        # A pelvis 16 cm deep whose hips are where Harrington et al. have them.
+        apart = np.linalg.norm(joints["left_hip"] - joints["right_hip"], axis=1).mean()
+        width = (0.5 * apart - 0.0073) / 0.33
+        middle = hips + (0.30 * width + 0.0109) * up + 0.0483 * ahead
+        places[letter, "pelvis", "front"] = middle + sign * 0.5 * width * across
+        places[letter, "pelvis", "back"] = middle - 0.16 * ahead + sign * 0.045 * across
+    return places
+
+
+def markers(joints, names):
+    """Return markers from names by part and place, a pattern with {} for the side."""
+    places = skin(joints)
+    return {
+        name.format(letter): places[letter, *where]
+        for letter in SIDES
+        for where, name in names.items()
+    }
+
+
+PLUG_IN_GAIT = {
+    ("pelvis", "front"): "{}ASI", ("pelvis", "back"): "{}PSI", ("knee", "lateral"): "{}KNE",
+    ("ankle", "lateral"): "{}ANK", ("toes", "front"): "{}TOE", ("shoulder", "above"): "{}SHO",
+    ("elbow", "lateral"): "{}ELB", ("wrist", "lateral"): "{}WRA", ("wrist", "medial"): "{}WRB",
+}  # fmt: skip
+SETS = {
+    "Plug-in Gait": PLUG_IN_GAIT,
+    "CMU, 41 markers": PLUG_IN_GAIT | {("pelvis", "front"): "{}FWT", ("pelvis", "back"): "{}BWT"},
+    "CMU, 53 markers": PLUG_IN_GAIT
+    | {("pelvis", "front"): "{}FWT", ("pelvis", "back"): "{}BWT", ("shoulder", "front"): "{}FSH",
+       ("shoulder", "back"): "{}BSH", ("wrist", "lateral"): "{}OWR", ("wrist", "medial"): "{}IWR"},
+    "IOR": PLUG_IN_GAIT
+    | {("pelvis", "front"): "{}IAS", ("pelvis", "back"): "{}IPS", ("knee", "lateral"): "{}FLE",
+       ("knee", "medial"): "{}FME", ("ankle", "lateral"): "{}FAL", ("ankle", "medial"): "{}TAM",
+       ("toes", "front"): "{}FM2", ("shoulder", "above"): "{}CAJ"},
+    "Qualisys": PLUG_IN_GAIT
+    | {("pelvis", "front"): "{}_IAS", ("pelvis", "back"): "{}_IPS", ("knee", "lateral"): "{}_FLE",
+       ("ankle", "lateral"): "{}_FAL", ("shoulder", "above"): "{}_SAJ",
+       ("elbow", "lateral"): "{}_UHE", ("wrist", "lateral"): "{}_RSP",
+       ("wrist", "medial"): "{}_USP"},
+    "Rajagopal": PLUG_IN_GAIT
+    | {("knee", "lateral"): "{}LFC", ("knee", "medial"): "{}MFC", ("ankle", "lateral"): "{}LMAL",
+       ("ankle", "medial"): "{}MMAL", ("shoulder", "front"): "{}ASH",
+       ("shoulder", "back"): "{}PSH", ("shoulder", "above"): "{}ACR", ("elbow", "lateral"): "{}LEL",
+       ("elbow", "medial"): "{}MEL", ("wrist", "lateral"): "{}FAradius",
+       ("wrist", "medial"): "{}FAulna"},
+    "gait2354": {
+        ("pelvis", "front"): "{}.ASIS", ("pelvis", "back"): "{}.PSIS",
+        ("knee", "lateral"): "{}.Knee.Lat", ("knee", "medial"): "{}.Knee.Med",
+        ("ankle", "lateral"): "{}.Ankle.Lat", ("ankle", "medial"): "{}.Ankle.Med",
+        ("toes", "front"): "{}.Toe.Tip", ("shoulder", "above"): "{}.Acromium",
+        ("elbow", "lateral"): "{}.Elbow", ("wrist", "lateral"): "{}.Wrist.Lat",
+        ("wrist", "medial"): "{}.Wrist.Med",
+    },
+    "sprinters": PLUG_IN_GAIT
+    | {("shoulder", "above"): "{}SH", ("knee", "lateral"): "{}LEPI", ("ankle", "lateral"): "{}LMAL",
+       ("wrist", "lateral"): "{}W1", ("wrist", "medial"): "{}W2"},
+    "Human Body Model": PLUG_IN_GAIT
+    | {("knee", "lateral"): "{}LEK", ("ankle", "lateral"): "{}LM", ("elbow", "lateral"): "{}LEE",
+       ("elbow", "medial"): "{}MEE", ("wrist", "lateral"): "{}LW", ("wrist", "medial"): "{}MW"},
+    "OptiTrack": PLUG_IN_GAIT
+    | {("pelvis", "front"): "Waist{}Front", ("pelvis", "back"): "Waist{}Back",
+       ("knee", "lateral"): "{}KneeOut", ("ankle", "lateral"): "{}AnkleOut",
+       ("shoulder", "above"): "{}ShoulderTop", ("elbow", "lateral"): "{}ElbowOut"},
+    "words": {
+        ("pelvis", "front"): "{} asis", ("pelvis", "back"): "{} psis",
+        ("knee", "lateral"): "{} knee 1", ("ankle", "lateral"): "{} ankle",
+        ("toes", "front"): "{} met",
+        ("shoulder", "above"): "{} should", ("elbow", "lateral"): "{} elbow",
+        ("wrist", "lateral"): "{} wrist",
+    },
+    "sides of two letters": {
+        ("pelvis", "front"): "{}xAsis", ("pelvis", "back"): "{}xPsis",
+        ("knee", "lateral"): "{}xLatCon", ("ankle", "lateral"): "{}xLatMal",
+        ("toes", "front"): "{}xToe1", ("shoulder", "above"): "{}xShould",
+        ("elbow", "lateral"): "{}xElbow", ("wrist", "lateral"): "{}xWrist",
+    },
+}  # fmt: skip
+# Single markers beside a joint leave more doubt, metres.
+NEAR = {"hip": 0.01, "shoulder": 0.02, "elbow": 0.025, "wrist": 0.032}
+
+
+@pytest.mark.filterwarnings("ignore:.*single markers on the skin")
+@pytest.mark.parametrize("name", SETS)
+def test_joints_are_near_their_centres(name, standing, tmp_path):
+    recording = load_trc(write_trc(tmp_path / "a.trc", markers(standing, SETS[name])))
+    for role in (*NEEDED, "left_toes", "right_toes"):
+        found = recording.positions[:, recording.joint_names.index(role)]
+        apart = np.linalg.norm(found - standing[role], axis=1)
+        assert np.median(apart) < NEAR.get(role.split("_")[1], 0.015), role
+
+
+@pytest.mark.filterwarnings("ignore:.*single markers on the skin")
+def test_legs_alone_are_performed(standing, tmp_path):
+    """As in gait analysis: the upper body stands."""
+    legs = {
+        where: name
+        for where, name in PLUG_IN_GAIT.items()
+        if where[0] in ("pelvis", "knee", "ankle", "toes")
+    }
+    file = write_trc(tmp_path / "a.trc", markers(standing, legs))
+    with pytest.warns(UserWarning, match="no markers tell where the trunk and the arms are"):
+        motion = retarget(load_trc(file))
+    names = [" to ".join(pair) for pair in motion.errors.bones]
+    thighs = motion.errors.directions[:, names.index("left_hip to left_knee")]
+    assert thighs.mean() < 4.0
+    places = dict(zip(motion.model.joint_names, np.moveaxis(motion.model.joints(
+        motion.betas, motion.pose_vectors), 1, 0), strict=True))  # fmt: skip
+    assert np.all(places["left_wrist"][:, 1] < places["left_elbow"][:, 1])
+    assert np.all(places["left_shoulder"][:, 1] > places["left_hip"][:, 1] + 0.3)
+
+
+@pytest.mark.filterwarnings("ignore:.*single markers on the skin")
+def test_what_is_lacking_is_said(standing, tmp_path):
+    arms = {
+        where: name for where, name in PLUG_IN_GAIT.items() if where[0] not in ("knee", "ankle")
+    }
+    file = write_trc(tmp_path / "a.trc", markers(standing, arms))
+    message = "no markers that give the centre of left_knee, left_ankle, right_knee, right_ankle; "
+    with pytest.raises(FileFormatError, match=message + ".*--joints FILE"):
+        load_trc(file)
+    one_wrist = {name: path for name, path in markers(standing, PLUG_IN_GAIT).items()
+                 if not name.startswith("LWR")}  # fmt: skip
+    with pytest.warns(UserWarning, match="no markers tell where left_wrist are"):
+        load_trc(write_trc(tmp_path / "b.trc", one_wrist))
+
+
+def test_names_of_the_table_are_read():
+    """No name is hidden by its side: "r" of "rsp" is not that of a right side."""
+    for row in RECIPES:
+        for names in row.names:
+            for name in names:
+                both = [f"L_{name}", f"R_{name}"]
+                assert MarkerNames(both)._numbers["left", name] == 0, name
