@@ -25,13 +25,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 NEWEST = {"PIP_CONSTRAINT": str(ROOT / ".ci" / "constraints.txt")}
-ORACLES = [".[learned,meshes,recordings,statistics]", "mpmath", "pytest", "pytest-benchmark"]
+ORACLES = [".[learned,meshes,statistics]", "ezc3d>=1.6", "mpmath", "pytest", "pytest-benchmark"]
 ORACLES += ["geomstats==2.8.0", "numpy<2.4", "scikit-learn<1.10", "pytrec-eval-terrier==0.5.11"]
 ORACLE_TESTS = ["tests/trust/against_geomstats.py", "tests/trust/against_trec_eval.py"]
 ORACLE_TESTS += ["tests/trust/geomstats_signatures.py", "tests/io/test_meshes.py"]
-ORACLE_TESTS += ["tests/datasets/test_markers.py", "tests/learned/training.py"]
+ORACLE_TESTS += ["tests/mocap/test_c3d_files.py", "tests/learned/training.py"]
 # Packages that tests skip without: those of no everyday extra, too.
-NIGHTLY = ["riemhuman[anny,learned,meshes,recordings]", "smplcodec", "cosmic-ray>=8.4"]
+NIGHTLY = ["riemhuman[anny,learned,meshes]", "ezc3d>=1.6", "smplcodec", "cosmic-ray>=8.4"]
 ITERATIVE = ("transfer", "path_search", "means", "lbfgs", "rounding")
 EXTENSIONS = """import numpy
 print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))"""
