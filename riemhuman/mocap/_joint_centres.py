@@ -197,7 +197,7 @@ def _mean(positions: Array, numbers: Sequence[int]) -> Array:
 
 
 def _is_seen(path: Array) -> Booleans:
-    return np.isfinite(path).all(axis=-1)
+    return np.asarray(np.isfinite(path).all(axis=-1))
 
 
 def _best(positions: Array, recipes: Sequence[Recipe]) -> Recipe | None:
