@@ -87,7 +87,9 @@ def _run(words: Sequence[str]) -> int:
         import_optional("argcomplete", "completion").autocomplete(parser)
     try:
         options = parser.parse_args(words)
-    except RiemhumanError as error:  # an argument that cannot be a path
+    except (RiemhumanError, OSError) as error:  # an argument that cannot be a path
+        if isinstance(error, OSError) and error.filename is None:
+            raise  # of standard output
         terminal.note(str(error))
         return _NOT_DONE
     if not hasattr(options, "run"):
@@ -115,8 +117,8 @@ def _run(words: Sequence[str]) -> int:
         elif isinstance(error, MemoryError):
             details = f": {error}" if str(error) else ""
             terminal.note(f"not enough memory; use fewer or coarser meshes{details}")
-        elif isinstance(error, OSError) and error.strerror and error.filename:
-            terminal.note(f"{error.filename}: {error.strerror}")  # such as a name that is too long
+        elif isinstance(error, OSError) and error.filename is not None:
+            terminal.note(str(error))  # such as a name that is too long
         else:
             terminal.note(
                 f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"
