@@ -88,7 +88,7 @@ def _run(words: Sequence[str]) -> int:
     try:
         options = parser.parse_args(words)
     except (RiemhumanError, OSError) as error:  # an argument that cannot be a path
-        if isinstance(error, OSError) and error.filename is None:
+        if not isinstance(error, RiemhumanError) and error.filename is None:
             raise  # of standard output
         terminal.note(str(error))
         return _NOT_DONE
