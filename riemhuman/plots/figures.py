@@ -9,11 +9,13 @@ from colorsys import hls_to_rgb
 from contextlib import contextmanager
 from importlib.resources import files
 from typing import TYPE_CHECKING
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.checks import check_instance
+from riemhuman.errors import warn
 from riemhuman.io.files import atomic_file, file_path
 from riemhuman.optional import import_matplotlib
 
@@ -100,10 +102,44 @@ def strip_figure(ax: Axes) -> Figure:
     return figure
 
 
+def use_fonts_of_names(figure: Figure) -> None:
+    """Draw characters that the font of a text lacks in other installed fonts; warn of the rest."""
+    manager, text = import_matplotlib("font_manager"), import_matplotlib("text")
+    texts = [item for item in figure.findobj(text.Text) if not item.get_text().isascii()]
+    lacking: dict[str, set[str]] = {}
+    for item in texts:
+        family = item.get_fontname()
+        if family not in lacking:
+            known = manager.get_font(manager.findfont(family)).get_charmap()
+            written = "".join(t.get_text() for t in texts if t.get_fontname() == family)
+            lacking[family] = {c for c in written if c.isprintable() and ord(c) not in known}
+    missing = set().union(*lacking.values())
+    others = []
+    for entry in manager.fontManager.ttflist if missing else ():
+        # One of them draws boxes for all characters.
+        if "Last Resort" not in entry.name and entry.style == "normal" and missing:
+            known = manager.get_font(entry.fname).get_charmap()
+            found = {c for c in missing if ord(c) in known}
+            if found:
+                others.append(entry.name)
+                missing -= found
+    for item in texts:
+        if others and lacking[item.get_fontname()] & set(item.get_text()):
+            item.set_fontfamily([*item.get_fontfamily(), *others])
+    if missing:
+        warn(
+            f"no installed font has the characters {''.join(sorted(missing))[:40]}; install one, "
+            "such as Noto Sans CJK for Chinese, Japanese and Korean names",
+            UserWarning,
+        )
+
+
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure on white to a file, in the format of its ending, by a canvas for files."""
     file = file_path(path)
-    with atomic_file(file) as temporary:
+    use_fonts_of_names(figure)
+    with atomic_file(file) as temporary, catch_warnings():
+        simplefilter("ignore", UserWarning)  # of each missing character
         ending = file.suffix[1:].lower()
         canvas = _CANVASES.get(ending)
         figure.savefig(temporary, dpi=200, facecolor="white", format=ending, backend=canvas)
@@ -111,6 +147,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 def figure_files(figure: Figure, dots_an_inch: int = FIGURE_DPI) -> tuple[str, bytes]:
     """Return a figure as an SVG file without background, in the ink of the theme, and as a PNG."""
+    use_fonts_of_names(figure)
     engine = figure.get_layout_engine()
     if engine is not None:
         # Laid out once for both files; at this resolution, text is as wide as in the SVG.

@@ -13,6 +13,7 @@ from riemhuman.plots.figures import (
     figure_style,
     new_figure,
     rgb,
+    save_figure,
     scale_ends,
     value_colors,
 )
@@ -89,3 +90,21 @@ def test_negative_values_keep_their_sign():
     assert scale_ends(-np.ones(9)) == (-1.0, 1.0)
     # A part without negative values may belong to a whole that has some.
     np.testing.assert_array_equal(value_colors(np.array([-0.5]), 1.0, signed=True)[0], colors[2])
+
+
+def test_names_in_scripts_that_the_font_lacks(tmp_path):
+    from matplotlib import font_manager
+
+    def characters(name):
+        font = font_manager.get_font(font_manager.findfont(name))
+        return {chr(code) for code in font.get_charmap()}
+
+    elsewhere = min(filter(str.isalpha, characters("STIXGeneral") - characters("DejaVu Sans")))
+    title = new_figure(3, 2).subplots().set_title(f"Zoë {elsewhere}")
+    save_figure(title.figure, tmp_path / "a.pdf")
+    assert len(title.get_fontfamily()) > 1
+    title.set_text("\ua9c1")
+    if not any("Javanese" in entry.name for entry in font_manager.fontManager.ttflist):
+        with pytest.warns(UserWarning, match="no installed font has the characters \ua9c1"):
+            save_figure(title.figure, tmp_path / "a.png")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.pdf", "a.png"]
