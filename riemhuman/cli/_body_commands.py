@@ -67,10 +67,9 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     values = {"energy": result.energy, "length": length, "distance": distance}
     answer = terminal.solved(result, values, **record)
     description = (
-        f"From {options.a_file.name} to {options.b_file.name} in {len(result.path)} surfaces: "
-        f"a path of least energy under the metric {metric}. Energy "
-        f"{result.energy:.4g}, length {length:.4g}\u00a0m; no path is shorter than "
-        f"{distance:.4g}\u00a0m. Converged: {terminal.convergence(result)}."
+        f"From {options.a_file.name} to {options.b_file.name}: the path of least energy under "
+        f"{inputs.metric_in_words(metric)}. Length {length:.3g} (lower bound {distance:.3g}), "
+        f"energy {result.energy:.3g}. {terminal.convergence_sentence(result)}"
     )
     inputs.write_path(
         options,

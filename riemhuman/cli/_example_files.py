@@ -92,11 +92,15 @@ def write_example_files(folder: Path) -> dict[str, str]:
     (run,) = rh.datasets.load_open_motions("coarse", "average man", "running_on_spot")
     run.save(folder / "run.bvh")
     (folder / "steps").mkdir()
-    for number, frame in enumerate(walk[: _STEPS * _FRAMES_BETWEEN_STEPS : _FRAMES_BETWEEN_STEPS]):
-        rh.save_mesh(folder / "steps" / f"frame_{number:04d}.ply", frame, walk.faces)
+    model = rh.datasets.load_open_model("full")
+    for number in range(_STEPS):
+        frame = number * _FRAMES_BETWEEN_STEPS
+        points = model(walk.betas, walk.pose_vectors[frame]) + walk.translations[frame]
+        points[:, 1] -= points[:, 1].min()
+        rh.save_mesh(folder / "steps" / f"frame_{number:04d}.ply", points, model.faces)
     _write_other_mesh(folder / "other_mesh.ply", betas["david"], rng)
     contents = {
-        "bodies/": "80 registered bodies: eight people in ten poses, and labels.csv",
+        "bodies/": "80 coarse registered bodies: eight people in ten poses, and labels.csv",
         "anna.ply, ben.ply": "two people in the same pose, registered",
         "sit.ply, stand.ply": "one person in two poses, registered",
         "scans/anna.ply, scans/ben.ply": "raw scans with a floor, noise and holes",
@@ -142,7 +146,7 @@ def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
 
 
 def _write_single_bodies(folder: Path, betas: Mapping[str, Array]) -> None:
-    model = rh.datasets.load_open_model("coarse")
+    model = rh.datasets.load_open_model("full")
     for file, person, angles in (
         ("anna.ply", "anna", _STANDING),
         ("ben.ply", "ben", _STANDING),
@@ -198,7 +202,7 @@ def _write_other_mesh(file: Path, betas: Array, rng: np.random.Generator) -> Non
 
 
 def _write_visits(folder: Path, betas: Array, rng: np.random.Generator) -> None:
-    model = rh.datasets.load_open_model("coarse")
+    model = rh.datasets.load_open_model("full")
     later = betas.copy()
     for number, change in _CHANGE_OF_SHAPE.items():
         later[number] += change

@@ -227,6 +227,13 @@ def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> Riemann
     return metric
 
 
+def metric_in_words(metric: RiemannianMetric) -> str:
+    """Return the name of a metric for readers."""
+    if isinstance(metric, rh.ElasticMetric):
+        return f"the elastic metric with (a, λ, c) = ({metric.a:g}, {metric.lam:g}, {metric.c:g})"
+    return f"the metric {metric}"
+
+
 def metric_record(metric: RiemannianMetric) -> JSONRecord:
     """Return the name and the parameters of a metric, for JSON."""
     names = ("a", "lam", "c", "time")

@@ -235,6 +235,7 @@ class Viewer:
                 for name, bodies in self.choices.items()
             },
             moving=any(len(body.frames) > 1 for body in first_choice),
+            has_values=any(body.values is not None for body in first_choice),
             shares=_component_shares(first_choice),
             panel="" if self.panel is None else self.panel.html(identifier),
             data=data,

@@ -45,11 +45,18 @@ function listenToKeys(viewer, actions) {
       actions[action]();
     }
   });
-  viewer.element.addEventListener("keydown", (event) => {
+  const playBySpace = (event) => {
     if (event.key !== " " || event.target.closest("button, select, summary, input:not([type=range])")) return;
     event.preventDefault();
     viewer.toggle();
-  });
+  };
+  viewer.element.addEventListener("keydown", playBySpace);
+  // Right after loading, nothing has the focus.
+  if (document.querySelectorAll(".viewer").length === 1) {
+    document.body.addEventListener("keydown", (event) => {
+      if (event.target === document.body && !viewer.find("running").hidden) playBySpace(event);
+    });
+  }
 }
 
 function listenToWheel(viewer) {
