@@ -268,7 +268,7 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     assert record == summary | {"output": str(output)}
     assert (output / "path.png").read_bytes().startswith(b"\x89PNG")
     page = (output / "path.html").read_text(encoding="utf-8")
-    assert "<p>From body_0.ply to body_1.ply in " in page
+    assert "<p>From body_0.ply to body_1.ply: the path" in page
     assert (output / "path.glb").read_bytes().startswith(b"glTF")
     assert json.loads(run("info", output, "--json").out)["first"] == "time_0000.ply"
 
