@@ -89,7 +89,7 @@ def check_human_size(extent: float, volume: float, name: str) -> None:
 
 def check_same_scale(
     points: Array,
-    side: Array | float,
+    side: float,
     name: str,
     reference_name: str,
     *,
@@ -102,7 +102,7 @@ def check_same_scale(
     """
     if side == 0:
         return
-    ratios = longest_side(points) / side
+    ratios = _longest_sides(points) / side
     strange = (ratios > _LARGEST_RATIO) | ((ratios > 0) & (ratios < 1 / _LARGEST_RATIO))
     if not np.any(strange):
         return
@@ -116,8 +116,13 @@ def check_same_scale(
     )
 
 
-def longest_side(surfaces: Array) -> Array:
-    """Return the longest side of the box around some of the vertices of surfaces, shape (...)."""
+def longest_side(surface: Array) -> float:
+    """Return the longest side of the box around some of the vertices of a surface."""
+    return float(_longest_sides(surface))
+
+
+def _longest_sides(surfaces: Array) -> Array:
+    """Return the same of several surfaces, shape (...)."""
     sample = surfaces[..., :: max(1, surfaces.shape[-2] // _N_SAMPLES), :]
     rows = np.ascontiguousarray(np.swapaxes(sample, -1, -2))  # extremes are found faster in rows
     sides: Array = (rows.max(axis=-1) - rows.min(axis=-1)).max(axis=-1)

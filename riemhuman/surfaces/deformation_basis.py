@@ -369,7 +369,8 @@ def frames_apart(
                     f"{name} has {len(frame)} vertices; the motions before it have {len(reference)}"
                 )
             if start is None:
-                check_same_scale(frame, reference, name, "the first motion", remedy=_REMEDY)
+                side = longest_side(reference)
+                check_same_scale(frame, side, name, "the first motion", remedy=_REMEDY)
             else:
                 yield start, frame
             start = frame

@@ -267,23 +267,37 @@ def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> Booleans:
 
 def geodesic(start: Parts, end: Parts, t: Array, cone: ConeTerm) -> Parts:
     """Return the minimal path of the completion at times t in [0, 1]."""
-    # For ψ ≥ π, or a degenerate end point, straight through the apex g = 0, where the normal jumps.
+    through_apex = runs_through_apex(start, end, cone)[..., None]
+    smooth = _geodesic_inside(start, end, t, through_apex, cone)
+    broken = _path_through_apex(start, end, t)
+    normals = [np.where(through_apex, b, a) for a, b in zip(smooth[1:], broken[1:], strict=True)]
+    return np.where(through_apex[..., None], broken[0], smooth[0]), *normals
+
+
+def _geodesic_inside(
+    start: Parts, end: Parts, t: Array, left_out: Booleans, cone: ConeTerm
+) -> Parts:
+    """Return exp(t log) where it exists; what is left out stays at the identity."""
     (g1, *n1), (g2, *n2) = start, end
-    inside = ~runs_through_apex(start, end, cone)[..., None]
-    safe = (np.where(inside[..., None], g1, np.eye(2)), *n1)
-    velocity, _ = log(safe, (np.where(inside[..., None], g2, np.eye(2)), *n2), cone)
-    scaled = [t[..., None, None] * np.where(inside[..., None], velocity[0], 0.0)]
-    scaled += [t[..., None] * np.where(inside, turn, 0.0) for turn in velocity[1:]]
-    (g, *normals), _ = exp(scaled, safe, cone)
-    # Straight through the apex.
+    identity = np.eye(2)
+    first = np.where(left_out[..., None], identity, g1), *n1
+    last = np.where(left_out[..., None], identity, g2), *n2
+    (velocity, *turns), _ = log(first, last, cone)
+    still = np.where(left_out, 0.0, 1.0)
+    velocity = t[..., None, None] * still[..., None] * velocity
+    turns = [t[..., None] * np.where(left_out, 0.0, turn) for turn in turns]
+    return exp((velocity, *turns), first, cone)[0]
+
+
+def _path_through_apex(start: Parts, end: Parts, t: Array) -> Parts:
+    """Return the straight path through the apex g = 0, where the normal jumps."""
+    (g1, *n1), (g2, *n2) = start, end
     s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
-    signed = s1 - t * (s1 + s2)
-    before = signed >= 0
-    unit = np.where(before[..., None, None], unit_determinant(g1), unit_determinant(g2))
-    broken = signed[..., None, None] ** 2 * unit
-    apart = [np.where(before[..., None], a, b) for a, b in zip(n1, n2, strict=True)]
-    path = [np.where(inside, n, jump) for n, jump in zip(normals, apart, strict=True)]
-    return (np.where(inside[..., None], g, broken), *path)
+    signed_radius = s1 - t * (s1 + s2)
+    before = signed_radius >= 0
+    shape = np.where(before[..., None, None], unit_determinant(g1), unit_determinant(g2))
+    normals = [np.where(before[..., None], a, b) for a, b in zip(n1, n2, strict=True)]
+    return signed_radius[..., None, None] ** 2 * shape, *normals
 
 
 def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeTerm) -> Parts:
