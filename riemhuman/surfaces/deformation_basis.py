@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, PointsOnDemand
-from riemhuman.checks import check_same_scale, checked, flag, instance, real_array, whole
+from riemhuman.checks import (
+    check_same_scale,
+    checked,
+    flag,
+    instance,
+    longest_side,
+    real_array,
+    whole,
+)
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
