@@ -11,6 +11,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 
 import numpy as np
 import pytest
+from empty_figures import leave_empty
 from headless_browser import opened_browser
 
 from riemhuman.datasets import Bodies, load_open_bodies
@@ -79,15 +80,7 @@ def strict_floats():
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave figures of a report empty, which take most of its time."""
-    pixels = np.zeros((2, 2, 4))
-    monkeypatch.setattr("riemhuman.plots.body_plots.render", lambda *given, **settings: pixels)
-    monkeypatch.setattr(
-        "riemhuman.report._body_sections.draw_measurement_lines", lambda *given, **settings: None
-    )
-    monkeypatch.setattr(
-        "riemhuman.report._page.figure_files",
-        lambda figure, dots_an_inch: ('<svg viewBox="0 0 4 3"></svg>', b""),
-    )
+    leave_empty(monkeypatch)
 
 
 @pytest.fixture(autouse=True)

@@ -14,6 +14,7 @@ def test_linked_functions_exist(name, file):
     assert draw_layers.line_of(draw_layers.ROOT / file, name) > 0
 
 
+@pytest.mark.slow
 def test_links_land_where_the_function_is_seen():
     """Within a screen: `python tutorials/remake/draw_layers.py` sets the lines anew."""
     text = draw_layers.PAGE.read_text(encoding="utf-8")
@@ -28,6 +29,7 @@ def test_links_land_where_the_function_is_seen():
     assert {name: lines for name, lines in away.items() if lines > LINES_OF_A_SCREEN} == {}
 
 
+@pytest.mark.slow
 def test_layers_are_drawn_from_the_code(tmp_path):
     names = {name for row in draw_layers.floors() for name in row}
     assert {"terms", "geometry", "solvers", "plots"} <= names

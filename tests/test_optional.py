@@ -35,6 +35,7 @@ def test_what_is_missing_says_how_to_install_it():
         import_optional("absent", "video")
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("nonsense")
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_files_are_written_whatever_backend_is_asked_for(backend, tmp_path):

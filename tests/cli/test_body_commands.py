@@ -127,6 +127,7 @@ def test_units_and_axes_make_other_verbs_measure_the_same(run, turned, scans):
     assert float(theirs.out) == pytest.approx(float(ours.out), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_labelled_folders_take_template_unit_and_what_is_there(run, refused, turned, scans):
     (turned / "labels.csv").write_text(
         "file,subject,pose\na.ply,anna,sits\nb.ply,anna,sits\nc.ply,ben,sits\n"
@@ -330,6 +331,7 @@ def test_mean_is_that_of_the_library(run, scans, bodies, tmp_path):
     assert "Karcher mean" in (tmp_path / "mean.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("always::riemhuman.errors.MixedPosesWarning")
 def test_components_of_one_pose_and_of_several(run, scans, bodies, tmp_path):
     """Of several poses there is a warning; bodies in the standard pose are in one."""

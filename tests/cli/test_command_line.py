@@ -143,6 +143,7 @@ def test_a_reader_that_leaves(scans, unbuffered):
     assert (finished.returncode, finished.stderr) == (141, "")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="descriptors of Unix")
 @pytest.mark.parametrize("descriptors", [(1,), (2,), (0, 1, 2)])
 def test_streams_that_the_caller_closed(scans, tmp_path, descriptors):
@@ -188,6 +189,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="devices of Linux")
 @pytest.mark.parametrize("is_heard", [True, False])
 def test_a_terminal_that_closes(scans, tmp_path, is_heard):
@@ -201,6 +203,7 @@ def test_a_terminal_that_closes(scans, tmp_path, is_heard):
     assert [place.name for place in tmp_path.iterdir()] == ["stderr"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
 @pytest.mark.parametrize(
     ("numbers", "code", "word"),
@@ -368,6 +371,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
 @pytest.mark.parametrize("place", ["before", "after"])
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -394,6 +398,7 @@ def test_a_full_disk_of_messages_costs_no_result(scans, tmp_path):
     assert "distances" in riemhuman.io.load_arrays(table, ["distances"])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited")
 @pytest.mark.parametrize("megabytes", [80, 195])
 def test_too_little_memory_to_start(scans, megabytes):
@@ -447,6 +452,7 @@ sys.meta_path.insert(0, Finder)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
 @pytest.mark.parametrize("seconds", [0.0, 1.0])
 def test_no_import_swallows_an_interruption(scans, seconds):

@@ -310,6 +310,7 @@ def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, mat
     assert re.match(r"meshes +5\n", finished.out)
 
 
+@pytest.mark.slow
 def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
     asked = {}
 

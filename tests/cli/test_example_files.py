@@ -49,6 +49,7 @@ def people(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_registered_bodies_share_a_triangulation_and_have_labels(people):
     bodies = rh.datasets.load_bodies(people / "bodies")
     assert len(bodies.points) == 80

@@ -142,6 +142,7 @@ def test_hdf5(facts, bodies, tmp_path):
     assert (found["people"], found["vertices"]) == (["50020"], 1202)
 
 
+@pytest.mark.slow
 def test_recordings_of_every_kind(run, tmp_path):
     folder = Path(__file__).parents[1] / "mocap" / "recordings"
     found = run("info", folder / "cmu_01_01.amc", "--json")

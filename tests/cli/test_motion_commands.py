@@ -68,6 +68,7 @@ def test_rotations_and_travel(run, refused, people, tmp_path):
     assert "--travel is for --by warping, changes and velocities" in said
 
 
+@pytest.mark.slow
 def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, tmp_path):
     motions = [rh.datasets.load_mesh_motions(folder)[0] for folder in people[:2]]
     faces, body = motions[0].faces, motions[0][2]
@@ -87,6 +88,7 @@ def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, 
     assert "with other.ply as the template, the triangles of" in said
 
 
+@pytest.mark.everyday("velocities")
 @pytest.mark.parametrize("by", ["changes", "velocities", "rate-invariant"])
 def test_matrix(run, folder, people, tmp_path, by):
     file = tmp_path / "D.npz"
@@ -98,6 +100,7 @@ def test_matrix(run, folder, people, tmp_path, by):
     assert float(single.out) == pytest.approx(arrays["distances"][0, 1], rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", ["warping", "changes", "velocities", "rate-invariant"])
 def test_the_page_of_an_alignment_has_both_motions_and_the_warp(run, people, tmp_path, by):
     page = tmp_path / "both.html"
@@ -122,6 +125,7 @@ def test_an_alignment_opens_by_default(run, people, monkeypatch):
     shutil.rmtree(page.parent)
 
 
+@pytest.mark.slow
 def test_recordings_of_two_rates_are_aligned_in_seconds(run, tmp_path):
     """Half the frames at half the rate are the same motion."""
     jump = Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh"

@@ -80,6 +80,7 @@ TALL = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 
 TALL["waist girth (omphalion)"] = 1.08
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("wanted0-woman")
 @pytest.mark.parametrize(
     ("wanted", "sex"), [(TALL, "woman"), ({"stature": 1.8, "body mass": 80.0}, "man")]
@@ -122,6 +123,7 @@ def test_no_gradient_of_a_distant_body_ends_the_search(wanted, cost):
     assert person.cost < cost
 
 
+@pytest.mark.slow
 def test_the_full_model_from_the_coarse_body_ends_at_the_same_cost():
     wanted = {"stature": 1.8, "body mass": 80.0}
     coarse = model_from_measurements(wanted, "man", resolution="coarse")

@@ -70,6 +70,7 @@ def test_correctives_have_an_effect(corrected):
     assert np.linalg.norm(corrected[9] - without[9], axis=-1).mean() > 3e-3
 
 
+@pytest.mark.slow
 def test_a_motion_by_bones_is_small_and_the_still_shows_it():
     whole = Viewer(KNEES.faces, {"": [ViewedBody("", KNEES[:])]})
     bones = Viewer(KNEES.faces, {"": [ViewedBody("", KNEES)]})

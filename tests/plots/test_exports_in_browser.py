@@ -59,6 +59,7 @@ def two_bodies():
     return Viewer(FACES, {"": bodies}, title="Anna & Ben")
 
 
+@pytest.mark.slow
 def test_a_picture_is_twice_as_fine_transparent_and_labelled(browser, opened):
     opened(two_bodies())
     kind, data = exported(browser, "png")
@@ -100,6 +101,7 @@ def test_surfaces_leave_in_metres_with_their_colours(browser, opened):
     assert 0 <= colors.min() <= colors.max() <= 1
 
 
+@pytest.mark.slow
 def test_a_link_restores_what_is_seen(browser, opened, tmp_path):
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)

@@ -46,6 +46,7 @@ def test_eyes_look_ahead_between_the_lids(resolution, monkeypatch):
         assert seen[rows, columns].min() < 330  # the pupil
 
 
+@pytest.mark.slow
 def test_eyes_are_of_the_open_templates_alone():
     for surface, faces in RESTS.values():
         assert eyes_of(faces) is not None
@@ -88,6 +89,7 @@ def test_the_eyes_of_a_coloured_body_have_its_colour():
     assert (picture[drawn, 2] > picture[drawn, 0]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [None, "heights"])
 def test_pages_draw_the_same_eyes(browser, tmp_path, values):
     surface, faces = COARSE.points[3], COARSE.template.faces
@@ -110,6 +112,7 @@ def test_pages_draw_the_same_eyes(browser, tmp_path, values):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 def test_pointing_at_an_eye_finds_the_body(browser, tmp_path):
     view_bodies(COARSE.points[0], COARSE.template.faces).save(tmp_path / "page.html")
     browser.open(tmp_path / "page.html", 400, 400)

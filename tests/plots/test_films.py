@@ -33,6 +33,7 @@ def turning(tmp_path_factory):
     return gif_frames(path)
 
 
+@pytest.mark.slow
 def test_a_body_that_does_not_move_turns_once(turning):
     frames, info = turning
     assert (len(frames), info["duration"], info["loop"]) == (80, 50, 0)
@@ -44,6 +45,7 @@ def test_a_body_that_does_not_move_turns_once(turning):
     assert widths[35] == pytest.approx(widths[75], abs=4)
 
 
+@pytest.mark.slow
 def test_nothing_is_cut_off(turning):
     frames, _ = turning
     for frame in frames:
@@ -51,6 +53,7 @@ def test_nothing_is_cut_off(turning):
         assert border.min() > 230
 
 
+@pytest.mark.slow
 def test_bodies_stand_on_a_ground_with_their_shadow(turning):
     """The film's ground is that of the page: below the feet, darkest there, turning with them."""
     frames, _ = turning

@@ -172,6 +172,7 @@ def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
     assert across == pytest.approx(along, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_classes", [1, 13])
 def test_maps_of_one_class_and_of_more_classes_than_fit(n_classes):
     positions = np.random.default_rng(0).normal(size=(26, 2)) * [1.0, 0.0]

@@ -77,6 +77,7 @@ def test_the_page_draws_the_curve_and_where_it_is(browser, tmp_path):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 def test_moments_before_and_after_are_drawn_on_demand(browser, tmp_path):
     view_path(KNEES, frames_per_second=60).save(tmp_path / "knees.html")
     browser.open(tmp_path / "knees.html", 600, 600)

@@ -75,6 +75,7 @@ def test_larger_scans_are_thinned_and_the_page_says_so():
     assert f"of {len(finer[0]):,} points are drawn" in viewer.description
 
 
+@pytest.mark.slow
 def test_the_figure_has_one_viewpoint_and_a_bar(over):
     figure = rh.plots.plot_scan(over, limit=8.0, height=200)
     pictures = [ax.images[0].get_array() for ax in figure.axes[:3]]
@@ -94,6 +95,7 @@ def test_a_figure_in_inches_shows_the_same_distances(over):
     assert titles["in"] == pytest.approx(titles["cm"] / 25.4, abs=0.0025)
 
 
+@pytest.mark.slow
 def test_a_page_in_inches_has_no_millimetres(browser, over, tmp_path):
     viewer = rh.plots.view_scan(over.scan_points, BODY, FACES, system="in")
     assert " mm" not in viewer.page().split("<script")[0]

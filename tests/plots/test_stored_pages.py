@@ -99,6 +99,7 @@ def differences(picture, stored):
     return gaps.mean(), (gaps.max(axis=2) > 255 / 5).mean()
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("scan-wide")
 @pytest.mark.parametrize(("name", "window"), CASES, ids=["-".join(case) for case in CASES])
 def test_a_page_looks_as_it_did(browser, saved, name, window):

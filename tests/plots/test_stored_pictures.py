@@ -76,6 +76,7 @@ def difference(first, second):
     return float(apart[drawn].mean()), float((apart > 40).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("scene", SCENES)
 def test_scenes_look_as_they_did(browser, tmp_path, scene, dark):
@@ -89,6 +90,7 @@ def test_scenes_look_as_they_did(browser, tmp_path, scene, dark):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 def test_what_looks_different_is_noticed(browser, tmp_path):
     stored = np.asarray(Image.open(FOLDER / "body_light.png").convert("RGB"))
     turned = photographed(browser, tmp_path, "body", "viewer.turn(0.12, 0);")

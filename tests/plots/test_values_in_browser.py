@@ -46,6 +46,7 @@ def shot(browser):
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
 
 
+@pytest.mark.slow
 def test_unknown_values_stay_grey_when_the_ends_move(browser, opened):
     unknown = np.where(np.arange(len(HEIGHTS)) < 300, np.nan, HEIGHTS)
     opened(unknown)
@@ -58,6 +59,7 @@ def test_unknown_values_stay_grey_when_the_ends_move(browser, opened):
     assert np.abs(after[300:] - before[300:]).max() > 0.2
 
 
+@pytest.mark.slow
 def test_values_that_are_all_zero_keep_their_colour(browser, opened):
     """As where a body is compared with itself."""
     opened(np.zeros(len(HEIGHTS)))
@@ -84,6 +86,7 @@ def test_keys_move_the_ends_of_the_bar_and_the_colours_with_them(browser, opened
     assert np.reshape(browser.run(COLORS), (-1, 3)) == pytest.approx(before, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_bar_with_a_sign_stays_symmetric_and_like_bars_move_together(browser, opened):
     signed = HEIGHTS - 0.9
     opened(signed, signed, HEIGHTS)

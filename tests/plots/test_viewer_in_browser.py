@@ -200,6 +200,7 @@ def screenshot(browser):
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_the_light_is_that_of_our_own_pictures(browser, pages, dark):
     """Compare the body's middle in the page with our renderer's: it stands on no ground there."""
@@ -224,6 +225,7 @@ def test_the_light_is_that_of_our_own_pictures(browser, pages, dark):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_bodies_stand_on_a_ground_with_their_shadow(browser, pages, dark):
     browser.open(pages / "one.html", 600, 700, dark=dark)

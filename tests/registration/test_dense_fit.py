@@ -43,6 +43,7 @@ def start_from(fitter, local, betas, trans=(0.0, 0.0, 0.0)):
     return Candidate(pose, fitter.prior(pose), 0.0, UP)
 
 
+@pytest.mark.slow
 def test_turned_hands_come_back(model):
     """Of a person whom the model cannot make, with curled fingers."""
     bodies, triangles, places = foreign_bodies(model, 1, 1, 1)

@@ -25,6 +25,7 @@ class OneThread:
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.everyday(".ply")
 @pytest.mark.parametrize("suffix", [".xyz", ".ply", ".obj"])
 def test_a_scan_is_handed_on_by_few_calls(model, monkeypatch, tmp_path, suffix):

@@ -58,6 +58,7 @@ def fitted(model, fitter, posture, seed=3):
     return fit_body(fitter, best, replace(prepared, normals=normals)), surface
 
 
+@pytest.mark.slow
 def test_hanging_arms_leave_no_doubt(model, fitter):
     body, surface = fitted(model, fitter, "arms hanging", seed=6)
     assert np.linalg.norm(body.fit.points - surface, axis=1).mean() < 0.015
@@ -70,6 +71,7 @@ def clasped(model, fitter):
     return fitted(model, fitter, "hands clasped")[0]
 
 
+@pytest.mark.slow
 def test_clasped_hands_hide_each_others_fingers(clasped, fitter):
     doubt, *_ = find_limb_doubts(clasped)
     assert doubt.reason.startswith("hands: they touch")

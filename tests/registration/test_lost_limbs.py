@@ -54,6 +54,7 @@ def test_a_whole_body_stays_as_it_is(registration_from, model, bodies):
     assert not shown.lost.any()
 
 
+@pytest.mark.slow
 def test_an_upper_arm_without_forearm_is_not_twisted(registration_from, model, bodies):
     """Rotated about its own axis, it fits as well; it is then as in the nearest start pose."""
     whole, *_ = fits_of(registration_from, model, bodies[30], ("left_elbow",))

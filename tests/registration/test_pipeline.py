@@ -135,6 +135,7 @@ def someone(name, model, rng):
     return model(betas, vectors) + surface_noise(model.template.vertices, 0.0015, (0.1, 0.4), rng)
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("lie on the back")
 @pytest.mark.parametrize("name", POSES)
 def test_unusual_poses_are_found(registration, model, name):
@@ -239,6 +240,7 @@ def result(registration_from, squat):
     return registration_from("squat", up="z").solve(squat[2])
 
 
+@pytest.mark.slow
 def test_floors_buns_and_far_points_are_background(result, bodies, squat):
     scan, rotation, points, floor, bun = squat
     assert result.trusted, result.message
@@ -263,6 +265,7 @@ def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(result, squat):
     assert np.linalg.norm(moved - body, axis=1).mean() < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("True")
 @pytest.mark.parametrize("upper", [False, True])
 def test_the_unseen_half_of_a_body_is_not_trusted(registration_from_t, bodies, upper):
@@ -350,6 +353,7 @@ def test_mesh_objects_are_scans(bodies):
     np.testing.assert_array_equal(scan.faces, bodies.template.faces)
 
 
+@pytest.mark.slow
 def test_bodies_in_leaning_scans_stand_on_their_feet(bodies, registration_from):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=1, n_points=5000, rotate=False)
     leaning = Rotation.from_euler("xyz", [70.0, 110.0, 25.0], degrees=True).as_matrix()

@@ -170,6 +170,7 @@ def test_normals_of_rings_are_those_of_the_surface(full, bodies):
     assert np.mean(np.abs(cosines) > 0.7) > 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("False")
 @pytest.mark.parametrize("whole", [True, False])
 def test_uneven_clouds_are_registered(registration_from, bodies, whole):

@@ -35,6 +35,7 @@ def test_a_scan_in_other_axes_and_millimetres_is_moved_onto_its_body(scan, rotat
     assert np.mean(found.seen != there.seen) < 0.05
 
 
+@pytest.mark.slow
 def test_a_scan_that_is_almost_in_place_is_moved_and_one_in_place_is_not(scan):
     placed = lay_over_body(scan.points, BODY, FACES).scan_points
     there = lay_over_body(placed, BODY, FACES)

@@ -44,6 +44,7 @@ def drawn(group, resolution, names, n):
     return rh.measurements.Measurements(definitions).measure(bodies, axes="space", missing="nan")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sex", "resolution"),
     [

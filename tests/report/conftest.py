@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 import pytest
+from empty_figures import leave_empty
 from filelock import FileLock
 from scipy.spatial.transform import Rotation
 from third_party import Extents, VertexOffsets
@@ -35,14 +36,27 @@ def make_small_report(nine_bodies):
     return make
 
 
-@pytest.fixture(scope="session")
-def report_page(make_small_report, tmp_path_factory):
-    """Return the page of the report, which the workers of a session share, and only read."""
+def _shared_page(name, make_small_report, tmp_path_factory):
+    """Return the page of a report, which the workers of a session share, and only read."""
     root = tmp_path_factory.getbasetemp()
-    output = (root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / "report"
-    with FileLock(output.with_name("report.lock")):
+    output = (root.parent if "PYTEST_XDIST_WORKER" in os.environ else root) / name
+    with FileLock(output.with_name(f"{name}.lock")):
         page = output / "index.html"
         return page if page.exists() else make_small_report(output)
+
+
+@pytest.fixture(scope="session")
+def report_page(make_small_report, tmp_path_factory):
+    """Return the page of the report, its figures empty."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_empty(patch)
+        return _shared_page("report", make_small_report, tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def drawn_report_page(make_small_report, tmp_path_factory):
+    """Return the page of the report, with its figures."""
+    return _shared_page("drawn_report", make_small_report, tmp_path_factory)
 
 
 @pytest.fixture(scope="module")

@@ -29,6 +29,7 @@ def test_best_weights_are_those_of_the_rows():
     assert (poses["value"], poses["row"], poses["n_ties"]) == (50, rows[0], 1)
 
 
+@pytest.mark.slow
 def test_the_figure_of_measurements_has_everyday_names(nine_bodies):
     surface, faces = nine_bodies.points[0], nine_bodies.template.faces
     figure = sections.draw_measurement_lines(surface, faces, system="cm")

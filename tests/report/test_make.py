@@ -64,6 +64,7 @@ def rows_of(folder, table):
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.slow
 def test_the_folder_is_whole(folder):
     names = {file.name for file in (folder / "figures").iterdir()}
     expected = {

@@ -3,21 +3,24 @@
 import base64
 import re
 
+import pytest
+
 from riemhuman.plots.maps import _NAME_POINTS
 
 
-def test_it_opens_and_fits_a_screen_and_a_telephone(browser, report_page):
+@pytest.mark.slow
+def test_it_opens_and_fits_a_screen_and_a_telephone(browser, drawn_report_page):
     pixels_a_point = (
         "return [...document.querySelectorAll(arguments[0])]"
         ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
     )
     for width in (1440, 390):
-        browser.open(report_page, width, 900, dark=width == 390)
+        browser.open(drawn_report_page, width, 900, dark=width == 390)
         for name in ("differences-view", "geodesics-view", "comparison-view", "mean-view"):
             browser.run(f"document.getElementById('{name}').scrollIntoView()")
             browser.wait_for(f"return document.getElementById('{name}').dataset.ready")
         assert browser.console() == []
-        assert browser.requests() == [report_page.resolve().as_uri()]
+        assert browser.requests() == [drawn_report_page.resolve().as_uri()]
         assert browser.run("return document.documentElement.scrollWidth") <= width
         ground = browser.run("return getComputedStyle(document.body).backgroundColor")
         assert ground == ("rgb(20, 22, 26)" if width == 390 else "rgb(253, 253, 251)")
@@ -31,8 +34,9 @@ def test_it_opens_and_fits_a_screen_and_a_telephone(browser, report_page):
     assert small * min(others) >= 9
 
 
-def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, report_page):
-    browser.open(report_page, 1000, 700)
+@pytest.mark.slow
+def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, drawn_report_page):
+    browser.open(drawn_report_page, 1000, 700)
     browser.run("document.getElementById('mean-view').scrollIntoView({block: 'center'})")
     browser.wait_for("return document.getElementById('mean-view').dataset.ready")
     canvas = browser.find("#mean-view canvas")
@@ -49,8 +53,9 @@ def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, rep
     assert browser.run(where) == before
 
 
-def test_a_button_unfolds_a_long_table(browser, report_page):
-    browser.open(report_page, 1000, 700)
+@pytest.mark.slow
+def test_a_button_unfolds_a_long_table(browser, drawn_report_page):
+    browser.open(drawn_report_page, 1000, 700)
     shown = (
         "return [...document.querySelector('.long tbody').rows]"
         ".filter((row) => row.offsetHeight > 0).length"
@@ -65,8 +70,9 @@ def test_a_button_unfolds_a_long_table(browser, report_page):
     assert browser.run(shown) == 8
 
 
-def test_it_prints_on_few_pages_and_loses_no_column(browser, report_page):
-    browser.open(report_page, 718, 1000)  # as wide as what a page holds
+@pytest.mark.slow
+def test_it_prints_on_few_pages_and_loses_no_column(browser, drawn_report_page):
+    browser.open(drawn_report_page, 718, 1000)  # as wide as what a page holds
     printed = base64.b64decode(browser.devtools("Page.printToPDF")["data"])
     assert 3 < len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
     browser.devtools("Emulation.setEmulatedMedia", media="print")

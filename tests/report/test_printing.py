@@ -46,6 +46,7 @@ def test_the_printed_page_takes_the_place_of_no_other(bodies, tmp_path, monkeypa
     assert len(list(tmp_path.iterdir())) == 4
 
 
+@pytest.mark.slow
 def test_a_browser_that_fails_leaves_it_to_matplotlib(bodies, tmp_path, monkeypatch):
     monkeypatch.setattr(sheets_module, "find_browser", lambda: "/no/such/browser")
     rh.report.sheet(bodies[0]).save(tmp_path / "sheet.pdf")

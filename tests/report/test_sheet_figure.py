@@ -22,6 +22,7 @@ def boxes_of(side):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("units", "name"), [("cm", ""), ("in", "WILHELMINA MWMWMWMWMWMWMWMWM"), ("cm", 30 * "$1 more ")]
 )

@@ -48,6 +48,7 @@ def local(tmp_path_factory):
     return (folder / "D.npy").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
     (pid,) = client.run(os.getpid).values()
     n_tiles = [0]

@@ -30,6 +30,7 @@ def test_exp_undoes_log_of_bodies(bodies, Metric, weights):
     assert space.metric.solvers == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("first", "second"), [(3, 13), pytest.param(12, 88, marks=pytest.mark.slow)]
 )
@@ -51,6 +52,7 @@ def test_geodesics_of_bodies_run_between_their_ends(bodies):
     assert metric.dist(start, middle) == pytest.approx(metric.dist(middle, end), rel=0.1)
 
 
+@pytest.mark.slow
 def test_all_coordinates_of_small_meshes_and_other_manifolds():
     case = CASES["mixed sphere"]
     metric, (start, end) = case.metric, case.points[:2]

@@ -1,6 +1,7 @@
 """The ends of a geodesic enter few files before they are paths."""
 
 import numpy as np
+import pytest
 from cases import open_template, surfaces
 from hand_overs import files_entered
 
@@ -9,6 +10,7 @@ from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis
 
 
+@pytest.mark.slow
 def test_the_start_of_a_geodesic_enters_at_most_ten_files():
     template = open_template()
     start, end = surfaces(template, 2, rng=1)

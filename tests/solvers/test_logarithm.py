@@ -125,6 +125,7 @@ def test_large_changes_of_pose(weights, change):
     assert found.end_error < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("weights0")
 @pytest.mark.parametrize("weights", [(1.0, 0.1, 0.1), (1.0, 1.0, 1.0)])
 def test_large_changes_of_pose_over_all_vertices(weights):
@@ -187,6 +188,7 @@ def distance_of_inverse(solver, result, metric, start, end):
     return 1000.0 * np.abs(forward.end - end).max() if forward.complete else np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("67-60-40")
 @pytest.mark.parametrize(("first", "second", "n_steps"), [(67, 60, 40), (92, 90, 10)])
 def test_large_changes_of_pose_take_as_many_steps_as_they_need(first, second, n_steps):

@@ -184,6 +184,7 @@ def euclidean(points, n_components):
     return mean + (rows @ kept.T @ kept).reshape(points.shape)
 
 
+@pytest.mark.slow
 def test_bodies_are_distorted_less_than_by_euclidean_components():
     points, pca = bodies_and_pca("poses")
     metric = pca.space.metric
@@ -252,6 +253,7 @@ def share_between(scores, labels):
     return means.var(axis=0) / scores.var(axis=0)
 
 
+@pytest.mark.slow
 def test_weights_of_the_metric_say_what_is_analysed():
     bodies = load_open_bodies("coarse")
     chosen = bodies.subject % 3 == 0
@@ -311,6 +313,7 @@ def share_turned(points, noise=0.0):
     return turned_share(template, points, points[0])
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("plain")
 @pytest.mark.parametrize("variant", ["plain", "natural"])
 def test_one_pose_of_many_people_is_one(variant):
@@ -322,6 +325,7 @@ def test_one_pose_of_many_people_is_one(variant):
     assert share_turned(squat, noise=0.003) < _MOST_TURNED
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("plain")
 @pytest.mark.parametrize("variant", ["plain", "natural"])
 def test_several_poses_are_seen(variant):

@@ -219,6 +219,7 @@ def error(surface, truth):
     return np.linalg.norm(centred(surface - truth), axis=-1).mean()
 
 
+@pytest.mark.slow
 def test_the_person_is_kept_whoever_holds_the_pose():
     """On people who hold poses otherwise, with faces and flesh of their own."""
     measure = Disentangled(*natural_people("coarse")).measure

@@ -261,6 +261,7 @@ def test_a_coarse_model_shows_a_finer_mesh(to_coarse, people, full):
     assert np.linalg.norm(back - bodies[:, kept], axis=-1)[1:].mean() < 0.0005
 
 
+@pytest.mark.slow
 def test_maps_do_not_depend_on_place_size_and_heading(to_coarse, people):
     _, others, *_ = people
     turn = rh.bodies.rotation_matrix(np.array([0.0, 1.1, 0.0]))

@@ -128,6 +128,7 @@ print(json.dumps(digests))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_threads", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_fresh_processes_give_the_same_bits(n_threads):
     here = {"__name__": "here"}

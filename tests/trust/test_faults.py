@@ -89,6 +89,7 @@ def is_old_or_new(found, old, new):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("resumable_matrix-19")
 @pytest.mark.parametrize("step", [19, 1])
 @each_operation
