@@ -286,8 +286,8 @@ def _view_differences(
     "percentiles among adults of the same sex and stature, the silhouette over that of the\n"
     "average body, posture, and changes since the previous visit. index.html lists all people,\n"
     "and a CSV table and a workbook hold all numbers. A table of labels gives each file's\n"
-    "person, sex (woman or man), visit and date. PDF files need Chromium or matplotlib, the\n"
-    "workbook needs openpyxl.",
+    "person, sex (woman or man), visit, date and stature. PDF files are printed by Chromium,\n"
+    "Chrome or Edge; workbooks need openpyxl.",
     "  riemhuman sheet bodies/ -o sheets/    # the output of riemhuman register scans/ -o bodies/\n"
     "  riemhuman sheet visit1.ply visit2.ply -o sheets/ --labels labels.csv\n"
     "  riemhuman sheet bodies/ -o sheets/ --units in\n",
@@ -297,8 +297,9 @@ def _view_differences(
     cli.path_option(
         "--labels",
         "CSV",
-        "table of file, person, sex, visit, date (default: labels.csv next to the files)",
+        "table of file, person, sex, visit, date, stature (default: labels.csv next to the files)",
     ),
+    cli.option("--stature", "stature of the one body, measured by hand, metres", type=float),
     inputs.MEASURED_MODEL,
     cli.UNIT,
     UNITS,
@@ -315,6 +316,7 @@ def _sheet(options: argparse.Namespace) -> cli.Answer:
         options.output,
         labels=options.labels,
         measurements=measurements,
+        stature=options.stature,
         units=options.units,
         unit=options.unit,
         up=options.up,

@@ -68,6 +68,7 @@ _UP = cli.option(
     cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
     cli.flag("--sheet", "also write a sheet for each person: measurements, percentiles, pictures"),
     cli.option("--sex", "sex of the person, for the sheet of one scan", choices=("woman", "man")),
+    cli.option("--stature", "stature by hand, metres, for the sheet of one scan", type=float),
     UNITS,
     cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
 )
@@ -75,7 +76,7 @@ def _register(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.outputs import check_output_file
 
     is_folder = options.scans.is_dir()
-    cli.check_needs(options, "--sex", "--sheet")
+    cli.check_needs(options, "--sex --stature", "--sheet")
     _check_input_options(options)
     if not is_folder:
         check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
@@ -87,8 +88,10 @@ def _register(options: argparse.Namespace) -> cli.Answer:
     registration = _chosen_registration(options)
     if options.sheet:
         rh.measurements.Measurements(registration.model)  # an error before the work
-        if not is_folder:
-            rh.report.printing.check_printing()
+        if options.stature is not None:
+            rh.report.sheets.a_stature(options.stature, "--stature")
+        if not is_folder and rh.report.printing.find_browser() is None:
+            terminal.note("no PDF is written: Chromium, Chrome and Edge are missing")
     if is_folder:
         return _register_folder(registration, options)
     return _register_file(registration, options)
@@ -98,7 +101,7 @@ def _check_input_options(options: argparse.Namespace) -> None:
     """Refuse options for one scan if there is a folder, and those for a folder if there is none."""
     flags: tuple[str, ...]
     if options.scans.is_dir():
-        expected, flags = "one scan", ("untrusted", "landmarks", "sex")
+        expected, flags = "one scan", ("untrusted", "landmarks", "sex", "stature")
     else:
         expected, flags = "a folder", ("sequence",)
     for flag in flags:
@@ -144,7 +147,8 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
             rh.save_mesh(places["body"], points, faces, result.trusted_vertices)
         terminal.interruptions.check(options.start)
     if sheets:
-        terminal.note(f"the sheet is {sheets['.html']}, and for printing {sheets['.pdf']}")
+        printed = f", and for printing {sheets['.pdf']}" if ".pdf" in sheets else ""
+        terminal.note(f"the sheet is {sheets['.html']}{printed}")
     if not is_written:
         text = "the body is not written; --untrusted writes it anyway"
         text += _details(options, result)
@@ -159,7 +163,10 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
 
 def _sheet_files(options: argparse.Namespace) -> list[Path]:
     """Return where the sheet of one scan is written."""
-    return [options.output.with_suffix(end) for end in (".html", ".pdf") if options.sheet]
+    if not options.sheet:
+        return []
+    endings = (".html", ".pdf") if rh.report.printing.find_browser() else (".html",)
+    return [options.output.with_suffix(end) for end in endings]
 
 
 def _write_sheet(
@@ -172,6 +179,7 @@ def _write_sheet(
             model=model,
             name=options.scans.stem,
             sex=options.sex or "adult",
+            stature=options.stature,
             units=options.units,
         )
         for place in places:

@@ -26,6 +26,7 @@ _COLUMNS = {
     "sex": ("sex", "gender"),
     "visit": ("visit",),
     "date": ("date",),
+    "stature": ("stature", "height"),
 }
 # Endings of bodies, scans and arrays; anything else after a dot belongs to the name, as in anna.v2.
 _ENDINGS = (".ply", ".obj", ".off", ".stl", ".glb", ".xyz", ".npy", ".npz")

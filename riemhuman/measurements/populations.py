@@ -92,6 +92,11 @@ def has_percentiles(name: str) -> bool:
     return name in _adults()["woman"]["measurements"]
 
 
+def is_of_adults(stature: float, sex: str) -> bool:
+    """Return whether there are adults of a sex with this stature."""
+    return bool(_shares_of_sexes(stature, sex))
+
+
 def spread_of_adults(name: str, sex: str) -> float:
     """Return the standard deviation of a measurement among adults of one stature, of its value."""
     levels, middle = _adults()["levels"], [25.0, 75.0]

@@ -9,7 +9,6 @@ KEY_GROUPS: Mapping[str, Mapping[str, str]] = {
     "Whole body": {
         "stature": "Stature",
         "body mass": "Weight, estimated",
-        "volume": "Volume",
         "surface area": "Surface area",
     },
     "Neck and trunk": {

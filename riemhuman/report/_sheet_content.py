@@ -12,6 +12,7 @@ from riemhuman.arrays import Array, Triangles
 from riemhuman.measurements.populations import largest_body_mass_index
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
+from riemhuman.report._client_words import capital, reason_of, sentences_of
 from riemhuman.report._sheet_pictures import (
     LARGEST_CHANGE,
     Picture,
@@ -37,6 +38,8 @@ _HEADLINE = {
 }
 _PEOPLE = {"woman": "women", "man": "men", "adult": "adults, women and men together,"}
 _MOST_CHANGES = 11
+_MOST_VISITS = 6  # of a trend
+_RATIOS = ("Waist to hip", "Waist to height")
 _WHOLE = 0.98  # share of the vertices from which a body counts as seen
 # Of rulers: metres between two marks, and metres in a unit of their numbers.
 _RULERS = {"cm": (0.2, 0.01), "in": (0.3048, 0.0254)}
@@ -74,6 +77,25 @@ class PostureText:
     title: str
     value: str
     what: str
+
+
+@dataclass(frozen=True)
+class PairText:
+    title: str
+    left: str
+    right: str
+    difference: str
+    is_significant: bool
+
+
+@dataclass(frozen=True)
+class TrendText:
+    """A measurement at all visits, and the points of its line in a box of 100 by 20."""
+
+    title: str
+    values: tuple[str, ...]
+    unit: str
+    line: str
 
 
 @dataclass(frozen=True)
@@ -144,6 +166,9 @@ class Content:
     groups: tuple[tuple[str, tuple[RowText, ...]], ...]
     silhouette: Drawing | None
     posture: tuple[PostureText, ...]
+    pairs: tuple[PairText, ...]
+    visits: tuple[str, ...]
+    trend: tuple[TrendText, ...]
     changes: ChangesText | None
     remarks: tuple[str, ...]
     all_rows: tuple[RowText, ...]
@@ -181,16 +206,13 @@ def content_of(
         title=subject.person or subject.name,
         about=" · ".join(_about(subject)),
         when=subject.visit,
-        badge=badge(subject),
+        badge=badge(subject, values),
         trust=_trust(subject, values, units),
         units=units,
         length_unit=readable_unit("m", units).name,
         headline=_headline(values, units),
         pictures=tuple(pictures),
-        groups=tuple(
-            (group, tuple(row_text(row, units) for row in rows))
-            for group, rows in values.key_rows().items()
-        ),
+        groups=_groups(values, units),
         silhouette=None
         if silhouette is None
         else _drawing(
@@ -200,22 +222,30 @@ def content_of(
             _of_average(subject, stature, units),
         ),
         posture=tuple(posture_texts(values.posture)),
+        pairs=_pairs(values, units),
+        visits=tuple(when for when, _ in values.visits[-_MOST_VISITS:]),
+        trend=_trend(values, units),
         changes=_changes(values, faces, units),
-        remarks=tuple(f"{_capital(remark)}." for remark in values.remarks),
-        all_rows=tuple(row_text(row, units) for row in values.rows),
+        remarks=tuple(f"{capital(remark)}." for remark in values.remarks),
+        all_rows=tuple(
+            row_text(row, units) for row in values.rows if row.name not in _repeated(values)
+        ),
         has_percentiles=any(np.isfinite(row.percentile) for row in values.rows),
         population=_population(subject, values, units),
         uncertainty=(
-            "± is two standard deviations of a measurement over poses of one person, measured on "
-            "simulated adults who were registered from scans; real people breathe and sway, so "
-            "they vary more. The body was put into the standard pose to be measured. "
-            "The weight is the volume times the mean density of people."
+            "± is two standard deviations of repeated scans of an unchanged person. It grows with "
+            "the distance between the pose of the scan and the standard pose, in which the body is "
+            "measured, as found on five people in ten poses each (FAUST). A percentile is left out "
+            "if ± is larger than the standard deviation among people. The weight is the volume "
+            "times one kilogram a litre; people's densities differ by a few per cent."
         ),
     )
 
 
-def badge(subject: SheetSubject) -> tuple[str, str]:
+def badge(subject: SheetSubject, values: SheetValues) -> tuple[str, str]:
     """Return the class and the words of the badge of a body."""
+    if subject.is_measurable and values.implausible:
+        return "partial", "partly trusted"
     if subject.trusted_vertices is None and subject.is_trusted:
         return "unknown", "registered mesh"
     share = subject.matched_share
@@ -237,34 +267,34 @@ def _about(subject: SheetSubject) -> list[str]:
 
 def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     """Return whether and where to trust the body, in words."""
-    message = subject.message.rstrip(".")
-    sentence = _capital(message)
+    said = sentences_of(subject.message)
     if not subject.is_measurable:
-        why = f" {sentence}." if sentence else ""
-        return f"Do not rely on this body; nothing was measured.{why}"
+        return " ".join(["Do not rely on this body; nothing was measured.", *said])
     sentences = []
     if subject.trusted_vertices is None:
         sentences.append(
             "This body came without its scan, so nothing is known about how well it fits."
         )
-    elif sentence:
-        sentences.append(f"{sentence}.")
-    elif subject.known_vertices.all():
+    elif said:
+        sentences += said
+    elif subject.known_vertices.all() and not values.implausible:
         sentences.append("The whole body can be trusted.")
-    else:
+    elif not values.implausible:
         sentences.append(
             "The body can be trusted, except in small places that the scan does not show."
         )
-    n_missing = sum(bool(row.why_missing) for row in values.rows)
-    if n_missing == 1:
+    for group in values.implausible:
         sentences.append(
-            f"1 of {len(values.rows)} measurements depends on parts that cannot be trusted and "
-            "stays empty."
+            f"Measurements of the {group.name} are withheld: {group.reason}. At the next scan, "
+            f"{group.advice}."
         )
-    elif n_missing:
+    rows = [row for row in values.rows if row.name not in _repeated(values)]
+    n_missing = sum(bool(row.why_missing) for row in rows)
+    if n_missing:
+        are = "is" if n_missing == 1 else "are"
         sentences.append(
-            f"{n_missing} of {len(values.rows)} measurements depend on parts that cannot be "
-            "trusted and stay empty."
+            f"{n_missing} of {len(rows)} measurements could not be taken reliably and {are} left "
+            "blank."
         )
     if np.isfinite(subject.median_distance):
         sentences.append(
@@ -281,10 +311,9 @@ def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
     if values.standing is None or stature is None:
         return ""
     if not np.isfinite(stature.value):
-        why = f" ({stature.why_missing})" if stature.why_missing else ""
         return (
-            "There are no percentiles and no average for comparison, because they depend on the "
-            f"stature, which is not known{why}."
+            "There are no percentiles and no average for comparison, because the scan does not "
+            "show the stature. It can be typed in."
         )
     if values.average is None:
         unit = _unit("m", units)
@@ -335,12 +364,65 @@ def row_text(row: SheetRow, units: str) -> RowText:
         uncertainty=_uncertainty(row.uncertainty, unit),
         percentile=percentile_text(row.percentile),
         place=float(np.clip(row.percentile, 1.0, 99.0).round(1)) if is_known else None,
-        why=row.why_missing,
+        why=(reason_of(row.why_missing) or "not measured") if row.why_missing else "",
     )
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+def _repeated(values: SheetValues) -> tuple[str, ...]:
+    """Return measurements that say the same as another: the volume, beside the mass."""
+    return ("volume",) if "body mass" in values.by_name else ()
+
+
+def _groups(values: SheetValues, units: str) -> tuple[tuple[str, tuple[RowText, ...]], ...]:
+    """Return the measurements that people ask for, by group, with ratios in the first."""
+    groups: list[tuple[str, tuple[RowText, ...]]] = []
+    for group, rows in values.key_rows().items():
+        texts = [row_text(row, units) for row in rows]
+        if not groups:
+            for title in _RATIOS:
+                ratio, _ = values.ratios.get(title, (float("nan"), ""))
+                if np.isfinite(ratio):
+                    texts.append(RowText(title, f"{ratio:.2f}", "", "", NOTHING, None, ""))
+        groups.append((group, tuple(texts)))
+    return tuple(groups)
+
+
+def _pairs(values: SheetValues, units: str) -> tuple[PairText, ...]:
+    unit = _unit("m", units)
+    return tuple(
+        PairText(
+            pair.title,
+            _value(pair.left, unit),
+            _value(pair.right, unit),
+            f"{_value(pair.left - pair.right, unit, '+')} ± {_uncertainty(pair.threshold, unit)}",
+            pair.is_significant,
+        )
+        for pair in values.pairs
+    )
+
+
+def _trend(values: SheetValues, units: str) -> tuple[TrendText, ...]:
+    """Return the headline's measurements at all visits, if there are more than two."""
+    rows = []
+    for name, title in _HEADLINE.items():
+        if name not in values.by_name or not values.visits:
+            continue
+        unit = _unit(values.by_name[name].unit, units)
+        series = [known.get(name, float("nan")) for _, known in values.visits[-_MOST_VISITS:]]
+        texts = tuple(_value(value, unit) for value in series)
+        rows.append(TrendText(title, texts, unit.name, _line_of(np.array(series))))
+    return tuple(rows)
+
+
+def _line_of(series: Array) -> str:
+    """Return the points of a line through values, from left to right in a box of 100 by 20."""
+    known = np.flatnonzero(np.isfinite(series))
+    if len(known) < 2:
+        return ""
+    low, high = series[known].min(), series[known].max()
+    x = 3.0 + 94.0 * known / (len(series) - 1)
+    y = 17.0 - 14.0 * (series[known] - low) / (high - low) if high > low else 10.0 + 0.0 * x
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
 def percentile_text(percentile: float) -> str:
@@ -365,7 +447,9 @@ def _value(value: float, unit: ReadableUnit, sign: str = "") -> str:
 
 
 def _uncertainty(value: float, unit: ReadableUnit) -> str:
-    """Return an uncertainty, with one more digit if it would be 0."""
+    """Return an uncertainty, with one more digit if it would be 0; nothing for what is exact."""
+    if not np.isfinite(value):
+        return ""
     digits = _DIGITS.get(unit.name, unit.digits)
     is_small = abs(value * unit.scale) < 0.5 * 10.0**-digits
     return replace(unit, digits=digits + 1).text(value) if is_small else _value(value, unit)
@@ -400,7 +484,7 @@ def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
         paired("{} knee bent", "Knees bent", both),
         paired("{} elbow bent", "Elbows bent", both),
         paired("{} arm from the trunk", "Arms from the trunk", both),
-        paired("{} foot turned out", "Feet turned out", f"{both}; −: in"),
+        paired("{} foot turned out", "Feet turned out", f"{both}; minus: in"),
     ]
 
 
@@ -427,7 +511,7 @@ def _changes(values: SheetValues, faces: Triangles, units: str) -> ChangesText |
         ),
     )
     for k in order[:_MOST_CHANGES]:
-        if not np.isfinite(result.changes[k]):
+        if not np.isfinite(result.changes[k]) or result.names[k] in _repeated(values):
             continue
         unit = _unit(result.units[k], units)
         texts.append(
@@ -443,10 +527,10 @@ def _changes(values: SheetValues, faces: Triangles, units: str) -> ChangesText |
         )
     count = int(result.is_significant.sum())
     note = (
-        f"{count} of {len(result.names)} measurements changed by more than their noise, which is "
-        "two standard deviations of a difference over poses of simulated people; expect about "
-        f"{result.expected_by_chance:.0f} by chance alone."
-    )
+        f"{count} of {len(result.names)} measurements changed by more than their noise, two "
+        "standard deviations of a difference between poses this far apart; expect about "
+        f"{result.expected_by_chance:.0f} by chance alone. {result.pose_advice(units)}"
+    ).strip()
     figure = _drawing(
         picture,
         units,

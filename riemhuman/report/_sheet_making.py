@@ -6,7 +6,6 @@ import secrets
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from threading import Lock
 
 import numpy as np
 
@@ -14,14 +13,12 @@ from riemhuman.datasets import load_open_model
 from riemhuman.io.files import write_text
 from riemhuman.measurements import Measurements
 from riemhuman.report._sheet_content import Content, content_of
-from riemhuman.report._sheet_figure import save_figure_pdf
 from riemhuman.report._sheet_page import sheet_page
 from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import Average, SheetSubject, SheetValues
 
 _LEFT_HIP = "left_trochanterion"
 _RIGHT_HIP = "right_trochanterion"
-_DRAWING = Lock()  # matplotlib is not thread-safe
 
 
 @cache
@@ -32,20 +29,15 @@ def library_version() -> str:
         return "from its source folder"
 
 
-def save_pdf(content: Content, file: Path, browser: str | None) -> None:
-    """Write a PDF by the browser or, without one or if it fails, by matplotlib."""
-    version = library_version()
-    if browser is not None:
-        # In the same folder, because a browser in a container may see no other.
-        page = file.with_name(f"print-{secrets.token_hex(4)}.html")
-        write_text(page, sheet_page(content, version, printed=True))
-        try:
-            if print_page(browser, page, file):
-                return
-        finally:
-            page.unlink(missing_ok=True)
-    with _DRAWING:
-        save_figure_pdf(content, version, file)
+def save_pdf(content: Content, file: Path, browser: str) -> None:
+    """Write a two-page PDF by a browser."""
+    # In the same folder, because a browser in a container may see no other.
+    page = file.with_name(f"print-{secrets.token_hex(4)}.html")
+    write_text(page, sheet_page(content, library_version(), printed=True))
+    try:
+        print_page(browser, page, file)
+    finally:
+        page.unlink(missing_ok=True)
 
 
 def content_for(

@@ -16,6 +16,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
 from riemhuman.io.label_tables import LABELS, LabelRow, read_label_rows, rows_of_files
 from riemhuman.io.meshes import load_trusted
+from riemhuman.measurements._adults import check_values
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report.registered_scans import shown_share
@@ -28,7 +29,7 @@ _SEXES = {
     **dict.fromkeys(("man", "men", "male", "m"), "man"),
     **dict.fromkeys(("", "adult", "unknown", "?"), "adult"),
 }
-_COLUMNS = ("subject", "sex", "visit", "date")
+_COLUMNS = ("subject", "sex", "visit", "date", "stature")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class PersonLabels:
     sex: str = "adult"
     visit: str = ""
     day: str = ""
+    stature: float = float("nan")  # metres
 
     @property
     def when(self) -> str:
@@ -65,11 +67,10 @@ class LabelledSubjects:
     labels: list[PersonLabels]
     failures: list[tuple[str, str]]
 
-    def earlier(self, number: int) -> int | None:
-        """Return the same person's visit before this body's, if the labels name it."""
+    def visits_until(self, number: int) -> list[int]:
+        """Return the same person's bodies up to this one in the order of visits, if labels do."""
         order = self._visits(number)
-        place = order.index(number) if order else 0
-        return order[place - 1] if place else None
+        return order[: order.index(number) + 1] if order else [number]
 
     def is_without_order(self, number: int) -> bool:
         """Return whether a person has several bodies that labels do not order."""
@@ -113,14 +114,21 @@ def find_subjects(
     people = {} if table is None else _people_of_files(table, files)
     labels_of_subjects = [people.get(subject.file, PersonLabels()) for subject in subjects]
     for k, label in enumerate(labels_of_subjects):
-        subjects[k] = replace(subjects[k], person=label.person, sex=label.sex, visit=label.when)
+        subjects[k] = replace(
+            subjects[k],
+            person=label.person,
+            sex=label.sex,
+            visit=label.when,
+            stature=label.stature,
+        )
     return LabelledSubjects(subjects, faces, labels_of_subjects, failures)
 
 
 def read_people(table: Path) -> dict[str, PersonLabels]:
     """Return what a table says about files, by the names that it gives them.
 
-    Its first line names the columns: ``file`` and any of person (or subject), sex, visit and date.
+    Its first line names the columns: ``file`` and any of person (or subject), sex, visit, date and
+    stature.
     """
     return {row.file: _labels_of(table, row) for row in read_label_rows(table, (), _COLUMNS)}
 
@@ -132,6 +140,7 @@ def _labels_of(table: Path, row: LabelRow) -> PersonLabels:
         sex=_sex(row.texts["sex"], where),
         visit=row.texts["visit"],
         day=_day(row.texts["date"], where),
+        stature=_stature(row.texts["stature"], where),
     )
 
 
@@ -165,6 +174,18 @@ def _day(text: str, where: str) -> str:
         raise FileFormatError(
             f"{where}: date must be written as 2026-03-31; found {text[:40]!r}"
         ) from error
+
+
+def _stature(text: str, where: str) -> float:
+    if not text:
+        return float("nan")
+    try:
+        stature = float(text.replace(",", "."))
+        check_values({"stature": stature})
+    except ValueError as error:  # also what nobody has
+        reason = error if isinstance(error, ArgumentError) else f"found {text[:40]!r}"
+        raise FileFormatError(f"{where}: stature must be a number of metres: {reason}") from error
+    return stature
 
 
 def _table_of(paths: Sequence[Path], labels: str | os.PathLike[str] | None) -> Path | None:

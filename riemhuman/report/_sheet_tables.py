@@ -75,8 +75,8 @@ def _people(sheets: Sheets) -> Rows:
             "matched share",
         ]
     ]
-    for subject, _ in sheets:
-        _, trust = badge(subject)
+    for subject, values in sheets:
+        _, trust = badge(subject, values)
         rows.append(
             [
                 subject.name,

@@ -30,11 +30,12 @@ Progress = Callable[[str], AbstractContextManager[object]]
 Computed = tuple[Mapping[str, Values], Mapping[str, JSONValue]]
 
 
-def check_progress(progress: object) -> None:
-    """Raise an ArgumentTypeError unless this makes context managers, as `nullcontext` does."""
+def a_progress(progress: object, name: str) -> object:
+    """Check what makes context managers, as `nullcontext` does, from the names of tasks."""
     is_other_class = isinstance(progress, type) and not hasattr(progress, "__enter__")
     if is_other_class or not callable(progress):
-        refuse_type(progress, "progress", "a function from the name of a task to a context manager")
+        refuse_type(progress, name, "a function from the name of a task to a context manager")
+    return progress
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.arrays import JSONRecord
-from riemhuman.checks import check_basis, check_instance, flag, one_of
+from riemhuman.checks import a_basis, checked, choice, flag, instance
 from riemhuman.datasets import Bodies, load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
@@ -41,8 +41,8 @@ from riemhuman.report._report import QUICK, Plan, Report, readable
 from riemhuman.report._storage import (
     Progress,
     ResultStore,
+    a_progress,
     check_folder,
-    check_progress,
     fingerprint,
     open_folder,
     write_provenance,
@@ -70,6 +70,13 @@ _SECTIONS = (
 )
 
 
+@checked(
+    bodies=instance(Bodies, "Bodies, such as rh.datasets.load_faust returns"),
+    basis=a_basis,
+    quick=flag,
+    units=choice(*READABLE_UNITS),
+    progress=a_progress,
+)
 def make_report(
     output: str | os.PathLike[str],
     *,
@@ -113,34 +120,27 @@ def make_report(
     --------
     >>> page = rh.report.make_report("report", quick=True)  # doctest: +SKIP
     """
-    one_of(units, "units", tuple(READABLE_UNITS))
-    if bodies is not None:
-        check_instance(bodies, "bodies", Bodies, "Bodies, such as rh.datasets.load_faust returns")
-    if basis is not None:
-        check_basis(basis, "basis")
-    is_quick = flag(quick, "quick")
-    check_progress(progress)
     check_folder(output)
     import_matplotlib(extra="report")
     import_optional("sklearn.manifold", "report")
     started = _now()
-    bodies = _bodies_to_report(bodies, basis, is_quick, progress)
+    bodies = _bodies_to_report(bodies, basis, quick, progress)
     compared = table_metrics(bodies)
-    compared |= of_extensions(bodies) if is_quick else representations(bodies)
+    compared |= of_extensions(bodies) if quick else representations(bodies)
     sections = [] if scans is None else [scan_section(read_records(scans), units=units)]
     folder = open_folder(output)
     digest = fingerprint(bodies)
     common = {**_identity(), "bodies": digest}
     store = ResultStore(folder / "results", common, progress)
     figures = ResultStore(folder / "results" / "figures", common, progress)
-    plan = QUICK if is_quick else Plan()
+    plan = QUICK if quick else Plan()
     files = Output(folder, figures, plan.dots_an_inch)
     report = Report(bodies, plan, store, files, compared, basis, units)
     sections += _sections_of(report)
     steps = _rows_of_steps(store)
     making = fill("making", steps=files.table("steps", steps))
     sections.append(Section("making", "How this was made", "Making", making))
-    write_text(folder / "index.html", _page_text(report, sections, quick=is_quick))
+    write_text(folder / "index.html", _page_text(report, sections, quick=quick))
     write_provenance(
         folder,
         {

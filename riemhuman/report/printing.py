@@ -1,4 +1,4 @@
-"""PDF files of pages, by a browser of the machine where there is one."""
+"""PDF files of pages, by a browser of the machine."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from riemhuman.optional import import_matplotlib
+from riemhuman.errors import FileError, MissingDependencyError
 
-__all__ = ["check_printing", "find_browser", "print_page"]
+__all__ = ["find_browser", "print_page", "printing_browser"]
 
 _BROWSERS = (
     "chromium",
@@ -26,6 +26,10 @@ _MAC = (
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
     "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
 )
+_WINDOWS = (
+    r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
+    r"C:\Program Files\Google\Chrome\Application\chrome.exe",
+)
 _OPTIONS = ("--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer")
 _SECONDS = 90  # that printing may take; a page takes a few
 
@@ -36,17 +40,22 @@ def find_browser() -> str | None:
         program = shutil.which(name)
         if program is not None:
             return program
-    return next((program for program in _MAC if os.access(program, os.X_OK)), None)
+    return next((program for program in (*_MAC, *_WINDOWS) if os.access(program, os.X_OK)), None)
 
 
-def check_printing() -> None:
-    """Raise an error unless PDF files can be written: by a browser, or by matplotlib."""
-    if find_browser() is None:
-        import_matplotlib()
+def printing_browser() -> str:
+    """Return the program of a browser that prints, or raise an error if there is none."""
+    browser = find_browser()
+    if browser is None:
+        raise MissingDependencyError(
+            "PDF files are printed by Chromium, Chrome or Edge, which were not found; write .html, "
+            "which any browser prints on two pages"
+        )
+    return browser
 
 
-def print_page(browser: str, page: Path, pdf: Path) -> bool:
-    """Print a page into a PDF file; return whether the browser did so."""
+def print_page(browser: str, page: Path, pdf: Path) -> None:
+    """Print a page into a PDF file."""
     with tempfile.TemporaryDirectory(prefix="riemhuman-") as profile:
         # A profile of its own, since browsers that share one wait for each other.
         command = [browser, *_OPTIONS, f"--user-data-dir={profile}", f"--print-to-pdf={pdf}"]
@@ -58,7 +67,8 @@ def print_page(browser: str, page: Path, pdf: Path) -> bool:
             process = subprocess.run(
                 command, capture_output=True, timeout=_SECONDS, stdin=subprocess.DEVNULL
             )
-        except (OSError, subprocess.TimeoutExpired):
-            return False
-    is_written = pdf.is_file() and pdf.stat().st_size > 0
-    return process.returncode == 0 and is_written
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise FileError(f"{pdf} was not printed by {browser}: {error}") from error
+    if process.returncode != 0 or not pdf.is_file() or not pdf.stat().st_size:
+        said = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise FileError(f"{pdf} was not printed by {browser}: {' '.join(said) or 'it is empty'}")

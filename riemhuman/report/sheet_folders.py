@@ -6,17 +6,17 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 from riemhuman.arrays import Triangles
-from riemhuman.checks import check_instance, flag, items_of, one_of
-from riemhuman.errors import FileError, MissingDependencyError, counted, warn
+from riemhuman.checks import checked, choice, flag, instance, items_of
+from riemhuman.errors import ArgumentError, FileError, counted, warn
 from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
-from riemhuman.optional import import_optional
 from riemhuman.report._sheet_content import Content
 from riemhuman.report._sheet_making import (
     average_for,
@@ -27,9 +27,10 @@ from riemhuman.report._sheet_making import (
 from riemhuman.report._sheet_page import Entry, index_page, sheet_page
 from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
-from riemhuman.report._storage import Progress, check_progress
-from riemhuman.report.printing import check_printing, find_browser
+from riemhuman.report._storage import Progress, a_progress
+from riemhuman.report.printing import find_browser
 from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
+from riemhuman.report.sheets import a_stature
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.template import check_body_sizes
 
@@ -42,12 +43,20 @@ _MOST_BROWSERS = 4
 
 
 # More than eight arguments: each keyword is an option of the command.
+@checked(
+    measurements=instance(Measurements, "a Measurements(...)"),
+    stature=a_stature,
+    units=choice(*READABLE_UNITS),
+    replace_output=flag,
+    progress=a_progress,
+)
 def make_sheets(
     bodies: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     output: str | os.PathLike[str],
     *,
     labels: str | os.PathLike[str] | None = None,
     measurements: Measurements | None = None,
+    stature: float | None = None,
     units: str = "cm",
     unit: str | None = None,
     up: str | None = None,
@@ -56,9 +65,9 @@ def make_sheets(
 ) -> Path:
     """Write the sheets of people into a folder, and return their index page.
 
-    For each body there is a page and, if Chromium or matplotlib is installed, a two-page PDF.
-    ``index.html`` lists all of them; ``measurements.csv`` and, with openpyxl, ``measurements.xlsx``
-    contain the numbers in SI units. All files appear at the same time.
+    For each body there is a page and, if Chromium, Chrome or Edge is installed, a two-page PDF.
+    ``index.html`` lists all of them; ``measurements.csv`` contains the numbers in SI units, and if
+    openpyxl is installed, ``measurements.xlsx`` does, too. All files appear at the same time.
 
     Parameters
     ----------
@@ -68,11 +77,14 @@ def make_sheets(
         Folder to write.
     labels : path_like, optional
         Table with the column ``file`` and any of ``person`` (or ``subject``), ``sex`` (woman or
-        man), ``visit`` and ``date`` (as 2026-03-31); by default ``labels.csv`` next to the bodies.
+        man), ``visit``, ``date`` (as 2026-03-31) and ``stature`` (measured by hand, metres); by
+        default ``labels.csv`` next to the bodies.
         Each body of a person is compared with the previous visit, if all have different dates or
         visits.
     measurements : Measurements, optional
         Measurements of the body model; by default those of the open one.
+    stature : float, optional
+        The stature of the one body, as measured by hand, metres.
     units : {"cm", "in"}
         Units of the sheets; tables are in SI units.
     unit, up : str, optional
@@ -91,23 +103,37 @@ def make_sheets(
     --------
     >>> page = rh.report.make_sheets("bodies", "sheets")  # doctest: +SKIP
     """
-    one_of(units, "units", tuple(READABLE_UNITS))
-    if isinstance(bodies, (str, os.PathLike)):
-        bodies = [bodies]
-    places = items_of(bodies, "bodies", "a path or a sequence of paths")
-    if measurements is not None:
-        check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
-    replaces = flag(replace_output, "replace_output")
-    check_progress(progress)
-    paths = [file_path(place, "bodies") for place in places]
+    places = [bodies] if isinstance(bodies, (str, os.PathLike)) else bodies
+    paths = [
+        file_path(place, "bodies")
+        for place in items_of(places, "bodies", "a path or a sequence of paths")
+    ]
     folder = file_path(output, "output", "folder")
-    check_output_folder(folder, _CONTENT, force=replaces)
+    check_output_folder(folder, _CONTENT, force=replace_output)
+    browser = find_browser()
+    if browser is None:
+        warn(
+            "no PDF files are written, because Chromium, Chrome and Edge are missing; any browser "
+            "prints the pages",
+            UserWarning,
+        )
     with progress("Reading bodies"):
         subjects = find_subjects(paths, labels, unit=unit, up=up)
+    if stature is not None:
+        _set_stature(subjects, stature)
     sheets = _measured(subjects, measurements, units, progress)
     with atomic_folder(folder, _CONTENT) as temporary:
-        _write(temporary, sheets, progress)
+        _write(temporary, sheets, browser, progress)
     return folder / _INDEX
+
+
+def _set_stature(labelled: LabelledSubjects, stature: float) -> None:
+    if len(labelled.subjects) != 1:
+        raise ArgumentError(
+            f"stature is for one body; found {len(labelled.subjects)}: give the labels a column "
+            "stature"
+        )
+    labelled.subjects[0] = replace(labelled.subjects[0], stature=stature)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +182,13 @@ def _measured(
         values[number] = _since_earlier(
             labelled, number, values[number], measurements_of_size, progress
         )
+    for number in range(len(subjects)):
+        order = labelled.visits_until(number)
+        if len(order) > 2:
+            visits = tuple(
+                (subjects[k].visit, {row.name: row.value for row in values[k].rows}) for k in order
+            )
+            values[number] = replace(values[number], visits=visits)
     ordered = [values[number] for number in range(len(subjects))]
     return _Sheets(labelled, ordered, measurements_by_size, units)
 
@@ -175,10 +208,10 @@ def _since_earlier(
             "changes since an earlier visit are left out: the labels do not give this "
             "person's bodies different dates or visits",
         )
-    earlier = labelled.earlier(number)
-    if earlier is None:
+    *earlier, _ = labelled.visits_until(number)
+    if not earlier:
         return values
-    before = labelled.subjects[earlier]
+    before = labelled.subjects[earlier[-1]]
     if len(before.points) != len(subject.points):
         return _with_remark(values, f"no comparison with {before.name}: its triangles differ")
     with progress(f"Changes of {subject.name} since {before.name}"):
@@ -204,28 +237,19 @@ def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
             yield part, f"bodies {first + 1}–{last} of {count}"
 
 
-def _write(folder: Path, sheets: _Sheets, progress: Progress) -> None:
+def _write(folder: Path, sheets: _Sheets, browser: str | None, progress: Progress) -> None:
     """Write all files of a folder of sheets."""
     subjects = sheets.labelled.subjects
     version = library_version()
-    has_pdf = True
-    try:
-        check_printing()
-    except MissingDependencyError as error:
-        has_pdf = False
-        warn(
-            f"no PDF is written, because Chromium or Chrome is missing; alternatively: {error}",
-            UserWarning,
-        )
     names = _file_names([subject.name for subject in subjects])
-    files = [(f"{name}.html", f"{name}.pdf" if has_pdf else "") for name in names]
+    files = [(f"{name}.html", f"{name}.pdf" if browser else "") for name in names]
     entries: list[Entry] = []
     # Pictures take memory: those of a part are written before the next is drawn.
     for part, words in _parts(range(len(subjects))):
         with progress(f"Pictures of {words}"):
             contents = list(mapped(sheets.content, part, thread_count(-1)))
         with progress(f"Pages and PDF files of {words}"):
-            _write_files(folder, contents, [files[number] for number in part], version)
+            _write_files(folder, contents, [files[number] for number in part], browser)
         for number, content in zip(part, contents, strict=True):
             page, pdf = files[number]
             entry = Entry.of(subjects[number], sheets.values[number], content, page, pdf)
@@ -235,28 +259,26 @@ def _write(folder: Path, sheets: _Sheets, progress: Progress) -> None:
 
 
 def _write_files(
-    folder: Path, contents: Sequence[Content], files: Sequence[tuple[str, str]], version: str
+    folder: Path,
+    contents: Sequence[Content],
+    files: Sequence[tuple[str, str]],
+    browser: str | None,
 ) -> None:
-    """Write pages and, if they have names, PDF files, by several browsers at a time."""
-    browser = find_browser()
+    """Write pages and, by several browsers at a time, PDF files."""
 
     def write(number: int) -> None:
         page, pdf = files[number]
-        write_text(folder / page, sheet_page(contents[number], version, index=_INDEX))
-        if pdf:
+        write_text(folder / page, sheet_page(contents[number], library_version(), index=_INDEX))
+        if browser:
             save_pdf(contents[number], folder / pdf, browser)
 
-    n_threads = min(_MOST_BROWSERS, thread_count(-1)) if browser else 1
-    list(mapped(write, range(len(files)), n_threads))
+    list(mapped(write, range(len(files)), min(_MOST_BROWSERS, thread_count(-1))))
 
 
 def _write_tables(folder: Path, sheets: Sequence[tuple[SheetSubject, SheetValues]]) -> list[str]:
-    """Write the tables of all numbers; return their names."""
+    """Write the tables of all numbers, a workbook where openpyxl is installed; return the names."""
     write_text(folder / _TABLE, table_text(sheets))
-    try:
-        import_optional("openpyxl", "sheet")
-    except MissingDependencyError as error:
-        warn(f"{_WORKBOOK} is not written: {error}", UserWarning)
+    if find_spec("openpyxl") is None:
         return [_TABLE]
     save_workbook(sheets, folder / _WORKBOOK)
     return [_TABLE, _WORKBOOK]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from riemhuman.arrays import Array, Booleans, Points, Triangles
+from riemhuman.arrays import Array, Booleans, JSONValue, Points, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import (
     Measurements,
@@ -16,23 +18,45 @@ from riemhuman.measurements import (
     average_adult,
     compare_visits,
     in_standard_pose,
+    measurement_from_dict,
     noise_of_measurements,
     person_distance,
+    pose_distance,
     posture_angles,
 )
-from riemhuman.measurements.populations import percentages
+from riemhuman.measurements._plausibility import ImplausibleGroup, implausible_groups
+from riemhuman.measurements.populations import (
+    has_percentiles,
+    is_of_adults,
+    percentages,
+    spread_of_adults,
+)
 from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
 
 # Quotients of two measurements, and powers of the second.
 _RATIOS = {
     "Body mass index": ("body mass", "stature", 2, "kg/m²"),
     "Waist to hip": ("waist girth", "hip girth", 1, ""),
-    "Waist to stature": ("waist girth", "stature", 1, ""),
+    "Waist to height": ("waist girth", "stature", 1, ""),
 }
 # Trunks that lean more lie, or point along another axis than the one that should be up.
 _LARGEST_LEAN = 60.0
 # Two standard deviations: of 100 repeated measurements, about 95 lie within.
 _DEVIATIONS = 2.0
+# Standard deviation of a scan over that among adults, up to which there is a percentile.
+_LARGEST_NOISE = 0.5
+_OPPOSITE = {"right": "left", "left": "right"}
+# Measurements of the right side that are also taken on the left.
+LEFT_AND_RIGHT = (
+    "upper arm girth",
+    "forearm girth",
+    "wrist girth",
+    "thigh girth",
+    "knee girth",
+    "calf girth",
+    "ankle girth",
+    "foot length",
+)
 
 
 @dataclass(frozen=True)
@@ -48,10 +72,12 @@ class SheetRow:
     value : float
         The value in the standard pose; NaN if it was not measured.
     uncertainty : float
-        Two standard deviations over poses of simulated people, registered from scans.
+        Two standard deviations of a scan in this pose, see
+        `rh.measurements.noise_of_measurements`.
     percentile : float
         Percentage of adults of the same sex and stature with smaller values, see
-        `rh.measurements.percentiles`.
+        `rh.measurements.percentiles`. NaN if the uncertainty is larger than the standard deviation
+        among these adults.
     why_missing : str
         Why the value is NaN.
 
@@ -71,6 +97,20 @@ class SheetRow:
     why_missing: str = ""
 
 
+@dataclass(frozen=True)
+class PairedRow:
+    """A measurement of the left and of the right side, in metres."""
+
+    title: str
+    left: float
+    right: float
+    threshold: float  # two standard deviations of the difference
+
+    @property
+    def is_significant(self) -> bool:
+        return abs(self.left - self.right) > self.threshold
+
+
 @dataclass(frozen=True, eq=False)
 class SheetSubject:
     """A body of which a sheet is made, and what is known about its person and its scan."""
@@ -87,6 +127,7 @@ class SheetSubject:
     scan: Points | None = None  # points in the axes of the body
     median_distance: float = float("nan")
     matched_share: float = float("nan")  # of the surface
+    stature: float = float("nan")  # typed in, metres
 
     @property
     def is_measurable(self) -> bool:
@@ -115,6 +156,9 @@ class SheetValues:
     changes: VisitComparison | None = None
     since: str = ""
     doubt: str = ""  # whether both visits are of one person
+    implausible: tuple[ImplausibleGroup, ...] = ()  # their measurements are withheld
+    pairs: tuple[PairedRow, ...] = ()  # of the left and the right side
+    visits: tuple[tuple[str, Mapping[str, float]], ...] = ()  # up to this one, if more than two
 
     @cached_property
     def by_name(self) -> dict[str, SheetRow]:
@@ -146,21 +190,68 @@ def values_of(
             missing="nan",
             trusted_vertices=np.stack([subjects[number].known_vertices for number in measurable]),
         )
+    left_sides = _left_sides(measurements)
     results = []
     for number, subject in enumerate(subjects):
         if measured is None or number not in standing:
             values = np.full(len(measurements.names), np.nan)
             reasons = dict.fromkeys(measurements.names, "the registration is not trusted")
-        else:
-            place = measurable.index(number)
-            values = measured.values[place]
-            reasons = {
-                name: reason for (k, name), reason in measured.why_missing.items() if k == place
-            }
-        results.append(
-            _values(measurements, subject, values, reasons, standing.get(number), average)
+            results.append(_values(measurements, subject, values, reasons, None, average))
+            continue
+        place = measurable.index(number)
+        reasons = {name: reason for (k, name), reason in measured.why_missing.items() if k == place}
+        known = _values(
+            measurements, subject, measured.values[place], reasons, standing[number], average
         )
+        results.append(replace(known, pairs=_pairs(known, left_sides, subject)))
     return results
+
+
+def _left_sides(measurements: Measurements) -> Measurements | None:
+    """Return the measurements of the left side, by their names on the right, where there are."""
+    definitions = measurements.definitions
+    mirrored = [
+        measurement_from_dict(_mirrored(definition.to_dict()))
+        for definition in definitions.measurements
+        if definition.name in LEFT_AND_RIGHT
+    ]
+    known = [*definitions.landmarks, *definitions.parts]
+    places = (
+        place if isinstance(place, str) else list(place)
+        for definition in mirrored
+        for place in (*definition.places, *definition.part_names)
+    )
+    names = itertools.chain.from_iterable([p] if isinstance(p, str) else p for p in places)
+    if not mirrored or not all(name in known for name in names):
+        return None
+    return Measurements(definitions.with_measurements(mirrored))
+
+
+def _mirrored(record: JSONValue) -> JSONValue:
+    """Return a record in which what is named right is named left, and the other way round."""
+    if isinstance(record, str):
+        return re.sub("right|left", lambda side: _OPPOSITE[side[0]], record)
+    if isinstance(record, Mapping):
+        return {_mirrored(key): _mirrored(value) for key, value in record.items()}
+    return [_mirrored(entry) for entry in record] if isinstance(record, list) else record
+
+
+def _pairs(
+    values: SheetValues, left_sides: Measurements | None, subject: SheetSubject
+) -> tuple[PairedRow, ...]:
+    """Return measurements of both sides, where both were measured."""
+    if left_sides is None or values.standing is None:
+        return ()
+    measured = left_sides.measure(
+        values.standing, axes="space", missing="nan", trusted_vertices=subject.known_vertices
+    )
+    rows = []
+    for name, left in zip(measured.names, measured.values.tolist(), strict=True):
+        row = values.by_name[name]
+        if np.isfinite(left * row.value):
+            threshold = np.sqrt(2.0) * row.uncertainty
+            rows.append(PairedRow(row.title, left, row.value, threshold))
+    return tuple(rows)
 
 
 class Average:
@@ -194,24 +285,43 @@ def _values(
     average: Average,
 ) -> SheetValues:
     named = dict(zip(measurements.names, values.tolist(), strict=True))
-    stature = named.get("stature", float("nan"))
-    percentiles_by_name = percentages(named, subject.sex, stature)
-    noise = noise_of_measurements(measurements.names)
+    distance = 0.0
+    if standing is not None:
+        distance = float(pose_distance(measurements.definitions, subject.points, standing))
+    noise = noise_of_measurements(measurements.names, distance)
+    deviations = dict(zip(measurements.names, noise.tolist(), strict=True))
+    measured_stature = named.get("stature", float("nan"))
+    is_typed_in = bool(np.isfinite(subject.stature))
+    stature = subject.stature if is_typed_in else measured_stature
+    remarks = []
+    if is_typed_in:
+        named["stature"] = stature
+        reasons = {name: reason for name, reason in reasons.items() if name != "stature"}
+        if abs(measured_stature - stature) > _DEVIATIONS * deviations.get("stature", np.nan):
+            remarks.append("the stature of the scan differs from the one typed in")
+    implausible = []
+    if standing is not None and is_of_adults(stature, subject.sex):
+        implausible = implausible_groups(named, deviations, subject.sex)
+    for group in implausible:
+        for name in named.keys() & {*group.measurements}:
+            named[name] = float("nan")
+            reasons = {**reasons, name: group.reason}
+    shares = percentages(named, subject.sex, stature)
     rows = tuple(
         SheetRow(
             name,
             everyday_name(name),
             unit,
             named[name],
-            _DEVIATIONS * deviation,
-            percentiles_by_name.get(name, float("nan")),
+            float("nan") if name == "stature" and is_typed_in else _DEVIATIONS * deviations[name],
+            shares[name]
+            if _is_sharp(name, named[name], deviations[name], subject.sex)
+            else float("nan"),
             reasons.get(name, ""),
         )
-        for name, unit, deviation in zip(
-            measurements.names, measurements.units, noise.tolist(), strict=True
-        )
+        for name, unit in zip(measurements.names, measurements.units, strict=True)
     )
-    posture, remarks = _posture(measurements, subject)
+    posture, said = _posture(measurements, subject)
     body = average.of(stature, subject.sex) if standing is not None else None
     return SheetValues(
         rows=rows,
@@ -220,8 +330,19 @@ def _values(
         standing=standing,
         average=body,
         average_faces=average.faces,
-        remarks=tuple(remarks),
+        remarks=(*remarks, *said),
+        implausible=tuple(implausible),
     )
+
+
+def _is_sharp(name: str, value: float, deviation: float, sex: str) -> bool:
+    """Return whether people differ so much more than scans of one that a percentile says something.
+
+    With half their deviation, 7 per cent of people seem to be below the 5th percentile.
+    """
+    if not has_percentiles(name) or not np.isfinite(value * deviation):
+        return False
+    return bool(deviation <= _LARGEST_NOISE * spread_of_adults(name, sex) * value)
 
 
 def _ratios(named: Mapping[str, float]) -> dict[str, tuple[float, str]]:
@@ -247,7 +368,7 @@ def _posture(
     posture = {name: float(angle) for name, angle in angles.items()}
     leans = [posture["trunk lean forward"], posture["trunk lean to the left"]]
     if np.nanmax(np.abs(leans), initial=0.0) > _LARGEST_LEAN:
-        return {}, ["posture is left out: the body is lying, or another axis points up (see --up)"]
+        return {}, ["posture is left out: the body is lying, or another axis points up"]
     return posture, []
 
 

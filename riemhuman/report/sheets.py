@@ -11,19 +11,20 @@ import numpy as np
 
 from riemhuman.arrays import ArrayLike, Points
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import checked, choice, real_array, real_number
 from riemhuman.checks.labels import text
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_text
 from riemhuman.measurements import Measurements, VisitComparison
+from riemhuman.measurements._adults import check_values
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
 from riemhuman.report._sheet_content import Content, badge
 from riemhuman.report._sheet_making import average_for, content_for, library_version, save_pdf
 from riemhuman.report._sheet_page import sheet_page
 from riemhuman.report._sheet_subjects import subject_of_record, subject_of_scan
-from riemhuman.report.printing import find_browser
+from riemhuman.report.printing import printing_browser
 from riemhuman.report.sheet_values import (
     SheetRow,
     SheetSubject,
@@ -34,6 +35,13 @@ from riemhuman.report.sheet_values import (
 from riemhuman.surfaces.measures import share_of_surface
 
 _MOST_POINTS = 12_000  # of a scan that are drawn
+
+
+def a_stature(value: float, name: str) -> float:
+    """Check a stature in metres."""
+    stature = real_number(value, name, minimum=0.0, strict=True)
+    check_values({"stature": stature})
+    return stature
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,8 +55,8 @@ class Sheet:
     name, sex : str
         Name of the person or body, and "woman", "man" or "adult".
     badge : str
-        "trusted", "partly seen: 66 %", "not trusted", or "registered mesh" if nothing is known
-        about a scan.
+        "trusted", "partly seen: 66 %", "partly trusted" if values of the head, hands or feet are
+        withheld, "not trusted", or "registered mesh" if nothing is known about a scan.
     measurements : tuple of SheetRow
         Values with uncertainties and percentiles.
     posture : dict of str to float
@@ -86,7 +94,7 @@ class Sheet:
         return sheet_page(self.content, library_version())
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page (.html), or the two-page PDF (.pdf).
+        """Write the page (.html), or the two-page PDF (.pdf), by Chromium, Chrome or Edge.
 
         Parameters
         ----------
@@ -97,9 +105,16 @@ class Sheet:
         if suffix_of(file, (".html", ".pdf")) == ".html":
             write_text(file, self.html)
         else:
-            save_pdf(self.content, file, find_browser())
+            save_pdf(self.content, file, printing_browser())
 
 
+@checked(
+    sex=choice("adult", "woman", "man"),
+    name=text,
+    visit=text,
+    stature=a_stature,
+    units=choice(*READABLE_UNITS),
+)
 def sheet(
     body: RegisteredScan | ScanRecord | ArrayLike,
     *,
@@ -107,6 +122,7 @@ def sheet(
     name: str = "",
     sex: str = "adult",
     visit: str = "",
+    stature: float | None = None,
     before: RegisteredScan | ScanRecord | ArrayLike | None = None,
     units: str = "cm",
 ) -> Sheet:
@@ -129,6 +145,9 @@ def sheet(
         Population for comparison; "adult" means women and men together.
     visit : str
         Number or date of the visit.
+    stature : float, optional
+        The stature as measured by hand, metres, for percentiles and the average body; by default
+        that of the scan.
     before : RegisteredScan, ScanRecord, or array_like, optional
         The same person at an earlier visit.
     units : {"cm", "in"}
@@ -142,16 +161,15 @@ def sheet(
     ('registered mesh', 'stature')
     >>> sheet.save("emma.html")
     """
-    one_of(sex, "sex", ("adult", "woman", "man"))
-    one_of(units, "units", tuple(READABLE_UNITS))
-    person, date = text(name, "name"), text(visit, "visit")
-    points, subject = _subject(body, "body", person, sex, date)
+    points, subject = _subject(body, "body", name, sex, visit)
+    if stature is not None:
+        subject = replace(subject, stature=stature)
     measurements = _measurements_of(model, points)
     real_array(points, "body", (measurements.definitions.n_vertices, 3), batched=False)
     average = average_for(measurements)
     values = values_of(measurements, [subject], average)[0]
     if before is not None:
-        earlier, first = _subject(before, "before", person, sex, "the earlier visit")
+        earlier, first = _subject(before, "before", name, sex, "the earlier visit")
         real_array(earlier, "before", points.shape, batched=False)
         values = with_changes(measurements, values, first, subject)
     return _sheet(measurements, subject, values, units)
@@ -163,7 +181,7 @@ def _sheet(
     return Sheet(
         name=subject.person or subject.name,
         sex=subject.sex,
-        badge=badge(subject)[1],
+        badge=badge(subject, values)[1],
         measurements=values.rows,
         posture=dict(values.posture),
         changes=values.changes,

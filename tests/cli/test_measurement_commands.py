@@ -10,7 +10,6 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import MissingDependencyError
 from riemhuman.io import save_mesh
 from riemhuman.measurements import Girth, Measurements, compare_visits
 
@@ -203,14 +202,10 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
         )
 
 
-@pytest.mark.filterwarnings("always:no PDF:UserWarning")
+@pytest.mark.filterwarnings("always:no PDF")
 def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
     """Two visits of each person, without PDF files, which need a browser or take long."""
-
-    def missing():
-        raise MissingDependencyError("pip install '.[plot]'")
-
-    monkeypatch.setattr(rh.report.sheet_folders, "check_printing", missing)
+    monkeypatch.setattr(rh.report.sheet_folders, "find_browser", lambda: None)
     labels = tmp_path / "people.csv"
     labels.write_text("file,person,sex,visit\nbody_0,Emma,woman,1\nbody_2,Emma,woman,2\n")
     files = [scans / f"body_{number}.ply" for number in (0, 2)]
@@ -221,7 +216,7 @@ def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
     record = json.loads(finished.out)
     names = {Path(file).name for file in record["files"]}
     assert {"index.html", "measurements.csv", "body_0.html", "body_2.html"} <= names
-    assert "no PDF is written" in finished.err
+    assert "no PDF files are written" in finished.err
     assert "Measurements of 2 bodies: " in finished.err
     assert "Changes since visit 1" in (sheets / "body_2.html").read_text(encoding="utf-8")
     assert "earlier result; --force replaces it" in refused(*command)

@@ -11,10 +11,8 @@ from third_party import Extents, VertexOffsets
 
 import riemhuman as rh
 from riemhuman import extensions
-from riemhuman.errors import MissingDependencyError
 from riemhuman.registration.folders import ScanRecord
 from riemhuman.report import make_report, printing, sheet_folders
-from riemhuman.report import sheets as sheets_module
 from riemhuman.surfaces import DeformationBasis
 
 
@@ -81,8 +79,8 @@ def small_pictures(monkeypatch):
 
 @pytest.fixture
 def no_browser(monkeypatch):
-    """Hide browsers from whatever writes PDF files."""
-    for module in (printing, sheets_module, sheet_folders):
+    """Hide browsers from whatever writes PDF files, which take most of the time."""
+    for module in (printing, sheet_folders):
         monkeypatch.setattr(module, "find_browser", lambda: None)
 
 
@@ -122,13 +120,3 @@ def folder(bodies, tmp_path):
     rows = ["file;person;sex;date", "emma_2.ply;Emma;F;2026-06-01", "emma_1;Emma;woman;2026-02-28"]
     (place / "labels.csv").write_text("\n".join([*rows, "index.ply;=Ada;;"]), encoding="utf-8")
     return place
-
-
-@pytest.fixture
-def no_pdf(monkeypatch):
-    """Make no PDF files, which take most of the time."""
-
-    def missing():
-        raise MissingDependencyError("pip install")
-
-    monkeypatch.setattr(sheet_folders, "check_printing", missing)

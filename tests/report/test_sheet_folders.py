@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
+from riemhuman.errors import ArgumentError, FileError
 from riemhuman.report import sheet_folders
 from riemhuman.report._sheet_subjects import find_subjects
 
@@ -18,8 +18,8 @@ def table_of(folder):
     return list(csv.reader(text.splitlines()))
 
 
-@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
-def test_visits_of_two_people_are_doubted(bodies, folder, tmp_path, no_pdf):
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_visits_of_two_people_are_doubted(bodies, folder, tmp_path, no_browser):
     """The page says so in the words of `riemhuman compare`, and so does a warning."""
     people = rh.measurements.person_distance(bodies[0], bodies[13], bodies.template.faces)
     sheet = rh.report.sheet(bodies[13], name="Emma", before=bodies[0])
@@ -30,8 +30,8 @@ def test_visits_of_two_people_are_doubted(bodies, folder, tmp_path, no_pdf):
         rh.report.make_sheets(folder, tmp_path / "sheets")
 
 
-@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
-def test_a_folder_of_sheets(folder, tmp_path, no_pdf, measurements, bodies):
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_a_folder_of_sheets(folder, tmp_path, no_browser, measurements, bodies):
     page = rh.report.make_sheets(folder, tmp_path / "sheets")
     names = {"index.html", "measurements.csv", "emma_1.html", "emma_2.html", "index_2.html"}
     written = {file.name for file in page.parent.iterdir()}
@@ -56,8 +56,8 @@ def test_a_folder_of_sheets(folder, tmp_path, no_pdf, measurements, bodies):
     assert "Changes since" not in (tmp_path / "sheets" / "emma_1.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
-def test_the_workbook_holds_the_same(folder, tmp_path, no_pdf):
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_the_workbook_holds_the_same(folder, tmp_path, no_browser):
     openpyxl = pytest.importorskip("openpyxl")
     rh.report.make_sheets(folder, tmp_path / "sheets")
     book = openpyxl.load_workbook(tmp_path / "sheets" / "measurements.xlsx")
@@ -69,7 +69,7 @@ def test_the_workbook_holds_the_same(folder, tmp_path, no_pdf):
     assert [row[column] for row in rows] == pytest.approx([float(row[of_csv]) for row in table[1:]])
 
 
-def test_nothing_is_left_of_what_fails(folder, bodies, tmp_path, no_pdf, monkeypatch):
+def test_nothing_is_left_of_what_fails(folder, bodies, tmp_path, no_browser, monkeypatch):
     output = tmp_path / "sheets"
 
     def fail(*arguments):
@@ -79,7 +79,7 @@ def test_nothing_is_left_of_what_fails(folder, bodies, tmp_path, no_pdf, monkeyp
         broken.setattr(sheet_folders, "index_page", fail)
         with (
             pytest.raises(FileError, match="the disk is full"),
-            pytest.warns(UserWarning, match="no PDF is written"),
+            pytest.warns(UserWarning, match="no PDF files are written"),
         ):
             rh.report.make_sheets([folder / "emma_1.ply"], output)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["bodies"]
@@ -89,8 +89,8 @@ def test_nothing_is_left_of_what_fails(folder, bodies, tmp_path, no_pdf, monkeyp
         rh.report.make_sheets(folder, output, replace_output=True)
 
 
-@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
-def test_an_earlier_result_is_kept_unless_asked(folder, tmp_path, no_pdf):
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_an_earlier_result_is_kept_unless_asked(folder, tmp_path, no_browser):
     output = tmp_path / "sheets"
     output.mkdir()
     (output / "gone.html").touch()
@@ -106,18 +106,22 @@ def test_an_earlier_result_is_kept_unless_asked(folder, tmp_path, no_pdf):
     assert (output / "emma_1.html").exists()
 
 
-def test_without_openpyxl_the_table_is_there(folder, tmp_path, monkeypatch):
-    def missing(module, extra):
-        raise MissingDependencyError(f"pip install '.[{extra}]'")
-
-    monkeypatch.setattr(sheet_folders, "import_optional", missing)
-    monkeypatch.setattr(sheet_folders, "save_pdf", lambda content, file, browser: None)
-    monkeypatch.setattr(sheet_folders, "check_printing", lambda: None)
-    with pytest.warns(
-        UserWarning, match=r"measurements\.xlsx is not written: pip install '\.\[sheet\]'"
-    ):
-        rh.report.make_sheets([folder / "emma_1.ply"], tmp_path / "sheets")
-    assert (tmp_path / "sheets" / "measurements.csv").exists()
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_three_visits_have_a_trend(bodies, folder, tmp_path, no_browser):
+    """The typed-in stature of a scan that shows none gives it percentiles."""
+    rh.save_mesh(folder / "emma_3.ply", bodies[3], bodies.template.faces)
+    rows = ["file,person,sex,visit,stature"]
+    rows += [f"emma_{k}.ply,Emma,woman,{k},{'1.61' if k == 3 else ''}" for k in (1, 2, 3)]
+    (folder / "labels.csv").write_text("\n".join([*rows, "index,Ada,,,"]), encoding="utf-8")
+    rh.report.make_sheets(folder, tmp_path / "sheets")
+    second, third = (
+        (tmp_path / "sheets" / f"emma_{k}.html").read_text(encoding="utf-8") for k in (2, 3)
+    )
+    assert "All visits" not in second
+    assert re.findall(r'class="n">(visit \d)<', third)[:3] == ["visit 1", "visit 2", "visit 3"]
+    assert '<td class="n">161.0</td>' in third
+    with pytest.raises(ArgumentError, match="stature is for one body; found 4"):
+        rh.report.make_sheets(folder, tmp_path / "others", stature=1.7)
 
 
 def test_other_bodies_are_refused(bodies, tmp_path):
@@ -131,8 +135,8 @@ def test_other_bodies_are_refused(bodies, tmp_path):
         rh.report.make_sheets(tmp_path / "box.ply", tmp_path / "sheets")
 
 
-@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
-def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_pdf):
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_browser):
     """Also those that are not trusted, and the reason why there is no body."""
     from riemhuman.registration.folders import _write
 
@@ -158,8 +162,8 @@ def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_pdf
     assert found.subjects[0].scan is not None
 
 
-@pytest.mark.filterwarnings("ignore:no PDF:UserWarning")
-def test_the_index_has_no_empty_columns(folder, tmp_path, no_pdf):
+@pytest.mark.filterwarnings("ignore:no PDF")
+def test_the_index_has_no_empty_columns(folder, tmp_path, no_browser):
     (folder / "labels.csv").unlink()
     text = rh.report.make_sheets(folder / "emma_1.ply", tmp_path / "sheets").read_text("utf-8")
     assert re.findall(r"<button>(\w+)", text)[:3] == ["Name", "Trust", "Stature"]

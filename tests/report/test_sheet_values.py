@@ -5,6 +5,9 @@ import re
 import numpy as np
 
 import riemhuman as rh
+from riemhuman.measurements.populations import spread_of_adults
+from riemhuman.report._sheet_making import average_for
+from riemhuman.report.sheet_values import SheetSubject, values_of
 
 
 def test_names_are_words_of_people(bodies):
@@ -39,3 +42,37 @@ def test_a_body_on_its_back_has_no_posture(bodies, measurements):
     sheet = rh.report.sheet(lying)
     assert sheet.posture == {}
     assert "another axis points up" in sheet.html
+
+
+def test_both_sides_are_measured_alike(bodies):
+    """A body with a thicker left arm and leg."""
+    open_body = bodies.model.template.vertices
+    on_left = open_body[:, 0] > 0.06
+    thicker = open_body.copy()
+    arms = {name: bodies.model.joint_names.index(f"left_{name}") for name in ("elbow", "knee")}
+    limb = bodies.model.weights[:, [*arms.values()]].sum(axis=1) * on_left
+    thicker[:, 2] += 0.3 * limb * (thicker[:, 2] - (limb @ thicker[:, 2]) / limb.sum())
+    pairs = {pair.title: pair for pair in _values_of(thicker, bodies).pairs}
+    plain = {pair.title: pair for pair in _values_of(open_body, bodies).pairs}
+    assert len(plain) == 8
+    for title in ("Forearm girth", "Calf girth"):
+        assert pairs[title].left > pairs[title].right + 0.01
+        assert abs(plain[title].left - plain[title].right) < 0.005  # the mesh is no mirror
+    assert abs(pairs["Thigh girth"].left - pairs["Thigh girth"].right) < 0.003
+
+
+def _values_of(points, bodies):
+    measurements = rh.measurements.Measurements(bodies.model)
+    subject = SheetSubject(name="body", points=points)
+    return values_of(measurements, [subject], average_for(measurements))[0]
+
+
+def test_percentiles_that_the_pose_hides_are_left_out(bodies):
+    """A neck varies by two centimetres over poses, nearly as much as among people."""
+    values = _values_of(bodies[0], bodies)
+    rows = values.by_name
+    known = rh.measurements.percentiles({n: rows[n].value for n in ("stature", "neck girth")})
+    assert np.isfinite(known["neck girth"])
+    spread = spread_of_adults("neck girth", "adult") * rows["neck girth"].value
+    assert np.isnan(rows["neck girth"].percentile) == (rows["neck girth"].uncertainty > spread)
+    assert np.isfinite(rows["hip girth"].percentile)

@@ -8,7 +8,9 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
+from riemhuman.registration._messages import LANDMARKS_DECIDE, OPEN_HANDS
 from riemhuman.report import _sheet_content, _sheet_making
+from riemhuman.report._client_words import reason_of, sentences_of
 from riemhuman.report._sheet_content import percentile_text, posture_texts
 from riemhuman.report._sheet_page import sheet_page
 
@@ -19,9 +21,12 @@ def test_a_sheet_says_what_the_body_measures(bodies, measurements):
     assert [row.name for row in sheet.measurements] == list(measured.names)
     np.testing.assert_allclose([row.value for row in sheet.measurements], measured.values)
     stature = sheet.measurements[0]
-    assert stature.uncertainty == pytest.approx(
-        2 * rh.measurements.noise_of_measurements(["stature"])[0]
-    )
+    definitions = measurements.definitions
+    standing = rh.measurements.in_standard_pose(definitions, bodies[3])
+    distance = rh.measurements.pose_distance(definitions, bodies[3], standing)
+    noise = rh.measurements.noise_of_measurements(measured.names, distance)
+    assert distance > 0.3
+    np.testing.assert_allclose([row.uncertainty for row in sheet.measurements], 2 * noise)
     expected = rh.measurements.percentiles({"stature": stature.value}, "woman")["stature"]
     assert stature.percentile == pytest.approx(expected)
     assert sheet.badge == "registered mesh"
@@ -101,12 +106,21 @@ def test_a_scan_that_shows_only_part_of_a_body(record):
     assert {"stature", "foot length", "inside leg height"} <= missing
     assert "chest girth" not in missing
     assert "The feet were not seen" in sheet.html
-    assert f"{len(missing)} of 85 measurements depend on parts that cannot be trusted" in sheet.html
+    assert f"{len(missing - {'volume'})} of 84 measurements could not be taken" in sheet.html
     assert "2.1 mm" in sheet.html
     assert "The scan" in sheet.html
-    # No foot, no angle of it; no stature, no percentile.
+    # No foot, no angle of it; no stature, no percentile, unless it is typed in.
     assert np.isnan(sheet.posture["left foot turned out"])
     assert all(np.isnan(row.percentile) for row in sheet.measurements)
+    rows = rh.report.sheet(record, sex="woman", stature=1.62).measurements
+    shown = {row.name: row.percentile for row in rows if np.isfinite(row.percentile)}
+    assert {"stature", "chest girth", "hip girth"} <= {*shown}
+    expected = rh.measurements.percentiles(
+        {row.name: row.value for row in rows if row.name in shown}, "woman", stature=1.62
+    )
+    assert shown == pytest.approx(expected)
+    with pytest.raises(ArgumentError, match="is it in centimetres"):
+        rh.report.sheet(record, stature=162.0)
 
 
 def test_a_body_that_is_not_trusted_is_not_measured(record):
@@ -137,6 +151,54 @@ def test_angles_and_percentiles_in_words():
     assert (texts["Pelvis tilt"].value, texts["Pelvis tilt"].what) == ("0°", "level")
     assert (texts["Knees bent"].value, texts["Knees bent"].what) == ("– / 0°", "left / right")
     assert (texts["Elbows bent"].value, texts["Elbows bent"].what) == ("– / –", "not seen")
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ("the feet were not seen (7 % of the body)", ["The feet were not seen (7 % of the body)."]),
+        (
+            (
+                "right hand: two explanations fit almost equally, in which the forearm is turned "
+                "differently (not trusted); landmarks decide: the argument of "
+                "ScanRegistration.solve, or --landmarks"
+            ),
+            [
+                "Right hand: the scan does not show how far the forearm is turned.",
+                "At the next scan, hold the arms away from the body, with open hands.",
+            ],
+        ),
+        ("10 % of the body was not seen; the up direction was guessed; set it with up= or --up",
+         ["10 % of the body was not seen.", "Which way is up was guessed."]),
+        ("", []),
+    ],
+)  # fmt: skip
+def test_messages_in_the_words_of_clients(message, said):
+    assert sentences_of(message) == said
+
+
+def test_no_message_of_a_registration_shows_code():
+    for message in (LANDMARKS_DECIDE, OPEN_HANDS, "use ScanRegistration(unit=)", "see --unit"):
+        for sentence in sentences_of(message):
+            assert not re.search(r"--|=|\(|\.\w", sentence)
+    assert reason_of("50 % of it lie on parts that the registration does not trust") == (
+        "50 % of its path lies on parts that cannot be trusted"
+    )
+
+
+def test_values_that_hair_explains_are_withheld(bodies, measurements):
+    head = measurements.definitions.model.weights[:, bodies.model.joint_names.index("head")]
+    for size, badge in ((1.0, "registered mesh"), (1.2, "partly trusted")):
+        person = bodies[0].copy()
+        chin = person[head > 0.9].min(axis=0) * [0, 1, 0]
+        person += head[:, np.newaxis] * (size - 1.0) * (person - chin)
+        sheet = rh.report.sheet(person, sex="woman")
+        values = {row.name: row.value for row in sheet.measurements}
+        assert sheet.badge == badge
+        assert np.isnan(values["head girth"]) == (size > 1.0)
+        assert np.isfinite(values["hip girth"])
+    assert "hair or a cap seems to cover the head" in sheet.html
+    assert "cover the hair with a tight cap" in sheet.html
 
 
 # Folders.
