@@ -21,7 +21,7 @@ from riemhuman.checks import checked, instance, positive, real_array, whole
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
-from riemhuman.measurements._adults import check_values
+from riemhuman.measurements.adults import check_values
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 

@@ -20,7 +20,7 @@ from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.checks import checked, choice, positive, real
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
-from riemhuman.measurements._adults import SEXES, check_values, given_values
+from riemhuman.measurements.adults import SEXES, check_values, given_values
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements
 

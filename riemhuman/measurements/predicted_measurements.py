@@ -19,7 +19,7 @@ from scipy.special import fdtrc, gammaln, softmax, stdtrit
 
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, choice, metric_weight
-from riemhuman.measurements._adults import SEXES, adults, given_values, units_of_measurements
+from riemhuman.measurements.adults import SEXES, adults, given_values, units_of_measurements
 from riemhuman.measurements.measuring import as_mapping
 
 # Degrees of freedom with which the expected share of ANSUR II is flagged, and that share.

@@ -12,7 +12,7 @@ from riemhuman.arrays import Array, Triangles
 from riemhuman.measurements.populations import largest_body_mass_index
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
-from riemhuman.report._client_words import capital, reason_of, sentences_of
+from riemhuman.report._client_words import capital, sentences_of
 from riemhuman.report._sheet_pictures import (
     LARGEST_CHANGE,
     Picture,
@@ -364,7 +364,7 @@ def row_text(row: SheetRow, units: str) -> RowText:
         uncertainty=_uncertainty(row.uncertainty, unit),
         percentile=percentile_text(row.percentile),
         place=float(np.clip(row.percentile, 1.0, 99.0).round(1)) if is_known else None,
-        why=(reason_of(row.why_missing) or "not measured") if row.why_missing else "",
+        why=row.why_missing,
     )
 
 

@@ -16,7 +16,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
 from riemhuman.io.label_tables import LABELS, LabelRow, read_label_rows, rows_of_files
 from riemhuman.io.meshes import load_trusted
-from riemhuman.measurements._adults import check_values
+from riemhuman.measurements.adults import check_values
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report.registered_scans import shown_share

@@ -24,7 +24,7 @@ from riemhuman.measurements import (
     pose_distance,
     posture_angles,
 )
-from riemhuman.measurements._plausibility import ImplausibleGroup, implausible_groups
+from riemhuman.measurements.plausibility import ImplausibleGroup, implausible_groups
 from riemhuman.measurements.populations import (
     has_percentiles,
     is_of_adults,

@@ -17,7 +17,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_text
 from riemhuman.measurements import Measurements, VisitComparison
-from riemhuman.measurements._adults import check_values
+from riemhuman.measurements.adults import check_values
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
 from riemhuman.report._sheet_content import Content, badge

@@ -11,7 +11,7 @@ from riemhuman.measurements import (
     model_from_measurements,
     predict_measurements,
 )
-from riemhuman.measurements._adults import adults
+from riemhuman.measurements.adults import adults
 from riemhuman.measurements.predicted_measurements import predict
 
 SIXTEEN = (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from riemhuman.measurements import noise_of_measurements
-from riemhuman.measurements._adults import adults
-from riemhuman.measurements._plausibility import (
+from riemhuman.measurements.adults import adults
+from riemhuman.measurements.plausibility import (
     GROUPS,
     _covariance,
     _means,

@@ -15,7 +15,7 @@ from riemhuman.measurements import (
     percentiles,
     predict_measurements,
 )
-from riemhuman.measurements._adults import adults
+from riemhuman.measurements.adults import adults
 from riemhuman.measurements.populations import (
     has_percentiles,
     largest_body_mass_index,

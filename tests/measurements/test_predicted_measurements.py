@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.measurements._adults import adults
+from riemhuman.measurements.adults import adults
 from riemhuman.measurements.predicted_measurements import predict
 
 FOUR = {"stature": 1.63, "chest girth": 0.95, "waist girth (omphalion)": 0.87, "hip girth": 1.02}

@@ -34,7 +34,7 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import norm, rankdata
 
 from riemhuman.measurements import Measurements, open_measurements
-from riemhuman.measurements._adults import SEXES, adults
+from riemhuman.measurements.adults import SEXES, adults
 from riemhuman.measurements.measurement_set import DATA
 from riemhuman.measurements.populations import scores_of_quantiles
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from riemhuman.arrays import Array
-from riemhuman.measurements._adults import SEXES, adults
+from riemhuman.measurements.adults import SEXES, adults
 
 # Shares of adults beyond whom a group counts as implausible: in the direction of what is suspected,
 # and in any. Of ANSUR II's people, 0.1 to 0.5 per cent are beyond the first.
