@@ -24,9 +24,9 @@ from riemhuman.arrays import Array, Booleans
 from riemhuman.checks import checked, choice, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.measurements.adults import SEXES, adults, given_values
 from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements._vertex_slopes import slopes_along
+from riemhuman.measurements.adults import SEXES, adults, given_values
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, values_and_slopes
 from riemhuman.measurements.predicted_measurements import Prediction, errors_of_values, predict
