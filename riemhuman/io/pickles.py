@@ -29,15 +29,10 @@ from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_characters, check_fields, memory_limit
 from riemhuman.io.files import file_path, format_errors, read_bytes
 
-# A body model takes some hundreds of operations; a recording some hundreds a frame.
-_MOST_OPERATIONS = 50_000
-_MOST_OPERATIONS_OF_RECORDINGS = 5_000_000
 # Dictionaries and lists within each other, and how many values they may hold in all.
 _DEEPEST_TREE, _MOST_VALUES = 8, 1_000_000
 # First bytes of the two kinds of compression by zlib.
 _COMPRESSED = (b"\x78", b"\x1f\x8b")
-# Bytes of the returned arrays for each byte of the file: selected entries get wider.
-_LARGEST_FACTOR = 16
 _DEEPEST_CHUMPY = 8
 # Real numbers and text; not objects ("O") or structures ("V").
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
@@ -77,16 +72,12 @@ def load_pickled_arrays(
         if not isinstance(fields, dict):
             raise FileFormatError(f"holds {type(fields).__name__} in place of a dictionary")
         check_fields([_describe(name) for name in fields], required)
-        limit = _LARGEST_FACTOR * len(content)
         arrays = {}
         for name in (*required, *optional):
             if name not in fields:
                 continue
             with format_errors(f"field {name}", "an array"):
                 arrays[name] = _value(fields[name])
-            limit -= arrays[name].nbytes if isinstance(arrays[name], np.ndarray) else 0
-            if limit < 0:
-                raise FileFormatError("uses its data more often than its size allows")
         return arrays
 
 
@@ -99,8 +90,7 @@ def load_pickled_tree(file: Path) -> Unpickled:
     with format_errors(file, "a whole pickle"):
         if content.startswith(_COMPRESSED):
             content = _decompress(content, memory_limit(len(content)))
-        values = _unpickle(content, most_operations=_MOST_OPERATIONS_OF_RECORDINGS)
-        return _Tree(len(content)).value(values)
+        return _Tree(len(content)).value(_unpickle(content))
 
 
 def pickled_tree(
@@ -123,8 +113,7 @@ def pickled_tree(
             record.state = (record.state.astype(np.uint32) << 16).view(np.float32)
         return record
 
-    values = _unpickle(content, storage, _MOST_OPERATIONS_OF_RECORDINGS)
-    return _Tree(size).value(values)
+    return _Tree(size).value(_unpickle(content, storage))
 
 
 def _decompress(content: bytes, limit: int) -> bytes:
@@ -138,14 +127,10 @@ def _decompress(content: bytes, limit: int) -> bytes:
     return plain
 
 
-def _unpickle(
-    content: bytes,
-    storage: Callable[[object], _Record] | None = None,
-    most_operations: int = _MOST_OPERATIONS,
-) -> Unpickled:
+def _unpickle(content: bytes, storage: Callable[[object], _Record] | None = None) -> Unpickled:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of escapes in texts of Python 2
-        return _Unpickler(io.BytesIO(content), storage, most_operations).load()
+        return _Unpickler(io.BytesIO(content), storage).load()
 
 
 Unpickled: TypeAlias = Any  # type: ignore[explicit-any]  # readers check each value they use
@@ -206,22 +191,6 @@ _MAKERS["defaultdict"] = lambda *default: {}  # its items follow
 _MAKERS["_rebuild_parameter"] = lambda tensor, *arguments: tensor
 
 
-class _Operations(dict[int, Callable[[Unpickled], None]]):
-    """The operations of an unpickler, which may look up a limited number of them."""
-
-    def __init__(self, operations: dict[int, Callable[[Unpickled], None]], most: int) -> None:
-        super().__init__(operations)
-        self.most = self.n_left = most
-
-    def __getitem__(self, code: int) -> Callable[[Unpickled], None]:
-        self.n_left -= 1
-        if self.n_left < 0:
-            raise FileFormatError(
-                f"is a pickle of more than {self.most} operations, which is refused"
-            )
-        return super().__getitem__(code)
-
-
 class _Unpickler(pickle._Unpickler):
     """Makes records and plain data, with lists in place of tuples and sets.
 
@@ -229,13 +198,10 @@ class _Unpickler(pickle._Unpickler):
     """
 
     def __init__(
-        self,
-        content: io.BytesIO,
-        storage: Callable[[object], _Record] | None = None,
-        most_operations: int = _MOST_OPERATIONS,
+        self, content: io.BytesIO, storage: Callable[[object], _Record] | None = None
     ) -> None:
         super().__init__(content, encoding="latin1")
-        self.dispatch = _Operations(_DISPATCH, most_operations)  # type: ignore[misc]
+        self.dispatch = _DISPATCH  # type: ignore[misc]  # of this class alone
         self.content, self._storage = content, storage
 
     def persistent_load(self, identifier: object) -> _Record:
