@@ -6,7 +6,7 @@ function that is differentiated takes and returns them as it does arrays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -17,7 +17,6 @@ __all__ = [
     "ArrayLike",
     "Booleans",
     "Callback",
-    "Contents",
     "DType",
     "FeatureRows",
     "Features",
@@ -28,7 +27,6 @@ __all__ = [
     "JSONValue",
     "Labels",
     "MemoryMap",
-    "NamedArrays",
     "PairsLike",
     "Points",
     "PointsByNumber",
@@ -110,14 +108,8 @@ DType: TypeAlias = np.dtype[Any]  # type: ignore[explicit-any]  # NumPy has no t
 Labels: TypeAlias = ArrayLike | Iterable[object]
 """Class labels, which can be hashed."""
 
-Contents: TypeAlias = dict[str, object]
-"""What is written to a file by name: numbers, text or arrays, whatever `numpy.asarray` takes."""
-
 Callback: TypeAlias = Callable[[int, float, NDArray[np.float64]], object]
 """Called with iteration, value and point or path."""
-
-NamedArrays: TypeAlias = Mapping[str, Values]
-"""Arrays by name, as in .npz files."""
 
 JSONValue: TypeAlias = Any  # type: ignore[explicit-any]  # readers check each value they use
 """A value of a document of JSON."""

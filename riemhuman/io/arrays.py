@@ -12,7 +12,8 @@ import os
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import IO, Literal, overload
+from dataclasses import MISSING, Field, fields
+from typing import IO, TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
@@ -21,6 +22,12 @@ from riemhuman.checks import check_instance, flag
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentTypeError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+StoredField: TypeAlias = Any  # type: ignore[explicit-any]  # of the type that its field has
+"""An array, a number or a text."""
 
 # Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
 _LARGEST_COMPRESSION = 64
@@ -74,6 +81,28 @@ def _plain_array(array: object, name: str) -> Values:
         return np.asanyarray(array)
     except ValueError as error:
         raise ArgumentTypeError(f"{name} must be an array; its items differ in shape") from error
+
+
+def fields_of(item: DataclassInstance) -> dict[str, object]:
+    """Return the fields of a data class by name, as `save_arrays` takes them."""
+    return {field.name: getattr(item, field.name) for field in fields(item)}
+
+
+def stored_fields(
+    cls: type[DataclassInstance], arrays: Mapping[str, Values]
+) -> dict[str, StoredField]:
+    """Return stored fields of a data class by name: arrays, and numbers and texts as scalars.
+
+    Fields with defaults may be missing, as in files of earlier releases.
+    """
+    required = [field.name for field in fields(cls) if not _has_default(field)]
+    check_fields(arrays, required)
+    found = {field.name: arrays[field.name] for field in fields(cls) if field.name in arrays}
+    return {name: array if array.ndim else array.item() for name, array in found.items()}
+
+
+def _has_default(field: Field[object]) -> bool:
+    return field.default is not MISSING or field.default_factory is not MISSING
 
 
 def load_arrays(

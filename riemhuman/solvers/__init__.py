@@ -30,7 +30,6 @@ from riemhuman.solvers.results import (
     MeanResult,
     PathResult,
     Result,
-    SavedResult,
     Status,
 )
 from riemhuman.solvers.tangent_pca import TangentPCA
@@ -70,7 +69,6 @@ __all__ = [
     "PoissonPath",
     "PoleLadder",
     "Result",
-    "SavedResult",
     "SchildLadder",
     "SegmentEnergy",
     "ShapeTransfer",

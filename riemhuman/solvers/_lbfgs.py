@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Required, Self, TypedDict, Unpack
+from typing import NamedTuple, Required, TypedDict, Unpack
 
 import numpy as np
 from autograd.core import make_vjp
 from tqdm import tqdm
 
-from riemhuman.arrays import Array, Callback, Contents, TangentVectors
+from riemhuman.arrays import Array, Callback, TangentVectors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.kernels.threads import (
     check_interrupt,
@@ -20,7 +20,7 @@ from riemhuman.kernels.threads import (
     pair_with_rows,
     single_threaded_libraries,
 )
-from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, SavedResult, Status
+from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, Status
 
 Objective = Callable[[Array], tuple[float, Array]]
 """Returns value and gradient at x, shape (n,); the value is infinite outside the domain."""
@@ -61,25 +61,6 @@ class Minimum(Result):
     value: float
     values: Array
     gap: float = np.nan
-
-    def contents(self) -> Contents:
-        return {
-            "x": self.x,
-            "value": self.value,
-            "values": self.values,
-            "gap": self.gap,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            x=saved.array("x"),
-            value=saved.number("value"),
-            values=saved.array("values"),
-            gap=saved.number("gap", np.nan),
-            **saved.outcome(),
-        )
 
 
 @dataclass(frozen=True)

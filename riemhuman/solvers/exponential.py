@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from autograd import grad
 from autograd.core import make_vjp
 from scipy.sparse.linalg import LinearOperator, lsmr
 
-from riemhuman.arrays import Array, Contents, Points, TangentVectors
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.checks import (
     check_basis,
     path_array,
@@ -35,7 +34,7 @@ from riemhuman.solvers._geodesic_equation import (
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.paths import vector_of
-from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
+from riemhuman.solvers.results import Result, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -81,25 +80,6 @@ class ExponentialResult(Result):
 
     def points_to_draw(self) -> Points:
         return self.path
-
-    def contents(self) -> Contents:
-        return {
-            "path": self.path,
-            "energies": self.energies,
-            "n_steps": self.n_steps,
-            "complete": self.complete,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            path=saved.array("path"),
-            energies=saved.array("energies"),
-            n_steps=saved.whole_number("n_steps"),
-            complete=saved.flag("complete"),
-            **saved.outcome(),
-        )
 
     @property
     def end(self) -> Array:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from riemhuman.arrays import Contents, Points, TangentVectors
+from riemhuman.arrays import Points, TangentVectors
 from riemhuman.checks import (
     check_basis,
     check_strategy,
@@ -34,7 +33,6 @@ from riemhuman.solvers.paths import check_end_points, linear_path
 from riemhuman.solvers.results import (
     PathResult,
     Result,
-    SavedResult,
     Status,
     complete_path,
     finish,
@@ -90,25 +88,6 @@ class LogarithmResult(Result):
 
     def points_to_draw(self) -> Points:
         return self.path
-
-    def contents(self) -> Contents:
-        return {
-            "tangent_vec": self.tangent_vec,
-            "path": self.path,
-            "energy": self.energy,
-            "end_error": self.end_error,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            tangent_vec=saved.array("tangent_vec"),
-            path=saved.array("path"),
-            energy=saved.number("energy"),
-            end_error=saved.number("end_error", np.nan),
-            **saved.outcome(),
-        )
 
 
 def best_logarithm(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import Array, Contents, Points, TangentVectors
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.checks import check_basis, check_strategy, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
@@ -17,7 +17,7 @@ from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, check_path_from, rounding_energy, vector_of
-from riemhuman.solvers.results import Result, SavedResult, Status, finish, interruptible
+from riemhuman.solvers.results import Result, Status, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -48,23 +48,6 @@ class TransportResult(Result):
 
     def points_to_draw(self) -> Points:
         return self.path
-
-    def contents(self) -> Contents:
-        return {
-            "tangent_vec": self.tangent_vec,
-            "tangent_vecs": self.tangent_vecs,
-            "path": self.path,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            tangent_vec=saved.array("tangent_vec"),
-            tangent_vecs=saved.array("tangent_vecs"),
-            path=saved.array("path"),
-            **saved.outcome(),
-        )
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import NamedTuple, Self, overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
-from riemhuman.arrays import Array, Contents, Points, PointsLike
+from riemhuman.arrays import Array, Points, PointsLike
 from riemhuman.checks import check_methods, check_strategy, length_of, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
@@ -19,7 +19,7 @@ from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.representation import Record
 from riemhuman.solvers.path_search import PathSearch
 from riemhuman.solvers.paths import solve_pairs
-from riemhuman.solvers.results import PathResult, Result, SavedResult, Status, complete_path
+from riemhuman.solvers.results import PathResult, Result, Status, complete_path
 from riemhuman.surfaces.measures import edge_lengths, signed_volume, triangle_areas
 
 # Share of an energy by which another path must be lower to count as lower: more than rounding.
@@ -321,23 +321,6 @@ class PathDistances(Result):
     lengths: Array
     bounds: Array
     gaps: Array
-
-    def contents(self) -> Contents:
-        return {
-            "lengths": self.lengths,
-            "bounds": self.bounds,
-            "gaps": self.gaps,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            lengths=saved.array("lengths"),
-            bounds=saved.array("bounds"),
-            gaps=saved.array("gaps"),
-            **saved.outcome(),
-        )
 
     @property
     def excess(self) -> Array:

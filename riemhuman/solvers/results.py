@@ -5,24 +5,24 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from html import escape
 from typing import Self, TypedDict, TypeVar
 
 import numpy as np
 
-from riemhuman.arrays import Array, Contents, Points
+from riemhuman.arrays import Array, Points
 from riemhuman.checks import check_instance
 from riemhuman.errors import (
     ConvergenceWarning,
     FileFormatError,
-    NotDefinedError,
     counted,
     warn,
 )
 from riemhuman.geometry.strategies import SolvedMean, SolvedPath
-from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.arrays import fields_of, load_arrays, save_arrays, stored_fields
+from riemhuman.io.files import format_errors
 from riemhuman.kernels.threads import is_abandoned
 from riemhuman.provided import notebook_pictures
 from riemhuman.representation import Record, field_texts
@@ -34,9 +34,6 @@ _CLASS = "result_class"
 
 # Points with fewer rows of three numbers are no surfaces.
 _FEWEST_VERTICES = 100
-
-# Kinds of NumPy's data types that a field may have, see `numpy.dtype.kind`.
-_REAL, _WHOLE, _TRUTH, _TEXT = "fiu", "iu", "b", "U"
 
 
 class Status(StrEnum):
@@ -67,109 +64,12 @@ class Outcome(TypedDict):
     message: str
 
 
-class SavedResult:
-    """The arrays of a result in a file, each read as the type that it must have.
-
-    Parameters
-    ----------
-    path : path_like
-        A file that `Result.save` wrote.
-    class_name : str
-        Name of the class whose result it must hold.
-
-    Examples
-    --------
-    >>> rh.solvers.Result(message="done").save("result.npz")
-    >>> rh.solvers.SavedResult("result.npz", "Result").text("message")
-    'done'
-    """
-
-    def __init__(self, path: str | os.PathLike[str], class_name: str) -> None:
-        self._path = path
-        self._arrays = load_arrays(path, [_CLASS])
-        stored_class = str(self._arrays[_CLASS])
-        if stored_class != class_name:
-            raise FileFormatError(f"{path} must hold a {class_name}; found a {stored_class[:60]}")
-
-    def array(self, name: str) -> Array:
-        """Return numbers of any shape.
-
-        Parameters
-        ----------
-        name : str
-        """
-        return self._value(name, _REAL + _TRUTH, single=False)
-
-    def number(self, name: str, default: float | None = None) -> float:
-        """Return a real number.
-
-        Parameters
-        ----------
-        name : str
-        default : float, optional
-            Value if the file does not contain it; by default such a file is refused.
-        """
-        if default is not None and name not in self._arrays:
-            return default
-        return self._value(name, _REAL).item()
-
-    def whole_number(self, name: str) -> int:
-        """Return a whole number.
-
-        Parameters
-        ----------
-        name : str
-        """
-        return int(self._value(name, _WHOLE).item())
-
-    def flag(self, name: str) -> bool:
-        """Return a truth value.
-
-        Parameters
-        ----------
-        name : str
-        """
-        return bool(self._value(name, _TRUTH).item())
-
-    def text(self, name: str) -> str:
-        """Return a text.
-
-        Parameters
-        ----------
-        name : str
-        """
-        return str(self._value(name, _TEXT).item())
-
-    def outcome(self) -> Outcome:
-        """Return how the solver ended: the fields of `Result`, by name."""
-        try:
-            status = Status(self.text("status"))
-        except ValueError as error:
-            raise FileFormatError(f"{self._path}: {error}") from error
-        return {
-            "n_iterations": self.whole_number("n_iterations"),
-            "n_evaluations": self.whole_number("n_evaluations"),
-            "status": status,
-            "message": self.text("message"),
-        }
-
-    def _value(self, name: str, kinds: str, *, single: bool = True) -> Array:
-        if name not in self._arrays:
-            raise FileFormatError(f"{self._path} lacks the field {name}")
-        array = self._arrays[name]
-        if array.dtype.kind not in kinds or (single and array.ndim):
-            raise FileFormatError(
-                f"{self._path}: {name} cannot be {array.dtype} of shape {array.shape}"
-            )
-        return array
-
-
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Result(Record):
     """How a solver ended; subclasses add its solution.
 
-    Your own subclass must override `contents` and `from_saved` if it is to be saved in files, and
-    `points_to_draw` if notebooks are to draw its surfaces.
+    `save` writes numbers, text and arrays: all fields, also those that your own subclass adds. It
+    must override `points_to_draw` if notebooks are to draw its surfaces.
 
     Attributes
     ----------
@@ -204,36 +104,15 @@ class Result(Record):
             "message": self.message,
         }
 
-    def contents(self) -> Contents:
-        """Return what `save` writes: all fields, by name, as numbers, text or arrays."""
-        return {**self.outcome}
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        """Return the result that a file holds, the inverse of `contents`.
-
-        Parameters
-        ----------
-        saved : SavedResult
-        """
-        return cls(**saved.outcome())
-
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write everything to an .npz file.
+        """Write all fields to an .npz file.
 
         Parameters
         ----------
         path : path_like
             The file, with its ending; an existing file is replaced, whole or not at all.
         """
-        contents = self.contents()
-        # A class of somebody's own may forget what it inherits or adds.
-        left_out = [field.name for field in fields(self) if field.name not in contents]
-        if left_out:
-            raise NotDefinedError(
-                f"{type(self).__name__} has no file: its `contents` lacks {', '.join(left_out)}"
-            )
-        save_arrays(path, {_CLASS: type(self).__name__, **contents})
+        save_arrays(path, {_CLASS: type(self).__name__, **fields_of(self)})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -243,7 +122,13 @@ class Result(Record):
         ----------
         path : path_like
         """
-        return cls.from_saved(SavedResult(path, cls.__name__))
+        arrays = load_arrays(path, [_CLASS])
+        stored_class = str(arrays.pop(_CLASS))
+        if stored_class != cls.__name__:
+            raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {stored_class[:60]}")
+        with format_errors(os.fspath(path), f"a {cls.__name__}"):
+            values = stored_fields(cls, arrays)
+            return cls(**{**values, "status": Status(values["status"])})
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -306,27 +191,6 @@ class PathResult(Result):
     def points_to_draw(self) -> Points:
         return self.path
 
-    def contents(self) -> Contents:
-        return {
-            "path": self.path,
-            "energy": self.energy,
-            "energies": self.energies,
-            "lower_bound": self.lower_bound,
-            "gap": self.gap,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            path=saved.array("path"),
-            energy=saved.number("energy"),
-            energies=saved.array("energies"),
-            lower_bound=saved.number("lower_bound", 0.0),
-            gap=saved.number("gap", np.nan),
-            **saved.outcome(),
-        )
-
 
 @dataclass(frozen=True, repr=False)
 class MeanResult(Result):
@@ -355,23 +219,6 @@ class MeanResult(Result):
 
     def points_to_draw(self) -> Points:
         return self.point
-
-    def contents(self) -> Contents:
-        return {
-            "point": self.point,
-            "variance": self.variance,
-            "variances": self.variances,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            point=saved.array("point"),
-            variance=saved.number("variance"),
-            variances=saved.array("variances"),
-            **saved.outcome(),
-        )
 
 
 ResultType = TypeVar("ResultType", bound=Result)

@@ -19,12 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from riemhuman.arrays import Array, ArrayLike, Contents, Points
+from riemhuman.arrays import Array, ArrayLike, Points
 from riemhuman.checks import (
     check_basis,
     check_methods,
@@ -43,7 +43,7 @@ from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import Result, SavedResult, finish, interruptible
+from riemhuman.solvers.results import Result, finish, interruptible
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -243,29 +243,6 @@ class DisentanglingResult(Result):
 
     def points_to_draw(self) -> Points:
         return self.surface
-
-    def contents(self) -> Contents:
-        return {
-            "surface": self.surface,
-            "posed": self.posed,
-            "value": self.value,
-            "values": self.values,
-            "shape_dist": self.shape_dist,
-            "pose_dist": self.pose_dist,
-            **self.outcome,
-        }
-
-    @classmethod
-    def from_saved(cls, saved: SavedResult) -> Self:
-        return cls(
-            surface=saved.array("surface"),
-            posed=saved.array("posed"),
-            value=saved.number("value"),
-            values=saved.array("values"),
-            shape_dist=saved.number("shape_dist"),
-            pose_dist=saved.number("pose_dist"),
-            **saved.outcome(),
-        )
 
 
 @dataclass(frozen=True)

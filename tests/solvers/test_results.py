@@ -16,7 +16,6 @@ from riemhuman.errors import (
     ArgumentTypeError,
     ConvergenceWarning,
     FileFormatError,
-    NotDefinedError,
     RiemhumanError,
 )
 from riemhuman.geometry import ElasticMetric, VectorSpace
@@ -172,13 +171,7 @@ def test_results_are_kept_in_files(tmp_path, result):
     [
         ("status", "perfect", "perfect"),
         ("result_class", "Path" * 50, r"must hold a PathResult; found a (Path){15}$"),
-        ("path", "a path", "path cannot be <U6 of shape"),
-        ("energies", ["1", "2"], "energies cannot be <U1 of shape"),
-        ("energy", np.zeros(2), "energy cannot be float64 of shape"),
-        ("energy", "low", "energy cannot be <U3 of shape"),
-        ("status", 2, "status cannot be int64 of shape"),
-        ("n_iterations", 0.5, "n_iterations cannot be float64 of shape"),
-        ("message", 1, "message cannot be int64 of shape"),
+        ("status", 2, "2 is not a valid Status"),
     ],
 )
 def test_files_of_another_content_are_refused(tmp_path, name, value, message):
@@ -201,37 +194,24 @@ def test_files_that_lack_a_field(tmp_path):
     assert (PathResult.load(path).energy, PathResult.load(path).lower_bound) == (0.5, 0.0)
     del arrays["path"]
     save_arrays(path, arrays)
-    with pytest.raises(FileFormatError, match=r"result.npz lacks the field path$"):
+    with pytest.raises(FileFormatError, match=r"result.npz: lacks the fields path; found"):
         PathResult.load(path)
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Timed(PathResult):
-    """A user's result, which is kept in files as it says."""
+    """A user's result."""
 
     seconds: float = 0.0
 
-    def contents(self):
-        return {"seconds": self.seconds, **super().contents()}
 
-    @classmethod
-    def from_saved(cls, saved):
-        path = saved.array("path"), saved.number("energy"), saved.array("energies")
-        return cls(*path, seconds=saved.number("seconds"), **saved.outcome())
-
-
-def test_results_of_a_users_class_are_kept_in_files_as_it_says(tmp_path):
+def test_results_of_a_users_class_are_kept_in_files(tmp_path):
     path = tmp_path / "result.npz"
     Timed(np.ones((2, 2)), 0.5, np.ones(1), seconds=3.5, message="m").save(path)
     found = Timed.load(path)
     assert (found.seconds, found.energy, found.message) == (3.5, 0.5, "m")
-
-    @dataclasses.dataclass(frozen=True, repr=False)
-    class Undeclared(PathResult):
-        seconds: float = 0.0
-
-    with pytest.raises(NotDefinedError, match="Undeclared has no file: .*lacks seconds"):
-        Undeclared(np.ones((2, 2)), 0.5, np.ones(1)).save(path)
+    with pytest.raises(ArgumentTypeError, match="seconds must hold numbers or text"):
+        Timed(np.ones((2, 2)), 0.5, np.ones(1), seconds=object()).save(path)
 
 
 @pytest.mark.parametrize("result", RESULTS, ids=lambda result: type(result).__name__)
