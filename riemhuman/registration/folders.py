@@ -250,6 +250,11 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
     folder : path_like
         The output of `register_folder`.
 
+    Raises
+    ------
+    FileError
+        If there are no records, or if a body was changed after it was registered.
+
     Examples
     --------
     >>> records = rh.registration.read_records("bodies")  # doctest: +SKIP
@@ -261,8 +266,15 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
             f"{folder} holds no registered scans; to register scans, run riemhuman register "
             f"SCANS -o {folder}"
         )
+    records = []
+    for file in files:
+        record = _read(file)
+        body = _body_file(place.parent, record)
+        if record.arrays and body.is_file():
+            _check_unchanged(body, str(load_arrays(file, ["digest"], [])["digest"]))
+        records.append(record)
     return sorted(
-        map(_read, files),
+        records,
         key=lambda record: (
             record.trusted,
             bool(record.arrays),
@@ -347,11 +359,7 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
             body = _body_file(folder, record)
             if not body.is_file():
                 continue
-            if hashlib.sha256(read_bytes(body)).hexdigest() != str(saved["digest"]):
-                raise FileError(
-                    f"{body} was changed after it was registered; to register its scan again, "
-                    "move the body elsewhere"
-                )
+            _check_unchanged(body, str(saved["digest"]))
         complete[record.name, str(saved["key"])] = record
     gone = [
         complete_record.name
@@ -361,6 +369,15 @@ def _read_output(folder: Path, names: set[str]) -> dict[tuple[str, str], ScanRec
     if gone:
         warn(f"{folder} holds bodies whose scans no longer exist: {', '.join(gone)}", UserWarning)
     return complete
+
+
+def _check_unchanged(body: Path, digest: str) -> None:
+    """Raise an error if a body is no longer that of its record."""
+    if hashlib.sha256(read_bytes(body)).hexdigest() != digest:
+        raise FileError(
+            f"{body} was changed after it was registered; to register its scan again, or to "
+            "measure it as it is, move the body elsewhere"
+        )
 
 
 def _write(folder: Path, record: ScanRecord, key: str, transform: Array | None) -> None:

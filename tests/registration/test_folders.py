@@ -48,7 +48,7 @@ def registered(registration, folders, solved):
 def test_bodies_are_apart_by_trust(registered, registration, folders):
     assert [record.name for record in registered] == ["anna", "ben", "box", "broken"]
     assert [record.trusted for record in registered] == [True, True, False, False]
-    assert "a table of points: the number of columns" in registered[3].message
+    assert "line 2 is not valid: '4 5'; it has 2 numbers" in registered[3].message
     output = folders[1]
     points, faces = rh.load_mesh(output / "anna.ply")
     np.testing.assert_array_equal(faces, registration.model.faces)
@@ -129,6 +129,9 @@ def test_changed_bodies_and_bodies_without_a_scan_are_noticed(registered, regist
     with pytest.raises(rh.errors.FileError, match=r"anna\.ply was changed after it was registered"):
         register_folder(registration, scans, output)
     np.testing.assert_allclose(rh.load_mesh(output / "anna.ply")[0], points + 0.01, atol=1e-6)
+    # The record holds a second copy of the body, which measurements would be taken of.
+    with pytest.raises(rh.errors.FileError, match=r"measure it as it is, move the body elsewhere"):
+        rh.registration.read_records(output)
 
 
 @pytest.mark.parametrize(
