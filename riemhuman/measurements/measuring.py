@@ -53,6 +53,10 @@ _MOST_UNSEEN = 0.05
 # Weight of the coefficients of hand poses in the fit, square metres. Fists are fitted, too: with
 # relaxed hands, they would rotate the wrists.
 _HANDS_PRIOR = 1e-6
+# How far from a joint its rotation changes the flesh, metres, and the rotation, radians, at which
+# half of what a body differs from its fit belongs to the pose. Smaller angles repeat better, but
+# people's values lose some of their spread.
+_REACH_OF_JOINTS, _HALF_TRUSTED = 0.15, 1.0
 # Uneven bends of a spine, root of the sum of their squares in radians, that poses can have.
 _BENDS_OF_POSES = np.radians(7.0)
 
@@ -420,7 +424,11 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
 
     The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
     transfers the difference between the body and its fit to the fitted person in the standard pose,
-    with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them. If
+    with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them.
+    Near joints that bend far from the standard pose, less of the difference is transferred. On five
+    sets of simulated people whose flesh moves with the pose, this lowers the variation of the
+    median measurement over poses by 15 to 29 per cent, at slopes of 0.97 to 1.00 against the value
+    of the same person made in the standard pose; on real people it was not measured. If
     the fit bends the spine unevenly, forward and back, these bends are kept: they belong to the
     shape of the person, though the model explains them as posture.
 
@@ -455,8 +463,31 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
         hands = None if fit.hands is None else fit.hands[index]
         fitted = model(fit.betas[index], fit.pose[index], fit.trans[index], hands)
         target = model(fit.betas[index], _standard_pose_of(definitions, fit.pose[index]))
-        straight[index] = transfer.solve(space, fitted, points[index], target)
+        detail = points[index] - fitted
+        detail *= _shares_of_person(definitions, fit.pose[index])[:, np.newaxis]
+        straight[index] = transfer.solve(space, fitted, fitted + detail, target)
     return straight
+
+
+def _shares_of_person(definitions: MeasurementSet, fitted: Array) -> Array:
+    """Return how much of what a body differs from its fit belongs to the person, shape (V,).
+
+    The rest belongs to the pose: flesh moves where joints bend, in ways that the model lacks.
+    """
+    model = definitions.model
+    assert model is not None
+    bends = Rotation.from_rotvec(definitions.standard_pose_vector).inv()
+    angles = (bends * Rotation.from_rotvec(fitted)).magnitude()
+    has_parent = model.parents >= 0
+    angles[~has_parent] = 0.0
+    gaps = np.linalg.norm(model.template.vertices[:, np.newaxis] - model.joints(), axis=-1)
+    nearness = np.exp(-0.5 * (gaps / _REACH_OF_JOINTS) ** 2)
+    # A hand beside the hip does not change when the hip bends.
+    follows = model.weights + np.where(has_parent, model.weights[:, model.parents], 0.0)
+    nearness *= np.minimum(2.0 * follows, 1.0)
+    squared_bends = np.sum((nearness * angles) ** 2, axis=1)
+    shares: Array = _HALF_TRUSTED**2 / (_HALF_TRUSTED**2 + squared_bends)
+    return shares
 
 
 def _standard_pose_of(definitions: MeasurementSet, fitted: Array) -> Array:

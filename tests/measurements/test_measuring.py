@@ -142,8 +142,8 @@ def test_spread_over_poses():
     assert np.median(as_is[:, LARGE.index("hip girth")]) > 0.05
 
 
-def test_bulging_flesh_is_measured_as_it_is(measurements):
-    """An arm that bulges where the elbow bends has in the standard pose the girth of its bulge."""
+def test_flesh_that_bulges_where_a_joint_bends_belongs_to_the_pose(measurements):
+    """In the standard pose, an arm that bulges where the elbow bends keeps half of its bulge."""
     model, pose = load_open_model("coarse"), measurements.definitions.standard_pose_vector
     betas, elbow = np.zeros(32), model.joint_names.index("right_elbow")
     joints = model.joints(betas)
@@ -159,10 +159,12 @@ def test_bulging_flesh_is_measured_as_it_is(measurements):
         return skin_surface(rest, model.weights, joints, *motions)
 
     arm = Measurements(measurements.definitions, ["upper arm girth", "forearm girth"])
-    truth = arm.measure(posed(np.tile(pose, (5, 1, 1))), axes="space").values
+    bulging = arm.measure(posed(np.tile(pose, (5, 1, 1))), axes="space").values
     found = arm.measure(posed(poses), pose="standard").values
-    assert (np.ptp(truth, axis=0) > 0.005).all()
-    np.testing.assert_allclose(found, truth, rtol=0.015)
+    assert (np.ptp(bulging, axis=0) > 0.005).all()
+    assert (np.ptp(found, axis=0) < 0.5 * np.ptp(bulging, axis=0)).all()
+    hardly_bent = [0, 1, 3, 4]
+    np.testing.assert_allclose(found[hardly_bent], bulging[hardly_bent], rtol=0.01)
 
 
 def test_bodies_of_the_model_come_back_to_the_standard_pose(bodies, measurements):
