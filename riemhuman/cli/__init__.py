@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import time
 from collections.abc import Sequence
 from functools import partial
 
@@ -25,17 +24,16 @@ from riemhuman.cli import _conversion_commands, _format_commands  # noqa: F401
 # isort: on
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli._commands import Answer, make_parser
-from riemhuman.cli._terminal import interrupt, last_interruption
 from riemhuman.errors import RiemhumanError
 from riemhuman.kernels.compilation import compilation_time
 from riemhuman.optional import import_optional
 
-__all__ = ["interrupt", "last_interruption", "main"]
+__all__ = ["main"]
 
 _DONE = 0
 _NOT_TRUSTED = 1
 _NOT_DONE = 2  # also argparse's code for wrong usage
-_STOPPED = 128  # and the number of the signal
+_INTERRUPTED = 130
 _BROKEN_PIPE = 141
 
 _DESCRIPTION = """\
@@ -53,15 +51,19 @@ _EPILOG = """\
 `eval "$(register-python-argcomplete riemhuman)"`.
 
 exit codes: 0 done; 1 done, but some results are not trusted: a scan without a trusted body, or a
-search that has not converged; 2 failed: wrong usage, unusable data or an error; 129
-terminal closed; 130 interrupted; 141 closed output pipe; 143 stopped by another process
+search that has not converged; 2 failed: wrong usage, unusable data or an error; 130
+interrupted; 141 closed output pipe
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    start = time.perf_counter()
+    if sys.stderr is None:  # closed by the caller
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stdout is None:
+        terminal.note("standard output is closed, so that there is no place for results")
+        return _NOT_DONE
     terminal.tolerate_ascii()
     try:
         try:
@@ -69,9 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except KeyboardInterrupt:
-        number = last_interruption(start)
-        terminal.note_interruption(number)
-        return _STOPPED + number
+        terminal.note("interrupted")
+        return _INTERRUPTED
     except BrokenPipeError:
         terminal.discard(sys.stdout)
         return _BROKEN_PIPE
@@ -100,16 +101,12 @@ def _run(words: Sequence[str]) -> int:
     options.written = []  # places of outputs, which the declarations of outputs add
     options.files = {}  # those of them that are files, by the name of their option
     compilation_time.tell(terminal.say_compilation if options.bars else None)
-    options.start = time.perf_counter()
-    status = f"{options.parser.prog}: {options.summary}" if options.bars else ""
     try:
-        with terminal.short_warnings() as unconverged, terminal.status.of_command(status):
+        with terminal.short_warnings() as unconverged:
             for check in (*options.input_checks, *options.checks):
                 check(options)
             answer = _answer(options)
     except Exception as error:
-        if terminal.interruptions.last(options.start):  # C libraries rename interruptions
-            raise KeyboardInterrupt from error
         if getattr(options, "debug", False):
             raise
         if isinstance(error, RiemhumanError):
@@ -134,14 +131,12 @@ def _answer(options: argparse.Namespace) -> Answer:
     """Run a command, whose files appear together."""
     if not options.files:
         answer: Answer = options.run(options)
-        terminal.interruptions.check(options.start)
         return answer
     from riemhuman.io.outputs import files_together
 
     with files_together(options.files) as places:
         vars(options).update(places)  # options are attributes named by `dest`
         answer = options.run(options)
-        terminal.interruptions.check(options.start)
     vars(options).update(options.files)
     return answer
 

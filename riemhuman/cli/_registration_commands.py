@@ -145,7 +145,6 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
             points = result.points if options.keep_axes else result.upright_points
             faces = registration.model.faces
             rh.save_mesh(places["body"], points, faces, result.trusted_vertices)
-        terminal.interruptions.check(options.start)
     if sheets:
         printed = f", and for printing {sheets['.pdf']}" if ".pdf" in sheets else ""
         terminal.note(f"the sheet is {sheets['.html']}{printed}")

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import _thread
 import argparse
 import io
 import json
 import os
-import signal
 import sys
-import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import is_dataclass
-from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
 from riemhuman.cli._commands import Answer
@@ -29,8 +25,6 @@ if TYPE_CHECKING:
 
 # Longer lists take a line for each item.
 _MOST_IN_LINE = 4
-# Seconds of silence after which a command says what it does.
-_SILENCE = 2.0
 
 
 def as_json(record: object) -> str:
@@ -113,29 +107,10 @@ def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
 
 
 class StatusLine:
-    """The last line of a terminal: the task or, after two seconds of silence, the command."""
+    """The last line of a terminal, which names the task."""
 
     def __init__(self) -> None:
-        self._lock = threading.RLock()
-        self._command = ""  # what it does; empty unless someone is watching
         self._tasks: list[str] = []
-        self._timer: threading.Timer | None = None
-
-    @contextmanager
-    def of_command(self, words: str) -> Iterator[None]:
-        """Say what a command does whenever it has said nothing for two seconds."""
-        if not words:
-            yield
-            return
-        self._command = words
-        try:
-            with self.above():
-                pass  # nothing to write yet: the wait begins
-            yield
-        finally:
-            self._command = ""
-            with self.above():
-                self._tasks.clear()
 
     @contextmanager
     def of_task(self, name: str) -> Iterator[None]:
@@ -150,27 +125,11 @@ class StatusLine:
     @contextmanager
     def above(self) -> Iterator[None]:
         """Make room for whole lines, and show the current task below them."""
-        with self._lock:
-            if self._timer is not None:
-                self._timer.cancel()
-                self._timer = None
-            if sys.stderr.isatty():
-                say("\r\x1b[K")
-            yield
-            if self._tasks:
-                self._write(self._tasks[-1])
-            elif self._command:
-                self._timer = threading.Timer(_SILENCE, self._say_command)
-                self._timer.daemon = True
-                self._timer.start()
-
-    def _say_command(self) -> None:
-        with self._lock:
-            if self._timer is not None and not self._tasks:
-                self._write(self._command)
-
-    def _write(self, words: str) -> None:
-        say(f"{words} ...")
+        if sys.stderr.isatty():
+            say("\r\x1b[K")
+        yield
+        if self._tasks:
+            say(f"{self._tasks[-1]} ...")
 
 
 status = StatusLine()
@@ -202,73 +161,6 @@ def say_compilation() -> None:
     )
 
 
-# Seconds within which several signals mean one thing.
-_SAME = 1.0
-# Seconds that an import may end before a signal stops it, and after which it is tried again.
-_LONGEST_IMPORT, _PAUSE = 0.4, 0.02
-_OF_IMPORTS = "<frozen importlib._bootstrap>"
-
-
-class Interruptions:
-    """Signals that stopped the process, and when."""
-
-    def __init__(self) -> None:
-        self._arrivals: list[tuple[float, int]] = []
-        self._waits_since: float | None = None
-        self._raised = -_SAME
-
-    def add(self, number: int, frame: FrameType | None) -> None:
-        """Raise a KeyboardInterrupt for a signal, unless another has just done so."""
-        now = time.perf_counter()
-        if now - self._raised < _SAME:
-            return  # the work is about to end; a second exception would stop its end
-        self._arrivals.append((now, number))
-        if self._waits_since is None:
-            self._waits_since = now
-        if _is_importing(frame) and now - self._waits_since < _LONGEST_IMPORT:
-            # Libraries in C discard what is raised while they are imported, or raise another error.
-            _thread.start_new_thread(_send_later, (number,))
-            return
-        self._waits_since = None
-        self._raised = now
-        raise KeyboardInterrupt
-
-    def check(self, since: float) -> None:
-        """Raise a KeyboardInterrupt if a signal came since a moment: an import may hide it."""
-        if self.last(since) is not None:
-            self._waits_since = None
-            self._raised = time.perf_counter()
-            raise KeyboardInterrupt
-
-    def last(self, since: float) -> int | None:
-        """Return the last signal since a moment, or None if there was none."""
-        return next((number for at, number in reversed(self._arrivals) if at >= since), None)
-
-
-def _is_importing(frame: FrameType | None) -> bool:
-    while frame is not None and frame.f_code.co_filename != _OF_IMPORTS:
-        frame = frame.f_back
-    return frame is not None
-
-
-def _send_later(number: int) -> None:
-    time.sleep(_PAUSE)
-    signal.raise_signal(number)
-
-
-interruptions = Interruptions()
-
-
-def interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle a signal that stops the command."""
-    interruptions.add(number, frame)
-
-
-def last_interruption(since: float = 0.0) -> int:
-    """Return the last signal that stopped the command since a moment; that of Ctrl-C if unknown."""
-    return interruptions.last(since) or signal.SIGINT
-
-
 def tolerate_ascii() -> None:
     """Print λ and similar characters as ``?`` on terminals without Unicode."""
     for stream in (sys.stdout, sys.stderr):
@@ -279,17 +171,6 @@ def tolerate_ascii() -> None:
 def discard(stream: TextIO) -> None:
     """Discard what a standard stream still holds, and all later output: nobody reads it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def note_interruption(number: int) -> None:
-    """Say which signal stopped the command."""
-    if number == signal.SIGINT:
-        reason = "interrupted"
-    elif number == signal.SIGTERM:
-        reason = "stopped by another process"
-    else:
-        reason = "stopped because its terminal was closed"
-    note(reason)
 
 
 @contextmanager
