@@ -13,7 +13,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import UNITS
+from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ _COMPONENT_FILES = (
 
 @cli.command(
     "geodesic",
-    "a path of least energy between two registered meshes",
     "Finds a path of least energy between two meshes over a basis of deformations.\n"
     "Writes a folder with the meshes time_0000.ply, ..., path.glb, path.npz, path.png, path.html\n"
     "and summary.json, or one file.",
@@ -84,7 +83,6 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "mean",
-    "the Karcher mean of registered meshes",
     "Writes the body with the least mean squared distance from the meshes. The search is over "
     "a\n"
     "basis of deformations and the differences between the meshes. A metric of normals alone\n"
@@ -125,7 +123,6 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "components",
-    "principal components of registered meshes, and new bodies",
     "Finds the directions in which meshes differ most, by principal component analysis of "
     "their\n"
     "logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the bodies two\n"
@@ -213,7 +210,6 @@ def _components(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "transfer",
-    "replay the motion of one body on another",
     "Replays a motion (a sequence of registered meshes) on another body with the same\n"
     "triangulation. By default, the body must be in the pose of the first mesh; with "
     "--transfer\n"
@@ -266,7 +262,6 @@ def _kept(
 
 @cli.command(
     "disentangle",
-    "a body with one mesh's shape and another's pose",
     "Brings the first mesh into the pose of the second with a smooth field of rotations, which\n"
     "keeps its detail. Then finds and writes the body nearest to the first mesh under the "
     "shape\n"
@@ -307,7 +302,6 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "align",
-    "registered meshes aligned with a template",
     "Rotates and translates meshes onto the template by Procrustes alignment, without scaling,\n"
     "and writes them, under the same names, into a folder with a page that shows them. --unit\n"
     "and --up convert meshes to metres with y up.",
@@ -317,7 +311,7 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     cli.FILES,
     cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))", always="aligned.html"),
     cli.template("the first mesh", "to align with"),
-    UNITS,
+    OUTPUT_UNITS,
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
@@ -344,7 +338,6 @@ def _align(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "fit",
-    "shape and pose of a body model for registered meshes",
     "Fits the shape coefficients, pose and translation of a body model to meshes that share\n"
     "its triangulation, and writes the arrays betas, pose, trans, distances and names to an\n"
     ".npz file.",
@@ -356,7 +349,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     cli.MODEL,
     cli.ANY_SCALE,
     cli.UNIT,
-    UNITS,
+    OUTPUT_UNITS,
     cli.PICTURE,
 )
 def _fit(options: argparse.Namespace) -> cli.Answer:
@@ -399,7 +392,7 @@ def _gap_lines(
     names: Sequence[str], gaps: Sequence[float], options: argparse.Namespace
 ) -> list[str]:
     """Return a line for each file: a distance between surfaces, and the file's name."""
-    texts = [rh.measurements.readable_gap(gap, options.units) for gap in gaps]
+    texts = [rh.measurements.readable_gap(gap, options.output_units) for gap in gaps]
     return [f"{text:>10}  {name}" for text, name in zip(texts, names, strict=True)]
 
 
@@ -418,7 +411,6 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
 
 @cli.command(
     "basis",
-    "a basis of deformations from motions",
     "Writes the principal components of the deformations in motions, for geodesics and means.\n"
     "Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes whose order of\n"
     "names is the order in time, folders of such folders, recordings of a skeleton (.bvh), or\n"
@@ -473,7 +465,6 @@ def _basis_motions(options: argparse.Namespace) -> Sequence[Motion | Array]:
 
 @cli.command(
     "convert-model",
-    "convert the pickle of a body model to plain arrays",
     "Writes a model of the SMPL family as an .npz file of plain arrays. A pickle can contain\n"
     "code: it is read as data and never run, and the error for an unknown call names it.",
     "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"

@@ -25,6 +25,7 @@ _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: '
 UNITS = ("metres", "centimetres", "millimetres", "inches")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MESH_ENDINGS = (".ply", ".obj", ".off")
+_MOTION_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")  # of recordings that cannot be meshes
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
 
@@ -77,20 +78,64 @@ file with an array path, as `riemhuman transfer` writes it.""",
 }
 
 
-# Tasks, and their commands in the order of the help.
-TOPICS = {
-    "look": ("examples", "view", "info", "formats", "plot", "report"),
-    "compare": ("tables", "dist", "matrix", "retrieve", "scores"),
-    "scan": ("register", "match", "align", "fit", "make-map", "convert", "convert-model"),
-    "measure": ("measure", "sheet", "compare"),
-    "move": ("geodesic", "transfer", "disentangle", "basis", "motions"),
-    "populations": ("mean", "components"),
+# Verbs by what people want to do, in the order of the help. A new verb is a line here, and a
+# function that `command` declares. A name of two words is a command of a group.
+VERBS: Mapping[str, Mapping[str, str]] = {
+    "look and convert": {
+        "examples": "a folder of simulated people to practise on",
+        "view": "bodies, a path or a recording as an interactive page, picture or film",
+        "info": "what a file holds, its size and its defects",
+        "convert": "bodies or a motion in another format or topology",
+        "align": "registered meshes aligned with a template",
+        "formats": "what can be done with which files",
+    },
+    "compare people and poses": {
+        "dist": "the distance between two registered meshes",
+        "retrieve": "the meshes in a folder that are nearest to one mesh",
+        "matrix": "all distances within a folder of registered meshes",
+        "plot": "a distance matrix as a map",
+        "tables": "retrieval tables: who is it, how do they stand?",
+        "report": "a page on a data set: measurements, differences, paths, retrieval",
+    },
+    "paths and means": {
+        "geodesic": "the geodesic (minimum-energy path) between two registered meshes",
+        "mean": "the Karcher mean of registered meshes",
+        "components": "principal components of registered meshes, and new bodies",
+        "transfer": "the motion of one body replayed on another",
+        "disentangle": "one mesh's shape in another mesh's pose",
+    },
+    "scans": {
+        "register": "registered bodies from raw scans",
+        "match": "point-to-point correspondence between two scans",
+    },
+    "measurements": {
+        "measure": "girths, lengths, heights and volumes of registered meshes",
+        "compare": "what changed about a person, or where two people differ",
+        "sheet": "a sheet for each person: measurements, percentiles, changes",
+    },
+    "motions": {
+        "motions dist": "the distance between two motions, whatever their speeds",
+        "motions align": "two motions aligned in time",
+        "motions matrix": "all distances between several motions",
+        "motions mean": "the mean of several performances",
+        "motions find": "occurrences of a short motion in a long one",
+        "motions table": "how well each measure tells the bundled motions apart",
+    },
+    "advanced": {
+        "fit": "shape and pose of a body model for registered meshes",
+        "basis": "a basis of deformations, for geodesic and mean",
+        "scores": "how well a distance matrix finds people and poses",
+        "make-map": "a map between another topology and the open model",
+        "convert-model": "the pickle of a body model as plain arrays",
+    },
 }
 
 
 def command(
-    name: str, summary: str, description: str, examples: str, *arguments: Argument
+    name: str, description: str, examples: str, *arguments: Argument
 ) -> Callable[[Run], Run]:
+    """Return the declaration of a verb of the table."""
+    (summary,) = [verbs[name] for verbs in VERBS.values() if name in verbs]
     texts = {"help": summary, "description": description, "epilog": f"examples:\n{examples}"}
 
     def declare(run: Run) -> Run:
@@ -166,6 +211,11 @@ def mesh(text: str) -> Path:
         raise argparse.ArgumentTypeError(
             f"must be one mesh, but {place} is a folder; `riemhuman retrieve` and `riemhuman "
             "matrix` compare folders"
+        )
+    if place.suffix.lower() in _MOTION_ENDINGS:
+        raise argparse.ArgumentTypeError(
+            f"must be a mesh, but {place} is a recording; `riemhuman motions dist` compares "
+            "motions, and `riemhuman view` shows one"
         )
     return place
 
@@ -314,23 +364,24 @@ class Parser(argparse.ArgumentParser):
         words += [word for action in self._actions for word in action.choices or ()]
         wrong = _WRONG_WORD.search(message)
         suggestions = difflib.get_close_matches(wrong[1], words, 1) if wrong else []
-        advice = "".join(f"; did you mean {name}?" for name in suggestions)
-        super().error(one_line(message + advice))
+        if suggestions:
+            message = f"{message.partition(' (choose from')[0]}; did you mean {suggestions[0]}?"
+        elif "argument COMMAND: invalid choice" in message:
+            message = f"{message.partition(' (choose from')[0]}; `{self.prog} --help` lists all"
+        super().error(one_line(message))
 
 
-def _topics_text() -> str:
-    """Return the commands with their summaries, by topic; those without a topic come last."""
-    summaries = {name: texts["help"] for name, (texts, _, _) in COMMANDS.items() if " " not in name}
-    summaries |= {name: summary for name, (summary, _) in GROUPS.items()}
-    named = {name for names in TOPICS.values() for name in names}
-    unnamed = tuple(name for name in summaries if name not in named)
-    topics = {**TOPICS, "more": unnamed} if unnamed else TOPICS
-    width = max(map(len, summaries))
+def _verbs_text() -> str:
+    """Return the verbs by kind, with their summaries; a group is one line."""
+    names = [name for verbs in VERBS.values() for name in verbs]
+    width = max(len(name) for name in names if " " not in name)
     lines = []
-    for topic, names in topics.items():
-        lines.append(f"{topic}:")
-        lines += [f"  {name:{width}}  {summaries[name]}" for name in names]
-    return "\n".join(lines)
+    for kind, verbs in VERBS.items():
+        shown = {name: text for name, text in verbs.items() if " " not in name}
+        groups = {name.split()[0] for name in verbs if " " in name}
+        shown |= {group: GROUPS[group][0] for group in groups}
+        lines += [f"{kind}:", *(f"  {name:{width}}  {text}" for name, text in shown.items()), ""]
+    return "\n".join(lines[:-1])
 
 
 @cache
@@ -339,15 +390,21 @@ def make_parser(version: str, description: str, epilog: str) -> Parser:
         "formatter_class": argparse.RawDescriptionHelpFormatter,
         "allow_abbrev": False,
     }
-    parser = Parser(prog="riemhuman", description=description, epilog=epilog, **style)
+    usage = "riemhuman [-h] [--version] [--debug] COMMAND ..."
+    parser = Parser(prog="riemhuman", usage=usage, description=description, epilog=epilog, **style)
     parser.add_argument("--version", action="version", version=f"riemhuman {version}")
     _DEBUG(parser)
     commands = {
         "": parser.add_subparsers(
-            metavar="COMMAND", title="commands", description=_topics_text(), help="one of these"
+            prog="riemhuman",
+            metavar="COMMAND",
+            title="commands",
+            description=_verbs_text(),
+            help=argparse.SUPPRESS,
         )
     }
-    for whole_name, (texts, arguments, run) in COMMANDS.items():
+    for whole_name in (name for verbs in VERBS.values() for name in verbs):
+        texts, arguments, run = COMMANDS[whole_name]
         group, _, name = whole_name.rpartition(" ")
         if group not in commands:
             _, text = GROUPS[group]

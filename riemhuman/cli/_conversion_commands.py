@@ -26,7 +26,6 @@ _FOLDER_FILES = r"(?is:.+\.ply)|summary\.json"
 
 @cli.command(
     "make-map",
-    "a map between a topology and the open model",
     "Registers the open model to a body of another topology, in any pose. The map that it\n"
     "writes says where the vertices of each mesh lie on the other. `riemhuman convert --map`\n"
     "applies the map.",
@@ -65,7 +64,6 @@ def _target(parser: argparse._ActionsContainer) -> None:
 
 @cli.command(
     "convert",
-    "bodies or a motion in another format or topology",
     "Reads a mesh, a folder of meshes, bodies of SAM 3D Body (.npz, with --faces), or a\n"
     "recording of a motion, and writes it in another format. With a map from `riemhuman\n"
     "make-map`, it converts bodies of either topology to the other. Several bodies become a\n"

@@ -11,7 +11,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import UNITS
+from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, counted
 from riemhuman.optional import import_matplotlib
 
@@ -88,7 +88,6 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
 
 @cli.command(
     "tables",
-    "retrieval tables: who is it, how do they stand?",
     "Computes all distances between registered human bodies, and prints how well they find the\n"
     "same person (shape) and the same pose. The default data are the 100 bundled open bodies,\n"
     "ten people in ten poses.",
@@ -140,7 +139,6 @@ def _tables(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "dist",
-    "distance between two registered meshes",
     "Prints the distance between two meshes that share one triangulation (PLY, OBJ, OFF), and,\n"
     "on standard error, its unit and typical distances under the metric.",
     "  riemhuman dist anna_1.ply ben_1.ply             # who it is\n"
@@ -191,7 +189,6 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
 
 @cli.command(
     "matrix",
-    "all distances within a folder of registered meshes",
     "Writes all distances between the meshes of a folder, with their names: an .npz file with\n"
     "the arrays distances (n, n), names (n,) and metric, a table (.csv), or both. With\n"
     "--paths, it also finds a path of least energy over a basis for every pair; the file\n"
@@ -303,7 +300,6 @@ def _path_distances(
 
 @cli.command(
     "retrieve",
-    "the meshes of a folder nearest to a query",
     "Prints the meshes of a folder that are nearest to a query, the nearest first, with rank,\n"
     "distance and file. If the query is in the folder, it is skipped.",
     "  riemhuman retrieve anna_1.ply bodies/           # the same person\n"
@@ -373,7 +369,6 @@ def _read_matrix(options: argparse.Namespace) -> tuple[Array, list[str], dict[st
 
 @cli.command(
     "scores",
-    "how well a distance matrix finds people and poses",
     "Prints how many of the nearest meshes show the same person, and how many show the same\n"
     "pose: nearest neighbour (NN), first and second tier (FT, ST) and mean average precision\n"
     "(mAP), in per cent.",
@@ -395,7 +390,6 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "plot",
-    "a map of a distance matrix",
     "Draws the meshes of a distance matrix (see riemhuman matrix) as points in the plane, by\n"
     "multidimensional scaling, which keeps distances as well as a plane can, or by t-SNE, which\n"
     "keeps neighbours. Bodies differ in more than two ways, so the picture says how far its\n"
@@ -527,7 +521,6 @@ def _map_page(
 
 @cli.command(
     "report",
-    "a page on a data set: measurements, differences, paths, retrieval",
     "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
     "needs no network connection, figures, tables, matrices and their provenance. The default\n"
     "data are the bundled open bodies. With --bodies, only sections that suit the data appear:\n"
@@ -549,7 +542,7 @@ def _map_page(
     ),
     cli.path_option("--scans", "FOLDER", "also show the scans registered into this folder"),
     cli.flag("--quick", "a smaller report, in half a minute"),
-    UNITS,
+    OUTPUT_UNITS,
 )
 def _report(options: argparse.Namespace) -> cli.Answer:
     for place in (options.bodies, options.faust, options.dfaust, options.scans):
@@ -570,7 +563,7 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     if motions:
         with options.task("Basis of Dynamic FAUST"):
             basis = rh.DeformationBasis.from_motions(motions, _N_COMPONENTS, progress=options.bars)
-    settings = {"quick": options.quick, "scans": options.scans, "units": options.units}
+    settings = {"quick": options.quick, "scans": options.scans, "units": options.output_units}
     settings["progress"] = options.task
     page = rh.report.make_report(options.output, bodies=bodies, basis=basis, **settings)
     return cli.Answer(str(page), {"output": page})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
-from riemhuman.cli._readable_units import UNITS
+from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ _MOST_LISTED = 100
 
 @cli.command(
     "examples",
-    "a folder of people to try the commands on",
     "Writes files of simulated people: registered bodies of eight people in ten poses with\n"
     "labels, raw scans with a floor and holes, two visits of one person, and a walk. The\n"
     "commands in the README and on the page about the command line run in this folder.",
@@ -56,7 +55,6 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "view",
-    "an interactive page of bodies or of a path",
     "Writes a page that works in any browser without a network connection, a picture, or a "
     "film\n"
     "(GIF, or MP4 with the extra video) in which still bodies turn once. It shows registered\n"
@@ -87,7 +85,7 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     cli.flag("--open", "open the page in the browser"),
     cli.ANY_SCALE,
     cli.UNIT,
-    UNITS,
+    OUTPUT_UNITS,
 )
 def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
@@ -165,13 +163,12 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
         surface.points,
         surface.faces,
         title=f"{scan.name} over {body.name}",
-        system=options.units,
+        system=options.output_units,
     )
 
 
 @cli.command(
     "info",
-    "the kind, size and defects of a file",
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
     "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
     "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
@@ -182,11 +179,11 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
     cli.path_option("file", "FILE", "file or folder"),
-    UNITS,
+    OUTPUT_UNITS,
 )
 def _info(options: argparse.Namespace) -> cli.Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
-    return cli.Answer(_with_units(facts, options.units), facts)
+    return cli.Answer(_with_units(facts, options.output_units), facts)
 
 
 def _with_units(facts: JSONRecord, system: str) -> JSONRecord:

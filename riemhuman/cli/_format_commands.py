@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from itertools import zip_longest
+from textwrap import wrap
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 
 _TITLES = ("I have", "endings", "read by", "registered", "measured", "motions", "written back")
+# Columns of the printed table, which fits 100 letters; JSON also has the functions.
+_SHOWN = ("I have", "endings", "registered", "measured", "written back")
+_WIDTHS = (30, 22, 17, 13, 10)
 
 
 def file_kinds() -> tuple[rh.io.FileKind, ...]:
@@ -34,17 +39,26 @@ def _cells(kind: rh.io.FileKind) -> tuple[str, ...]:
 
 
 def format_table() -> str:
-    """Return the table of all kinds of files, as Markdown."""
-    rows = [_TITLES, ("---",) * len(_TITLES), *(_cells(kind) for kind in file_kinds())]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    """Return a table of all kinds of files, whose cells are wrapped."""
+    lines = []
+    for row in (_TITLES, *(_cells(kind) for kind in file_kinds())):
+        cells = dict(zip(_TITLES, row, strict=True))
+        parts = [
+            wrap(cells[title].replace("`", ""), width, break_long_words=False)
+            for title, width in zip(_SHOWN, _WIDTHS, strict=True)
+        ]
+        for line in zip_longest(*parts, fillvalue=""):
+            shown = (f"{text:{width}}" for text, width in zip(line, _WIDTHS, strict=True))
+            lines.append("  ".join(shown).rstrip())
+        lines.append("")
+    return "\n".join(lines[:-1])
 
 
 @cli.command(
     "formats",
-    "what can be done with which files",
-    "Prints a table of the files that can be read: which function reads them, what registers\n"
-    "them, whether they can be measured, whether they are motions, and in which formats they\n"
-    "can be written.",
+    "Prints a table of the files that can be read: what registers them, whether they can be\n"
+    "measured, and in which formats they can be written. --json also names the functions of the\n"
+    "library that read them.",
     "  riemhuman formats\n  riemhuman formats --json\n",
 )
 def _formats(options: argparse.Namespace) -> cli.Answer:

@@ -12,7 +12,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import UNITS
+from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
@@ -26,20 +26,16 @@ _DEFINITIONS = cli.several(
     inputs.MEASURED_MODEL,
     cli.option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
     cli.UNIT,
-    UNITS,
+    OUTPUT_UNITS,
 )
 
 
 @cli.command(
     "measure",
-    "girths, lengths, heights and volumes of registered meshes",
     "Measures bodies registered to the open body model, or to another model with --model and\n"
-    "--definitions. The printed table is in centimetres, litres and kilograms, or with --units\n"
-    "in in inches and pounds; CSV and JSON are in metres and kilograms. Bodies are first\n"
-    "brought into the standard pose by a fit of the body model; --as-is measures them in their\n"
-    "own pose. Measurements on vertices that riemhuman register did not trust, according to "
-    "its\n"
-    "PLY files, are left out.",
+    "--definitions. Bodies are first re-posed to a standard pose; --as-is measures them as they\n"
+    "stand. The table is printed in centimetres, litres and kilograms; CSV and JSON are in metres\n"
+    "and kilograms. Measurements on vertices that riemhuman register did not trust are left out.",
     "  riemhuman measure anna.ply\n"
     "  riemhuman measure bodies/ -o table.csv\n"
     "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
@@ -78,7 +74,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
                 points[0],
                 pose="as is",
                 axes=axes,
-                system=options.units,
+                system=options.output_units,
                 trusted_vertices=trusted[0],
             )
             rh.plots.figures.save_figure(figure, options.picture)
@@ -94,7 +90,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     bodies = {file: dict(zip(names, values, strict=True)) for file, *values in rows}
     missing, reasons = _missing(files, measured)
     record = {"pose": pose, "units": units, "bodies": bodies, "missing": missing}
-    lines = [*_measured_table(files, measured, options.units), *reasons]
+    lines = [*_measured_table(files, measured, options.output_units), *reasons]
     return cli.Answer("\n".join(lines), record)
 
 
@@ -128,7 +124,6 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
 
 @cli.command(
     "compare",
-    "changes of one person between two visits, or differences between two people",
     "Brings two registered meshes of one person into the standard pose and prints how their\n"
     "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
     "deviations of a difference between scans of one unchanged person, which grow with the\n"
@@ -166,7 +161,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         people = rh.measurements.person_distance(points[0], points[1], faces)
     if people.is_hardly_one_person:
         terminal.note(f"warning: these are {people.text}")
-    advice = result.pose_advice(options.units)
+    advice = result.pose_advice(options.output_units)
     if options.output is not None:
         titles = ["measurement", "unit", "before", "after", "change", "threshold"]
         _write_table(options.output, [[*titles, "exceeds threshold"], *_changes(result)])
@@ -193,9 +188,9 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     }
     count, share = len(result.names), 100 * result.areas_significant.mean()
     ends = (max(-least, 0.0), max(most, 0.0))
-    gaps = [rh.measurements.readable_gap(1e-3 * end, options.units) for end in ends]
+    gaps = [rh.measurements.readable_gap(1e-3 * end, options.output_units) for end in ends]
     lines = [
-        *_table_of_changes(result, options.units),
+        *_table_of_changes(result, options.output_units),
         *reasons,
         (
             f"{result.is_significant.sum()} of {count} exceed their thresholds; "
@@ -267,20 +262,19 @@ def _view_differences(
     with options.task("Page"):
         if options.view.suffix.lower() == ".html":
             viewer = rh.plots.view_difference(
-                result, names=names, measurements=measurements, system=options.units
+                result, names=names, measurements=measurements, system=options.output_units
             )
             viewer.save(options.view)
             return
         with rh.plots.figure_style():
             figure = rh.plots.plot_difference(
-                result, names=names, measurements=measurements, system=options.units
+                result, names=names, measurements=measurements, system=options.output_units
             )
             rh.plots.figures.save_figure(figure, options.view)
 
 
 @cli.command(
     "sheet",
-    "a sheet for each person: measurements, percentiles, changes",
     "Writes a page and a two-page PDF for each registered body: the scan and the body from\n"
     "three sides, whether and where to trust it, measurements with uncertainties and\n"
     "percentiles among adults of the same sex and stature, the silhouette over that of the\n"
@@ -290,7 +284,7 @@ def _view_differences(
     "Chrome or Edge; workbooks need openpyxl.",
     "  riemhuman sheet bodies/ -o sheets/    # the output of riemhuman register scans/ -o bodies/\n"
     "  riemhuman sheet visit1.ply visit2.ply -o sheets/ --labels labels.csv\n"
-    "  riemhuman sheet bodies/ -o sheets/ --units in\n",
+    "  riemhuman sheet bodies/ -o sheets/ --output-units in\n",
     cli.FILES,
     cli.path_option("-o --output", "SHEETS", "folder to write", required=True),
     cli.FORCE,
@@ -302,7 +296,7 @@ def _view_differences(
     cli.option("--stature", "stature of the one body, measured by hand, metres", type=float),
     inputs.MEASURED_MODEL,
     cli.UNIT,
-    UNITS,
+    OUTPUT_UNITS,
 )
 def _sheet(options: argparse.Namespace) -> cli.Answer:
     cli.check_needs(options, "--definitions", "--model NPZ")
@@ -317,7 +311,7 @@ def _sheet(options: argparse.Namespace) -> cli.Answer:
         labels=options.labels,
         measurements=measurements,
         stature=options.stature,
-        units=options.units,
+        units=options.output_units,
         unit=options.unit,
         up=options.up,
         replace_output=options.force,

@@ -103,7 +103,6 @@ def _measure(
 
 @cli.command(
     "motions dist",
-    "distance between two motions at any speeds",
     "Prints the distance between two motions after the best re-timing.",
     "  riemhuman motions dist anna_runs/ ben_runs/\n"
     "  riemhuman motions dist anna_runs/ ben_runs/ --by rate-invariant --json\n"
@@ -147,7 +146,6 @@ def _usual_distances(options: argparse.Namespace) -> str:
 
 @cli.command(
     "motions matrix",
-    "all distances between several motions",
     "Writes the arrays distances (n, n) and names (n,) of an .npz file, or a .csv table.",
     "  riemhuman motions matrix all_motions/ -o D.npz\n"
     "  riemhuman motions matrix anna_*/ ben_*/ -o D.csv --by changes --components 200\n",
@@ -177,7 +175,6 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "motions align",
-    "two motions aligned in time",
     "Opens a page that plays both motions side by side, the second re-timed to the first or as\n"
     "recorded, with the warp, which shows the moments that correspond. Or writes the page\n"
     "(.html), a picture (.png), a film (.gif, or .mp4 with the extra video), or an .npz file\n"
@@ -263,7 +260,6 @@ def _aligned_view(
 
 @cli.command(
     "motions mean",
-    "the mean of several performances",
     "Writes the Karcher mean of motions modulo re-timing: a folder of meshes with a page that\n"
     "plays them, motion.html, or one file.",
     "  riemhuman motions mean runs/ -o mean_run/\n"
@@ -290,7 +286,6 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "motions find",
-    "occurrences of a short motion in a long one",
     "Prints the parts of a motion that are most similar to a query, at any speed, the nearest\n"
     "first: distance, first and last frame and, for recordings (.bvh, .amc, .trc, .c3d, AMASS,\n"
     "videos), their times in seconds. At most 30 frames per second of a recording are read and\n"
@@ -331,7 +326,6 @@ def _find(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "motions table",
-    "scores of representations on the open motions",
     "Re-times the 140 open motions at random, to between 24 and 60 frames, and prints how\n"
     "well each representation finds the same motion of other people.",
     "  riemhuman motions table\n  riemhuman motions table --seed 3 --json\n",

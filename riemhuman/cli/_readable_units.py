@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import argparse
+
 from riemhuman.cli import _commands as cli
 
-UNITS = cli.choice(
-    "--units",
-    "units of what is printed and shown: centimetres, litres and kilograms, or inches and pounds; "
-    "CSV and JSON keep metres and kilograms",
-    "cm",
-    "in",
+_SYSTEMS = ("cm", "in")
+
+
+def _earlier_spelling(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument(
+        "--units",
+        dest="output_units",
+        choices=_SYSTEMS,
+        default=argparse.SUPPRESS,
+        help=argparse.SUPPRESS,
+    )
+
+
+OUTPUT_UNITS = cli.several(
+    cli.choice(
+        "--output-units",
+        "units of what is printed and shown: centimetres, litres and kilograms, or inches and "
+        "pounds; CSV and JSON keep metres and kilograms",
+        *_SYSTEMS,
+    ),
+    _earlier_spelling,
 )

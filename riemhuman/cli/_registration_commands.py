@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import UNITS
+from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, FileError, RiemhumanError
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ _UP = cli.option(
 
 @cli.command(
     "register",
-    "registered bodies from raw scans",
     "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
     "with or without landmarks, and writes the body in the model's triangulation. For a "
     "folder,\n"
@@ -69,7 +68,7 @@ _UP = cli.option(
     cli.flag("--sheet", "also write a sheet for each person: measurements, percentiles, pictures"),
     cli.option("--sex", "sex of the person, for the sheet of one scan", choices=("woman", "man")),
     cli.option("--stature", "stature by hand, metres, for the sheet of one scan", type=float),
-    UNITS,
+    OUTPUT_UNITS,
     cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
 )
 def _register(options: argparse.Namespace) -> cli.Answer:
@@ -152,8 +151,9 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
         text = "the body is not written; --untrusted writes it anyway"
         text += _details(options, result)
         return cli.Answer(text, record, trusted=False, written=False)
+    gap = rh.measurements.readable_gap(median, options.output_units)
     text = (
-        f"{rh.measurements.readable_gap(median, options.units)} from the scan in the median, "
+        f"{gap} from the scan in the median, "
         f"{100 * share:.0f} % of the body seen; scan in {result.unit}, body in metres"
         f"{_details(options, result)}"
     )
@@ -179,7 +179,7 @@ def _write_sheet(
             name=options.scans.stem,
             sex=options.sex or "adult",
             stature=options.stature,
-            units=options.units,
+            units=options.output_units,
         )
         for place in places:
             sheet.save(place)
@@ -226,7 +226,7 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
         progress=options.bars,
     )
     with options.task("Page"):
-        page = rh.report.scan_page(options.output, units=options.units)
+        page = rh.report.scan_page(options.output, units=options.output_units)
     for record in records:
         _note_message(record.name, record)
     if options.sheet:
@@ -236,7 +236,7 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
             options.output / "sheets",
             labels=labels if labels.is_file() else None,
             measurements=rh.measurements.Measurements(registration.model),
-            units=options.units,
+            units=options.output_units,
             replace_output=True,
             progress=options.task,
         )
@@ -254,7 +254,6 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
 
 @cli.command(
     "match",
-    "where the vertices of one scan are on another",
     "Registers two scans with a body model, without landmarks, and writes where every vertex "
     "of\n"
     "A is on B. The CSV file has a line for each vertex, numbered from 0, with the nearest\n"

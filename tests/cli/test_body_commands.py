@@ -114,7 +114,9 @@ def test_align_takes_out_rigid_motions(run, scans, bodies, tmp_path):
     np.testing.assert_allclose(found, procrustes(bodies.points[20], bodies.points[0]), atol=1e-6)
     assert (tmp_path / "aligned" / "aligned.html").exists()
     for system, unit, size in (("cm", "mm", 1e-3), ("in", "in", 0.0254)):
-        said = run("align", scans, "-o", tmp_path / f"aligned_{system}", "--units", system).out
+        said = run(
+            "align", scans, "-o", tmp_path / f"aligned_{system}", "--output-units", system
+        ).out
         shown = [line.split() for line in said.splitlines()[1:-1]]
         assert {row[1] for row in shown} == {unit}
         expected = np.array(record["root_mean_square"]) / size

@@ -15,7 +15,7 @@ from tqdm import tqdm
 import riemhuman
 from riemhuman.cli import _terminal as terminal
 from riemhuman.cli import main
-from riemhuman.cli._commands import COMMANDS, GROUPS, TOPICS, make_parser
+from riemhuman.cli._commands import COMMANDS, VERBS, make_parser
 from riemhuman.cli._terminal import as_json, note, task
 
 NAMES = tuple(COMMANDS)
@@ -203,6 +203,7 @@ def test_an_interrupted_command(scans, tmp_path):
         (["dist"], "usage: riemhuman dist"),
         (["dist", "a", "b", "--pose", "--shape"], "not allowed with argument"),
         (["dist", "a.ply", "."], "argument B: must be one mesh, but . is a folder"),
+        (["dist", "a.ply", "walk.bvh"], "`riemhuman motions dist` compares motions"),
         (["register", "a.ply", "-o", "b.ply", "--model", "c", "--coarse"], "not allowed with"),
     ],
 )
@@ -232,22 +233,6 @@ def test_a_terminal_is_told_at_once(capsys):
     with task(SimpleNamespace(quiet=False, bars=True), "Reading"):
         assert capsys.readouterr().err == "Reading ..."
     assert re.fullmatch(r"\rReading: \d\.\d s\n", capsys.readouterr().err)
-
-
-def test_a_silent_command_says_what_it_does(run, scans, capsys, monkeypatch):
-    """It does so after two seconds, here at once, and wipes it out before the result."""
-
-    class NoPatience:
-        def __init__(self, seconds, function):
-            assert seconds == 2
-            self.start, self.cancel = function, lambda: None
-
-    monkeypatch.setattr("threading.Timer", NoPatience)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    finished = run("info", scans / "body_0.ply")
-    words = "riemhuman info: the kind, size and defects of a file ..."
-    assert finished.err == f"\r\x1b[K{words}\r\x1b[K"
-    assert run("info", scans / "body_0.ply", "--quiet").err == ""
 
 
 def test_the_task_is_named_again_below_a_note(capsys, monkeypatch):
@@ -283,28 +268,6 @@ def test_a_full_disk_of_messages_costs_no_result(scans, tmp_path):
     assert "distances" in riemhuman.io.load_arrays(table, ["distances"])
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited")
-@pytest.mark.parametrize("megabytes", [80, 195])
-def test_too_little_memory_to_start(scans, megabytes):
-    """Otherwise BLAS ends the process by itself, or asks for its buffers for ever."""
-    import resource
-
-    limit = megabytes * 10**6
-    finished = subprocess.run(
-        [*COMMAND, "dist", scans / "body_0.ply", scans / "body_1.ply"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
-    )
-    assert finished.returncode == 2
-    assert re.fullmatch(
-        rf"riemhuman: not enough memory: .* is {megabytes} MB, .* needs 300 MB .*\n",
-        finished.stderr,
-    )
-
-
 def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeypatch):
     def fail(*arguments):
         raise riemhuman.errors.FileError(f"{arguments[0]} cannot be written: no space left")
@@ -331,15 +294,13 @@ def test_only_tables_go_to_standard_output(refused, scans, tmp_path, monkeypatch
     assert not list(tmp_path.iterdir())
 
 
-def test_help_lists_every_command_once_by_topic(run, capsys):
-    assert [*TOPICS] == ["look", "compare", "scan", "measure", "move", "populations"]
-    listed = [name for names in TOPICS.values() for name in names]
-    assert sorted(listed) == sorted({name.partition(" ")[0] for name in COMMANDS} | {*GROUPS})
+def test_the_table_of_verbs_is_complete(run):
+    """Each verb of the table is declared, and each that is declared is in it, once."""
+    names = [name for verbs in VERBS.values() for name in verbs]
+    assert sorted(names) == sorted(COMMANDS)
     text = run().out
-    places = [text.index(f"\n  {topic}:\n") for topic in TOPICS]
+    places = [text.index(f"\n  {kind}:\n") for kind in VERBS]
     assert places == sorted(places)
-    for name in listed:
-        assert len(re.findall(rf"^    {name}  +\S", text, re.MULTILINE)) == 1
 
 
 def test_missing_files_are_named_before_missing_packages(refused, monkeypatch, tmp_path):

@@ -260,19 +260,19 @@ def test_sizes_of_meshes_have_units(run, scans, bodies, tmp_path):
     units = {"cm": ("cm", 0.01, "L", 1e-3), "in": ("in", 0.0254, "in³", 0.0254**3)}
     for system, (unit, size, of_volume, litre) in units.items():
         for file in (scans / "body_0.ply", tmp_path / "mm.ply"):
-            said = run("info", file, "--units", system).out
+            said = run("info", file, "--output-units", system).out
             (extents,) = re.findall(rf"^extents +([\d., ]+) {unit}$", said, re.MULTILINE)
             assert float(extents.split(", ")[1]) == pytest.approx(height / size, abs=0.0051)
             assert re.search(rf"^area +[\d,]+ {unit}²$", said, re.MULTILINE)
             (found,) = re.findall(rf"^volume +([\d.,]+) {of_volume}$", said, re.MULTILINE)
             assert float(found.replace(",", "")) == pytest.approx(volume / litre, rel=1e-4)
         for file, what in ((scans, "largest extents"), (tmp_path / "points.npy", "extents")):
-            said = run("info", file, "--units", system).out
+            said = run("info", file, "--output-units", system).out
             assert re.search(rf"^{what} +[\d., ]+ {unit}$", said, re.MULTILINE)
         assert re.search(r"^unit +millimetres, by its size$", said, re.MULTILINE)
     said = run("info", scans / "body_0.ply").out
     assert re.search(r"^unit guess +metres; the file names none$", said, re.MULTILINE)
-    assert said == run("info", scans / "body_0.ply", "--units", "cm").out
+    assert said == run("info", scans / "body_0.ply", "--output-units", "cm").out
     save_mesh(tmp_path / "speck.ply", 1e-4 * bodies.points[0], bodies.template.faces)
     said = run("info", tmp_path / "speck.ply").out
     assert re.search(r"^area .* units²$", said, re.MULTILINE)
@@ -290,7 +290,7 @@ def test_view_lays_a_scan_over_its_body_in_either_order(run, refused, bodies, tm
         assert finished.code == 0
         assert "scan.npy over body.ply" in page.read_text(encoding="utf-8")
     assert " mm of the body" in page.read_text(encoding="utf-8")
-    run("view", *[tmp_path / name for name in files], "-o", page, "--force", "--units", "in")
+    run("view", *[tmp_path / name for name in files], "-o", page, "--force", "--output-units", "in")
     assert " in of the body" in page.read_text(encoding="utf-8")
     np.save(tmp_path / "other.npy", np.random.default_rng(0).uniform(0, 1.7, (2000, 3)))
     message = refused("view", tmp_path / "other.npy", tmp_path / "body.ply", "-o", page, "-f")

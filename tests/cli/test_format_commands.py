@@ -1,5 +1,6 @@
 """The table of the files that are read."""
 
+import json
 from pathlib import Path
 from typing import get_type_hints
 
@@ -12,10 +13,18 @@ KINDS = file_kinds()
 PAGE = Path(__file__).parents[2] / "tutorials" / "bring_your_data.md"
 
 
-def test_the_page_shows_what_the_command_prints(run):
+def test_the_page_has_the_table(run):
     page = PAGE.read_text(encoding="utf-8")
     shown = page.split("<!-- formats -->")[1].split("<!-- end of formats -->")[0]
-    assert shown.strip() == run("formats").out.strip()
+    rows = json.loads(run("formats", "--json").out)
+    lines = [[*rows[0]], ["---"] * len(rows[0]), *([*row.values()] for row in rows)]
+    assert shown.strip() == "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def test_the_printed_table_fits_a_terminal(run):
+    printed = run("formats").out
+    assert max(map(len, printed.splitlines())) <= 100
+    assert all(kind.endings[-1] in printed for kind in KINDS)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.reader_name)

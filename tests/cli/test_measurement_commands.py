@@ -134,7 +134,9 @@ def test_the_page_of_two_bodies(run, scans, tmp_path):
     assert "Differences between body_0 and body_2" in text
     assert text.count("data-row=") == 2
     assert "Millimetres" in text
-    assert run("compare", *files, *only, "--view", page, "--units", "in", "--force").code == 0
+    assert (
+        run("compare", *files, *only, "--view", page, "--output-units", "in", "--force").code == 0
+    )
     text = page.read_text(encoding="utf-8")
     assert "Inches" in text
     assert "Millimetres" not in text
@@ -161,7 +163,7 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     only = [word for name in ("stature", "volume", "body mass") for word in ("--only", name)]
     command = ("measure", scans / "body_0.ply", "--as-is", *only)
     (values,) = json.loads(run(*command, "--json").out)["bodies"].values()
-    record = json.loads(run(*command, "--json", "--units", "in").out)
+    record = json.loads(run(*command, "--json", "--output-units", "in").out)
     assert [*record["bodies"].values()] == [values]
     assert record["units"]["stature"] == "m"
     scales = {
@@ -173,13 +175,13 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
         },
     }
     for system, units in scales.items():
-        table = run(*command, "--units", system).out
+        table = run(*command, "--output-units", system).out
         for name, (scale, unit) in units.items():
             (line,) = [line for line in table.splitlines() if line.startswith(f"{name} ")]
             value, shown_unit = line.removeprefix(name).split()
             assert shown_unit == unit
             assert float(value) == pytest.approx(scale * values[name], abs=0.051)
-    assert run(*command).out == run(*command, "--units", "cm").out
+    assert run(*command).out == run(*command, "--output-units", "cm").out
     changes = ("compare", scans / "body_0.ply", scans / "body_2.ply", "--only", "stature")
     file = tmp_path / "changes.csv"
     (line,) = [
@@ -193,7 +195,7 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     np.testing.assert_allclose(shown, stored, atol=0.051)
     outward = json.loads(run(*changes, "--json").out)["outward_millimetres"]
     for system, size in {"cm": 1.0, "in": 25.4}.items():
-        said = run(*changes, "--units", system).out
+        said = run(*changes, "--output-units", system).out
         (line,) = [line for line in said.splitlines() if line.startswith("surface change")]
         inward, unit, _, _, high, *_ = line.split(": ")[1].split()
         assert unit == {"cm": "mm", "in": "in"}[system]
@@ -211,7 +213,7 @@ def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
     files = [scans / f"body_{number}.ply" for number in (0, 2)]
     sheets = tmp_path / "sheets"
     command = ("sheet", *files, "-o", sheets, "--labels", labels)
-    finished = run(*command, "--units", "in", "--json")
+    finished = run(*command, "--output-units", "in", "--json")
     assert finished.code == 0, finished
     record = json.loads(finished.out)
     names = {Path(file).name for file in record["files"]}

@@ -57,7 +57,7 @@ def test_bodies_are_written_upright_or_where_the_scans_are(run, scan, fitted, bo
     assert "2.0 mm from the scan in the median, 100 % of the body seen" in finished.out
     assert (
         "0.079 in from the scan"
-        in run("register", scan, "-o", tmp_path / "body.ply", *options, "--units", "in").out
+        in run("register", scan, "-o", tmp_path / "body.ply", *options, "--output-units", "in").out
     )
     np.testing.assert_allclose(rh.load_mesh(tmp_path / "body.ply")[0], bodies.points[3], atol=1e-6)
 
@@ -211,7 +211,7 @@ def test_sheets_of_a_folder_of_scans(run, refused, scan, tmp_path, monkeypatch):
     scans.mkdir()
     (scans / "labels.csv").touch()
     command = ("register", scans, "-o", tmp_path / "bodies", "--coarse", "--sheet")
-    finished = run(*command, "--units", "in")
+    finished = run(*command, "--output-units", "in")
     assert given["units"] == "in"
     assert f"sheets of all people: {tmp_path / 'bodies' / 'sheets' / 'index.html'}" in finished.out
     assert given["labels"] == scans / "labels.csv"
