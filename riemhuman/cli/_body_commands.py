@@ -430,6 +430,8 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
         "--step", "frames between the two surfaces of a deformation", default=10, metavar="N"
     ),
     cli.UNIT,
+    cli.JOINTS,
+    cli.FPS,
 )
 def _basis(options: argparse.Namespace) -> cli.Answer:
     motions = _basis_motions(options)

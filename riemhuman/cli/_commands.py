@@ -317,6 +317,13 @@ def template(default: str, use: str = "whose triangle areas weight the metric") 
     return several(path_option("--template", "MESH", text), ANY_SCALE, UNIT)
 
 
+JOINTS = path_option(
+    "--joints",
+    "FILE",
+    'JSON file with the joints or markers of a recording that are not recognised: {"left_knee": '
+    '["LK1", "LK2"]}',
+)
+FPS = option("--fps", "frame rate of a recording that does not state it", metavar="N", type=float)
 FILES = _existing(path_option("meshes", "FILES", "mesh files, or folders", nargs="+"), "meshes")
 FOLDER = path_option("folder", "FOLDER", "folder of meshes")
 FORCE = flag("-f --force", "replace an existing output")

@@ -93,10 +93,12 @@ def _target(parser: argparse._ActionsContainer) -> None:
     ),
     cli.option(
         "--fps",
-        f"frame rate, for bodies that become a motion (default: {_RATE_OF_VIDEOS:g})",
+        f"frame rate, for bodies that become a motion (default: {_RATE_OF_VIDEOS:g}), and for "
+        "recordings that do not state it",
         metavar="N",
         type=float,
     ),
+    cli.JOINTS,
 )
 def _convert(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.files import format_errors
@@ -186,7 +188,7 @@ def _convert_motion(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError(
             f"{options.output} must be a motion ({', '.join(_MOTIONS)}): {options.source} holds one"
         )
-    motion = rh.datasets.load_recording(options.source)
+    motion = inputs.load_recording(options.source, options)
     motion.save(options.output)
     record = {"frames": len(motion), "frames_per_second": motion.frames_per_second}
     return cli.Answer(record, record)

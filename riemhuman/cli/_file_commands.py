@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from riemhuman.datasets import Motion, SkeletonMotion
     from riemhuman.plots import Viewer
 
-_SKELETON_ENDINGS = (".bvh", ".amc", ".trc", ".c3d")
+_SKELETON_ENDINGS, _MARKER_ENDINGS = (".bvh", ".amc"), (".trc", ".c3d")
 
 # The array path in a folder that `riemhuman geodesic` writes.
 _PATH_FILE = "path.npz"
@@ -83,6 +83,8 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     ),
     cli.flag("--motion", "the meshes are the frames of one motion"),
     cli.flag("--open", "open the page in the browser"),
+    cli.JOINTS,
+    cli.FPS,
     cli.ANY_SCALE,
     cli.UNIT,
     OUTPUT_UNITS,
@@ -98,7 +100,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         if ending in RECORDING_ENDINGS:
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
-            motion, faces, timing = inputs.read_motion(first, is_shown=True)
+            motion, faces, timing = inputs.read_motion(first, options, is_shown=True)
             title = first.parent.resolve().name if first.name == _PATH_FILE else first.name
             viewer = rh.plots.view_path(motion, faces, title=title, keep_places=True, **timing)
         else:
@@ -241,6 +243,7 @@ def _facts(file: Path) -> JSONRecord:
         ".csv": _table_facts,
         **dict.fromkeys((".hdf5", ".h5"), _hdf5_facts),
         **dict.fromkeys(_SKELETON_ENDINGS, _skeleton_facts),
+        **dict.fromkeys(_MARKER_ENDINGS, _marker_facts),
         **dict.fromkeys((".pkl", ".pickle"), _pickle_facts),
         **dict.fromkeys((".joblib", ".pt", ".pth", ".smpl"), _recording_facts),
     }
@@ -512,7 +515,11 @@ def _pickle_facts(file: Path) -> JSONRecord:
 
 
 def _recording_facts(file: Path) -> JSONRecord:
-    times = _times(rh.datasets.load_recording(file))
+    try:
+        times = _times(rh.datasets.load_recording(file))
+    except FileFormatError:
+        motion = rh.datasets.load_recording(file, frames_per_second=1.0)
+        times = {"frames": len(motion), "frames_per_second": "not stated"}
     return {"kind": "recording of poses", **times, **_fields_of_recording(file)}
 
 
@@ -528,8 +535,6 @@ def _skeleton_facts(file: Path) -> JSONRecord:
     readers: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
         ".bvh": rh.datasets.load_bvh,
         ".amc": rh.datasets.load_amc,
-        ".trc": rh.datasets.load_trc,
-        ".c3d": rh.datasets.load_c3d,
     }
     motion = readers[file.suffix.lower()](file)
     return {
@@ -537,6 +542,27 @@ def _skeleton_facts(file: Path) -> JSONRecord:
         "joints": len(motion.joint_names),
         **_times(motion),
         "joint_names": ", ".join(motion.joint_names),
+    }
+
+
+def _marker_facts(file: Path) -> JSONRecord:
+    from riemhuman.mocap.markers import read_markers
+
+    load = rh.datasets.load_trc if file.suffix.lower() == ".trc" else rh.datasets.load_c3d
+    markers = read_markers(file)
+    try:
+        joints = ", ".join(load(file).joint_names)
+    except FileFormatError as error:
+        joints = f"none: {error}"
+    n_frames, n_markers = markers.positions.shape[:2]
+    return {
+        "kind": "recording of markers",
+        "markers": n_markers,
+        "frames": n_frames,
+        "frames_per_second": markers.frames_per_second,
+        "seconds": n_frames / markers.frames_per_second,
+        "marker_names": ", ".join(markers.names),
+        "joints": joints,
     }
 
 

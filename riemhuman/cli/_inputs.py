@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,9 +17,11 @@ from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord, Points, Triangles
+    from riemhuman.bodies import BodyModel
     from riemhuman.datasets import Motion, RegisteredMeshes
     from riemhuman.geometry import RiemannianMetric
     from riemhuman.measurements import Measurements
+    from riemhuman.mocap.motions import ModelMotion
     from riemhuman.plots import Viewer
     from riemhuman.surfaces import DeformationBasis, Template
 
@@ -43,8 +46,27 @@ def is_recording(file: Path) -> bool:
     return not rh.io.load_arrays(file, (), ("path",))
 
 
+def load_recording(
+    file: Path,
+    options: argparse.Namespace,
+    model: BodyModel | None = None,
+    frames_per_second: float | None = None,
+) -> ModelMotion:
+    """Return a recording, with the joints and the frame rate that options give."""
+    from riemhuman.io.files import format_errors, read_text
+
+    joints = None
+    if options.joints is not None:
+        with format_errors(options.joints, "names of joints"):
+            joints = json.loads(read_text(options.joints))
+            if not isinstance(joints, dict):
+                raise ArgumentError('must hold names of joints: {"left_knee": "LKNE", ...}')
+    rate = options.fps if frames_per_second is None else frames_per_second
+    return rh.datasets.load_recording(file, model, joints=joints, frames_per_second=rate)
+
+
 def read_motion(
-    file: Path, *, is_mean: bool = False, is_shown: bool = False
+    file: Path, options: argparse.Namespace, *, is_mean: bool = False, is_shown: bool = False
 ) -> tuple[Motion | Points, Triangles, JSONRecord]:
     """Return the frames in a file, their triangles, and what a page says of a recording's time.
 
@@ -55,13 +77,13 @@ def read_motion(
         return arrays["path"], arrays["faces"], {}
     model = rh.datasets.load_open_model("full") if is_shown else None
     rate = _SHOWN_RATE if is_shown else _RECORDED_RATE
-    motion = rh.datasets.load_recording(file, model)
+    motion = load_recording(file, options, model)
     timing: JSONRecord = {}
-    if motion.frames_per_second > rate:
+    if motion.frames_per_second > rate and options.fps is None:
         timing["description"] = (
             f"{rate:g} of the {motion.frames_per_second:g} frames recorded per second."
         )
-        motion = rh.datasets.load_recording(file, model, frames_per_second=rate)
+        motion = load_recording(file, options, model, rate)
     # An average adult performs recordings of skeletons; for comparisons of movements, all others.
     if is_mean:
         motion = motion.performed_by([0.0] * motion.model.n_betas)
@@ -391,7 +413,7 @@ def read_motions(
             raise ArgumentError(f"--subjects and --sequences choose from HDF5 files; found {place}")
         if recorded and not any(file.suffix.lower() in cli.MESH_ENDINGS for file in files):
             loaded_motions += [
-                (file.stem, *read_motion(file, is_mean=True)[:2]) for file in recorded
+                (file.stem, *read_motion(file, options, is_mean=True)[:2]) for file in recorded
             ]
         else:
             load = rh.datasets.load_dfaust if is_hdf5 else rh.datasets.load_mesh_motions

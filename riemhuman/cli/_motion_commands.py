@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 _MOST_COORDINATES = 6_000_000
 
 _TEMPLATE = cli.several(
-    cli.path_option("--template", "MESH", "template mesh (default: the first frame)"), cli.UNIT
+    cli.path_option("--template", "MESH", "template mesh (default: the first frame)"),
+    cli.UNIT,
+    cli.JOINTS,
+    cli.FPS,
 )
 _PAIR = cli.several(
     cli.path_option("a_motion", "A", "folder, .npz file, or recording"),

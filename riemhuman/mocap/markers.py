@@ -84,10 +84,7 @@ def load_trc(
     """
     file = file_path(path)
     suffix_of(file, (".trc",))
-    names, positions, rate, written_unit = _TextReader(file).read()
-    rate = rate or frames_per_second or 0.0
-    markers = _in_metres(file, names, positions, rate, written_unit, unit)
-    return skeleton_of(markers, joints)
+    return skeleton_of(read_markers(file, unit, frames_per_second), joints)
 
 
 @checked(frames_per_second=checked_rate)
@@ -125,10 +122,19 @@ def load_c3d(
     """
     file = file_path(path)
     suffix_of(file, (".c3d",))
-    points = read_points(file)
-    rate = points.rate or frames_per_second or 0.0
-    markers = _in_metres(file, points.names, points.positions, rate, points.unit, unit)
-    return skeleton_of(markers, joints)
+    return skeleton_of(read_markers(file, unit, frames_per_second), joints)
+
+
+def read_markers(
+    file: Path, unit: str | float | None = None, frames_per_second: float | None = None
+) -> Markers:
+    """Return the markers in a TRC or C3D file, whatever their names."""
+    if file.suffix.lower() == ".c3d":
+        names, positions, rate, written_unit = read_points(file)
+    else:
+        names, positions, rate, written_unit = _TextReader(file).read()
+    rate = rate or frames_per_second or 0.0
+    return _in_metres(file, names, positions, rate, written_unit, unit)
 
 
 def _in_metres(
@@ -169,7 +175,7 @@ class _TextReader:
         self._names: list[str] = []
         self._separator: str | None = None
 
-    def read(self) -> tuple[list[str], Array, float, str]:
+    def read(self) -> tuple[Sequence[str], Array, float, str]:
         """Return names of markers, positions, the frame rate (0 if unknown) and the unit."""
         values = self._header()
         names = self._names
