@@ -97,7 +97,7 @@ def _view(options: argparse.Namespace) -> cli.Answer:
         from riemhuman.mocap.recordings import RECORDING_ENDINGS  # takes long to import
 
         ending = first.suffix.lower()
-        if ending in RECORDING_ENDINGS:
+        if ending in RECORDING_ENDINGS or inputs.is_recording(first):
             if len(options.meshes) > 1:
                 raise ArgumentError(f"give either one {ending} file with a path, or meshes")
             motion, faces, timing = inputs.read_motion(first, options, is_shown=True)

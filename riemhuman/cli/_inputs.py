@@ -39,10 +39,16 @@ _MOST_IN_STRIP = 12
 
 def is_recording(file: Path) -> bool:
     """Return whether a file is a recording rather than an array path, by its ending and content."""
-    if file.suffix.lower() != ".npz":
-        from riemhuman.mocap.recordings import RECORDING_ENDINGS
+    from riemhuman.mocap.joint_positions import has_joints, is_table_of_joints
+    from riemhuman.mocap.recordings import RECORDING_ENDINGS
 
-        return file.suffix.lower() in RECORDING_ENDINGS
+    ending = file.suffix.lower()
+    if ending == ".npy" and file.is_file():
+        return has_joints(rh.io.load_array(file, mode="r"))
+    if ending == ".csv" and file.is_file():
+        return is_table_of_joints(file)
+    if ending != ".npz":
+        return ending in RECORDING_ENDINGS
     return not rh.io.load_arrays(file, (), ("path",))
 
 

@@ -25,6 +25,7 @@ from riemhuman.datasets.shrec19 import MatchedMesh, MatchedMeshes, load_shrec19
 from riemhuman.mocap.amass import load_amass
 from riemhuman.mocap.amc import load_amc
 from riemhuman.mocap.bvh import load_bvh
+from riemhuman.mocap.joint_positions import skeleton_from_positions
 from riemhuman.mocap.markers import load_c3d, load_trc
 from riemhuman.mocap.motion_arrays import motion_from_arrays
 from riemhuman.mocap.motions import ArrayMotion, Motion, Motions
@@ -79,6 +80,7 @@ __all__ = [
     "read_labels",
     "recording_contents",
     "retarget",
+    "skeleton_from_positions",
 ]
 
 

@@ -59,7 +59,7 @@ class Convention:
 
 
 # Laboratories have z up, OpenSim y.
-MARKERS = Convention("y", {"z": 0.5}, as_usual=("z",))
+MARKERS = Convention("y", {"z": 0.5, "-y": 1.0}, as_usual=("z",))
 BVH = Convention("y", {"z": 2.5})
 # Files from elsewhere use this layout too, and in them y up is usual.
 AMASS = Convention("z", {"y": 1.5}, move=True)

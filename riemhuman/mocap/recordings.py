@@ -28,6 +28,8 @@ from riemhuman.mocap._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.mocap.amass import FIELDS_READ, load_amass
 from riemhuman.mocap.amc import load_amc
 from riemhuman.mocap.bvh import load_bvh
+from riemhuman.mocap.joint_positions import ENDINGS as POSITION_ENDINGS
+from riemhuman.mocap.joint_positions import has_joints, load_positions
 from riemhuman.mocap.markers import load_c3d, load_trc
 from riemhuman.mocap.motion_arrays import motion_from_arrays, one_person, warn_of_varying_betas
 from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
@@ -39,7 +41,7 @@ RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),
     *(".npz", ".smpl", ".pkl", ".pickle", ".joblib", ".pt", ".pth"),
 )
-"""Endings of the files that `load_recording` reads."""
+"""Endings of recordings; `load_recording` also reads the tables and arrays of `ENDINGS`."""
 
 # Names of whole poses, those in space before those before a camera, and of parts that make one.
 _WHOLE_POSES = (
@@ -77,6 +79,16 @@ _MEANINGS = {
 }
 _SKELETONS = "skeletons and markers, in .bvh, .amc, .trc and .c3d"
 _DEEPEST = 4
+# What to do with files of programs whose formats are closed, or need their models.
+_EXPORTS = {
+    ".fbx": "in Blender or MotionBuilder, export the animation as BVH",
+    ".mvnx": "in Xsens MVN, export BVH, or C3D with joint centres",
+    ".mvn": "in Xsens MVN, export BVH, or C3D with joint centres",
+    ".mot": "it holds angles of an OpenSim model: load the TRC file from which they were computed",
+    ".sto": "it holds angles of an OpenSim model: load the TRC file from which they were computed",
+    ".vsk": "it holds a skeleton without a motion: in Vicon Nexus, export C3D",
+    ".tak": "in OptiTrack Motive, export BVH or C3D",
+}
 
 
 @dataclass(frozen=True)
@@ -199,6 +211,7 @@ def load_recording(
     person: str | None = None,
     unit: str | float | None = None,
     faces: ArrayLike | os.PathLike[str] | None = None,
+    layout: str | None = None,
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
@@ -211,6 +224,8 @@ def load_recording(
       `motion_from_arrays`: those of AIST++, WHAM, GVHMR, 4D-Humans, TRAM and ROMP, and others whose
       fields have the same names. No code in a file is run; a file that holds other objects is
       refused;
+    - ``.npy``, ``.npz`` and ``.csv`` with the positions of joints, as HumanML3D, Human3.6M,
+      MediaPipe, OpenPose, COCO and FreeMoCap have them, see `skeleton_from_positions`;
     - ``.npz`` of SAM 3D Body, with `faces`: its bodies are treated as frames of one person's
       motion, see `load_photographed_bodies`.
 
@@ -242,6 +257,8 @@ def load_recording(
         Triangles of bodies of SAM 3D Body. `model` must have the same triangles; `transfer_model`
         creates such a model. It is fitted to every frame, and the person has the mean of the betas;
         a warning says by how much they differ.
+    layout : str, optional
+        Order of joints whose positions the file holds, see `skeleton_from_positions`.
 
     Raises
     ------
@@ -255,7 +272,7 @@ def load_recording(
     """
     motion: ModelMotion
     file = file_path(path)
-    suffix = suffix_of(file, RECORDING_ENDINGS)
+    suffix = _ending(file)
     if faces is not None:
         if suffix != ".npz" or joints is not None or unit is not None or person is not None:
             raise ArgumentError(
@@ -285,11 +302,32 @@ def load_recording(
         return retarget(recording, model, frames_per_second=frames_per_second, betas=betas, up=up)
     if joints is not None:
         raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")
+    if suffix in POSITION_ENDINGS or (suffix == ".npz" and _holds_positions(file)):
+        recording = load_positions(file, frames_per_second, layout, unit)
+        return retarget(recording, model, betas=betas, up=up)
+    if layout is not None:
+        raise ArgumentError(f"layout is for positions of joints; found {file.name}")
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
         (motion,) = load_amass(file, model, frames_per_second=frames_per_second, up=up, unit=unit)
     else:
         motion = _video_motion(file, suffix, model, frames_per_second, up, person, unit)
     return motion if betas is None else motion.performed_by(betas)
+
+
+def _ending(file: Path) -> str:
+    """Return the ending of a recording, or say how to export one of other programs."""
+    other = _EXPORTS.get(file.suffix.lower())
+    if other is not None:
+        raise FileFormatError(f"{file}: {file.suffix} files are not read; {other}")
+    return suffix_of(file, (*RECORDING_ENDINGS, *POSITION_ENDINGS))
+
+
+def _holds_positions(file: Path) -> bool:
+    """Return whether an archive holds positions of joints, and no poses under known names."""
+    names = array_shapes(file, ())[0]
+    if POSE_FIELDS & set(names) or "pred_vertices" in names:
+        return False
+    return any(has_joints(array) for array in load_arrays(file, ()).values())
 
 
 def _photographed_motion(
