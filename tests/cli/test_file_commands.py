@@ -170,7 +170,7 @@ def test_recordings_of_every_kind(run, refused, tmp_path):
     assert "must hold names of joints" in refused(
         *view, "--force", "--joints", tmp_path / "names.json"
     )
-    video = {"smpl_poses": np.zeros((5, 72)), "smpl_trans": np.zeros((5, 3))}
+    video = {"smpl_poses": np.zeros((5, 72)), "smpl_trans": np.zeros((5, 3)), "fps": 30}
     (tmp_path / "dance.pkl").write_bytes(pickle.dumps(video))
     facts = json.loads(run("info", tmp_path / "dance.pkl", "--json").out)
     assert (facts["kind"], facts["frames"]) == ("recording of poses", 5)
