@@ -129,6 +129,7 @@ def read_markers(
     file: Path, unit: str | float | None = None, frames_per_second: float | None = None
 ) -> Markers:
     """Return the markers in a TRC or C3D file, whatever their names."""
+    names: Sequence[str]
     if file.suffix.lower() == ".c3d":
         names, positions, rate, written_unit = read_points(file)
     else:
