@@ -17,7 +17,16 @@ import autograd.numpy as np
 from autograd.core import make_vjp
 
 from riemhuman.arrays import Array, JSONRecord, JSONValue
-from riemhuman.checks import check_instance, flag, items_of, one_of, real_number, values_of
+from riemhuman.checks import (
+    checked,
+    choice,
+    flag,
+    items_of,
+    one_of,
+    positive,
+    refuse_type,
+    values_of,
+)
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import (
     ArgumentError,
@@ -206,18 +215,17 @@ def _sum(arrays: Sequence[Array]) -> Array:
     return total
 
 
-def _checked_parts(parts: Sequence[str], name: str) -> Parts:
-    return texts_of(parts, name, "a list of names")
+_some_parts = partial(texts_of, expected="a list of names")
 
 
-def _checked_places(places: Sequence[Place], name: str) -> Places:
+def _several_places(places: Sequence[Place], name: str) -> Places:
     several = items_of(places, name, "a list of two or more places")
     if len(several) < 2:
         raise ArgumentError(f"{name} must hold two or more places; found {shown(places)}")
     return several
 
 
-def _checked_axis(axis: str | Sequence[Place], name: str) -> Axis:
+def _an_axis(axis: str | Sequence[Place], name: str) -> Axis:
     if isinstance(axis, str):
         return str(one_of(axis, name, AXES))
     if not isinstance(axis, Sequence) or len(axis) not in (2, 3):
@@ -230,6 +238,7 @@ def _places_of(axis: Axis | None) -> Places:
     return axis if isinstance(axis, tuple) else ()
 
 
+@checked(normal=_an_axis, parts=_some_parts, leave_out=_some_parts)
 @dataclass(frozen=True, kw_only=True)
 class _PlaneSection(Measurement):
     """A measurement of the section of the body by a plane."""
@@ -238,12 +247,6 @@ class _PlaneSection(Measurement):
     normal: Axis = "up"
     parts: Parts = ()
     leave_out: Parts = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "normal", _checked_axis(self.normal, "normal"))
-        object.__setattr__(self, "parts", _checked_parts(self.parts, "parts"))
-        object.__setattr__(self, "leave_out", _checked_parts(self.leave_out, "leave_out"))
 
     @property
     def places(self) -> Places:
@@ -272,6 +275,7 @@ class _PlaneSection(Measurement):
         )
 
 
+@checked(hull=flag)
 @dataclass(frozen=True, kw_only=True)
 class Girth(_PlaneSection):
     """The length of the closed line around a part of the body, in a plane.
@@ -304,7 +308,6 @@ class Girth(_PlaneSection):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        flag(self.hull, "hull")
         if self.leave_out and not self.hull:
             raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
 
@@ -313,6 +316,7 @@ class Girth(_PlaneSection):
         return [line.hulls(values_of(bodies.axis(self.normal))) if self.hull else line.closed()]
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Breadth(_PlaneSection):
     """The extent of a section of the body from side to side.
@@ -335,6 +339,7 @@ class Breadth(_PlaneSection):
         return [self._section(bodies).extents(bodies.axis(self._direction), pull)]
 
 
+@checked()
 @dataclass(frozen=True, kw_only=True)
 class Depth(Breadth):
     """The extent of a section of the body from back to front.
@@ -396,6 +401,7 @@ class Height(Measurement):
         return [np.stack([top, top - self.value(bodies)[0] * bodies.axis("up")[0]])]
 
 
+@checked(along=_several_places, path=choice(*_PATHS), axis=_an_axis)
 @dataclass(frozen=True, kw_only=True)
 class Length(Measurement):
     """The length of a path through places of the body.
@@ -425,10 +431,6 @@ class Length(Measurement):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "along", _checked_places(self.along, "along"))
-        if self.axis is not None:
-            object.__setattr__(self, "axis", _checked_axis(self.axis, "axis"))
-        one_of(self.path, "path", _PATHS)
         if self.path == "joints" and [type(place) for place in self.along] != [str, str]:
             raise ArgumentError(f"along must hold two names of joints; found {shown(self.along)}")
 
@@ -488,6 +490,7 @@ class Volume(Measurement):
         return values, slopes
 
 
+@checked(density=positive)
 @dataclass(frozen=True, kw_only=True)
 class Mass(Volume):
     """An estimate of the body mass: the volume times a density.
@@ -508,10 +511,6 @@ class Mass(Volume):
     density: float = DENSITY
     units: ClassVar[str] = "kg"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        real_number(self.density, "density", minimum=0.0, strict=True)
-
     def value(self, bodies: LandmarkedBodies) -> Array:
         return self.density * super().value(bodies)
 
@@ -522,6 +521,7 @@ class Mass(Volume):
         return values, slopes
 
 
+@checked(parts=_some_parts)
 @dataclass(frozen=True, kw_only=True)
 class Area(Measurement):
     """The area of the surface or of parts of it.
@@ -541,10 +541,6 @@ class Area(Measurement):
 
     parts: Parts = ()
     units: ClassVar[str] = "m²"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "parts", _checked_parts(self.parts, "parts"))
 
     @property
     def part_names(self) -> Parts:
@@ -595,8 +591,9 @@ def measurement_from_dict(record: Mapping[str, JSONValue]) -> Measurement:
         raise ArgumentTypeError(f"a measurement must be a mapping; found {shown(record)}")
     parameters = dict(record)
     cls = _class_of(str(parameters.pop("kind", "")))
+    known = [field.name for field in fields(cls)]
     for name in parameters:
-        nearest_name(name, f"parameter of {cls.__name__}", [f.name for f in fields(cls)])
+        nearest_name(name, f"parameter of {cls.__name__}", known)
     try:
         return cls(**parameters)
     except TypeError as error:
@@ -610,7 +607,8 @@ def nearest_name(name: str, what: str, names: Sequence[str] | Mapping[str, objec
 
     `what` says what has the name, in the message.
     """
-    check_instance(name, f"the name of a {what}", str, "a text")
+    if not isinstance(name, str):
+        refuse_type(name, f"the name of a {what}", "a text")
     if name in names:
         return name
     matches = get_close_matches(str(name), list(names), n=3, cutoff=0.5)

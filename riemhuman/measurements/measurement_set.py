@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +18,14 @@ from scipy.spatial import cKDTree
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, JSONRecord, Triangles
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.checks import (
-    check_instance,
+    checked,
+    choice,
+    each,
+    instance,
     integer_array,
     items_of,
     one_of,
     real_array,
-    real_number,
     refuse_type,
 )
 from riemhuman.checks.labels import texts_of
@@ -48,6 +52,24 @@ _RESOLUTIONS = ("full", "coarse")
 _WEIGHT_TOLERANCE = 1e-3
 
 
+def some_measurements(values: Iterable[object], name: str) -> tuple[object, ...]:
+    """Check measurements and names of measurements."""
+    entries = items_of(values, name, "a list of measurements")
+    for entry in entries:
+        if not isinstance(entry, (Measurement, str)):
+            refuse_type(entry, name, "names or objects of Measurement")
+    return entries
+
+
+@checked(
+    template=instance((Template, BodyModel)),
+    measurements=each(instance(Measurement), "a list of measurements"),
+    landmarks=instance(Mapping, "a mapping of names to landmarks"),
+    parts=instance(Mapping, "a mapping of names to triangles"),
+    frame=partial(texts_of, expected="four landmarks"),
+    axes=partial(real_array, shape=(3, 3), batched=False),
+    standard_pose=instance(Mapping, "a mapping of joints to poses"),
+)
 @dataclass(frozen=True, eq=False, repr=False)
 class MeasurementSet:
     """Measurements with the landmarks and parts of a template.
@@ -86,12 +108,6 @@ class MeasurementSet:
     standard_pose: Mapping[str, ArrayLike] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.template, (Template, BodyModel)):
-            refuse_type(self.template, "template", "a Template or a BodyModel")
-        check_instance(self.landmarks, "landmarks", Mapping, "a mapping of names to landmarks")
-        check_instance(self.parts, "parts", Mapping, "a mapping of names to triangles")
-        check_instance(self.standard_pose, "standard_pose", Mapping, "a mapping of joints to poses")
-        object.__setattr__(self, "frame", texts_of(self.frame, "frame", "four landmarks"))
         marks = {name: self._checked_landmark(name, m) for name, m in self.landmarks.items()}
         if self.model is not None:
             for name, row in zip(self.model.joint_names, self.model.joint_regressor, strict=True):
@@ -107,12 +123,13 @@ class MeasurementSet:
             _check_numbers(f"part {name!r} has triangle", faces, len(self.faces))
         object.__setattr__(self, "landmarks", marks)
         object.__setattr__(self, "parts", parts)
-        axes = real_array(self.axes, "axes", (3, 3), batched=False)
-        if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-6):
-            raise ArgumentError(f"axes must be orthonormal; found {axes.tolist()}")
-        object.__setattr__(self, "axes", axes)
-        object.__setattr__(self, "measurements", _listed(self.measurements))
-        self._check_names()
+        if not np.allclose(self.axes.T @ self.axes, np.eye(3), atol=1e-6):
+            raise ArgumentError(f"axes must be orthonormal; found {self.axes.tolist()}")
+        for name in self.frame:
+            nearest_name(name, "landmark", marks)
+        if len(self.frame) not in (0, 4):
+            raise ArgumentError(f"frame must name four landmarks; found {list(self.frame)}")
+        self._check_measurements()
 
     def _checked_landmark(self, name: str, mark: Sequence[ArrayLike]) -> tuple[Integers, Array]:
         pair = items_of(mark, f"landmark {name!r}", "a pair of vertices and weights")
@@ -132,27 +149,21 @@ class MeasurementSet:
         total = float(weights.sum())
         return vertices, weights / total if abs(total - 1.0) > 1e-12 else weights
 
-    def _check_names(self) -> None:
-        for measurement in self.measurements:
-            if not isinstance(measurement, Measurement):
-                refuse_type(measurement, "measurements", "names or objects of Measurement")
-        for name in self.names:
-            if self.names.count(name) > 1:
-                raise ArgumentError(f"two measurements have the name {name!r}")
-        for name in self.frame:
-            nearest_name(name, "landmark", self.landmarks)
-        if len(self.frame) not in (0, 4):
-            raise ArgumentError(f"frame must name four landmarks; found {list(self.frame)}")
+    def _check_measurements(self) -> None:
+        """Raise an error if two have one name, or if one refers to what the set lacks."""
+        repeated = [name for name, count in Counter(self.names).items() if count > 1]
+        if repeated:
+            raise ArgumentError(f"two measurements have the name {repeated[0]!r}")
         for measurement in self.measurements:
             for place in measurement.places:
                 shares = {place: 1.0} if isinstance(place, str) else place
                 for name in shares:
-                    nearest_name(name, f"landmark for {measurement.name!r},", self.landmarks)
-                weights = [real_number(share, name) for name, share in shares.items()]
-                if abs(sum(weights)) < _WEIGHT_TOLERANCE:
+                    if name not in self.landmarks:
+                        nearest_name(name, f"landmark for {measurement.name!r},", self.landmarks)
+                if not abs(sum(shares.values())) > _WEIGHT_TOLERANCE:
                     raise ArgumentError(
-                        f"weights of a place must not sum to zero; found {shown(place)} for "
-                        f"{measurement.name!r}"
+                        "weights of a place must be numbers that do not sum to zero; found "
+                        f"{shown(place)} for {measurement.name!r}"
                     )
             for name in measurement.part_names:
                 nearest_name(name, f"part for {measurement.name!r},", self.parts)
@@ -168,7 +179,7 @@ class MeasurementSet:
             f"landmarks, {self.n_vertices:,} vertices>"
         )
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the measurements."""
         return tuple(measurement.name for measurement in self.measurements)
@@ -178,7 +189,7 @@ class MeasurementSet:
         """The body model, or None if the template is a surface."""
         return self.template if isinstance(self.template, BodyModel) else None
 
-    @property
+    @cached_property
     def surface(self) -> Template:
         """The template as a surface, also for a body model."""
         return _surface_of(self.template)
@@ -186,17 +197,17 @@ class MeasurementSet:
     @property
     def vertices(self) -> Array:
         """Vertices of the template, shape (V, 3)."""
-        return _surface_of(self.template).vertices
+        return self.surface.vertices
 
     @property
     def faces(self) -> Triangles:
         """Triangles, shape (F, 3)."""
-        return _surface_of(self.template).faces
+        return self.surface.faces
 
     @property
     def n_vertices(self) -> int:
         """Number of vertices V."""
-        return _surface_of(self.template).n_vertices
+        return self.surface.n_vertices
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -240,6 +251,7 @@ class MeasurementSet:
             is_inside[self.parts[name]] = True
         return is_inside
 
+    @checked(measurements=some_measurements)
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
         """Return the same landmarks and parts with other measurements.
 
@@ -249,14 +261,17 @@ class MeasurementSet:
             New measurements, or names of this set's.
         """
         by_name = dict(zip(self.names, self.measurements, strict=True))
-        chosen_measurements: list[Measurement] = []
-        for entry in _listed(measurements):
-            if isinstance(entry, str):
-                entry = by_name[nearest_name(entry, "measurement", by_name)]
-            chosen_measurements.append(entry)
-        changed = replace(self, measurements=chosen_measurements)
-        # Data prepared for the surface, such as strips of paths, stay the same.
-        vars(changed)["mesh"] = self.mesh
+        chosen = tuple(
+            by_name[nearest_name(entry, "measurement", by_name)]
+            if isinstance(entry, str)
+            else entry
+            for entry in measurements
+        )
+        # All else stays the same, also data prepared for the surface, such as strips of paths.
+        changed = copy(self)
+        object.__setattr__(changed, "measurements", chosen)
+        vars(changed).pop("names", None)
+        changed._check_measurements()
         return changed
 
     def mapped(
@@ -387,12 +402,9 @@ class MeasurementSet:
 def _surface_of(template: Template | BodyModel) -> Template:
     if isinstance(template, BodyModel):
         return template.template
-    check_instance(template, "model", Template, "a BodyModel, a Template or a resolution")
+    if not isinstance(template, Template):
+        refuse_type(template, "model", "a BodyModel, a Template or a resolution")
     return template
-
-
-def _listed(measurements: Iterable[Measurement | str]) -> tuple[Measurement | str, ...]:
-    return items_of(measurements, "measurements", "a list of measurements")
 
 
 def _check_numbers(what: str, numbers: Integers, count: int) -> None:
@@ -441,6 +453,7 @@ def _from_runs(runs: Sequence[Sequence[int]], count: int) -> Integers:
     return np.concatenate(ranges) if ranges else np.empty(0, dtype=np.int64)
 
 
+@checked(pose=choice("standing", "seated"))
 def open_measurements(
     model: BodyModel | Template | str = "full", pose: str = "standing"
 ) -> MeasurementSet | None:
@@ -464,7 +477,6 @@ def open_measurements(
     >>> rh.measurements.open_measurements("coarse").names[:2]
     ('stature', 'cervical height')
     """
-    one_of(pose, "pose", ("standing", "seated"))
     if isinstance(model, str):
         return _load_open_set(one_of(model, "model", _RESOLUTIONS), pose)
     faces = _surface_of(model).faces

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
+from riemhuman.checks import checked, choice, instance, positive, whole
 
-from riemhuman.checks import check_instance, one_of, real_number, refuse_type, whole_number
-
-# Digits, or characters in all, that anybody reads.
-_MOST_DIGITS = 1000
+_SYSTEMS = ("cm", "in")
 
 
+@checked(name=instance(str), scale=positive, digits=whole(minimum=0))
 @dataclass(frozen=True)
 class ReadableUnit:
     """A unit for people.
@@ -36,11 +33,6 @@ class ReadableUnit:
     scale: float
     digits: int
 
-    def __post_init__(self) -> None:
-        check_instance(self.name, "name", str, "a text")
-        real_number(self.scale, "scale", minimum=0.0, strict=True)
-        whole_number(self.digits, "digits", minimum=0, maximum=_MOST_DIGITS)
-
     def text(self, value: float, width: int = 0, sign: str = "") -> str:
         """Return a value in SI units as text in this unit.
 
@@ -53,12 +45,8 @@ class ReadableUnit:
         sign : {"", "+"}
             Whether positive values have a sign, too.
         """
-        is_missing = isinstance(value, (float, np.floating)) and math.isnan(value)
-        number = math.nan if is_missing else real_number(value, "value") * self.scale
-        width = whole_number(width, "width", minimum=0, maximum=_MOST_DIGITS)
-        one_of(sign, "sign", ("", "+"))
         # "z": what is rounded to zero has no minus.
-        return f"{number:{sign}z{width or ''}.{self.digits}f}"
+        return f"{self.scale * value:{sign}z{width or ''}.{self.digits}f}"
 
 
 _INCHES = 1 / 0.0254  # in a metre, exactly
@@ -87,6 +75,7 @@ _GAP_UNITS: Mapping[str, ReadableUnit] = {
 }
 
 
+@checked(unit=instance(str), system=choice(*_SYSTEMS))
 def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
     """Return the unit in which people read a value; unknown units are returned unchanged.
 
@@ -102,9 +91,6 @@ def readable_unit(unit: str, system: str = "cm") -> ReadableUnit:
     >>> rh.measurements.readable_unit("m³").name
     'L'
     """
-    one_of(system, "system", tuple(READABLE_UNITS))
-    if not isinstance(unit, str):
-        refuse_type(unit, "unit", "a text such as 'm'")
     return READABLE_UNITS[system].get(unit, ReadableUnit(unit, 1.0, 4))
 
 
@@ -123,10 +109,10 @@ def readable_gap(metres: float, system: str = "cm") -> str:
     ('2.4 mm', '0.094 in')
     """
     unit = gap_unit(system)
-    return f"{unit.text(real_number(metres, 'metres'))} {unit.name}"
+    return f"{unit.text(metres)} {unit.name}"
 
 
+@checked(system=choice(*_SYSTEMS))
 def gap_unit(system: str) -> ReadableUnit:
     """Return the unit of `readable_gap`."""
-    one_of(system, "system", tuple(_GAP_UNITS))
     return _GAP_UNITS[system]

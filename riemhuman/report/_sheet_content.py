@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -433,26 +433,27 @@ def percentile_text(percentile: float) -> str:
     return ">99" if percentile > 99.0 else f"{percentile:.0f}"
 
 
+@cache
 def _unit(unit: str, units: str) -> ReadableUnit:
+    """Return a unit with the digits that the uncertainty of measurements justifies."""
     if unit == "m²" and units == "cm":
         return _SQUARE_METRES
-    return readable_unit(unit, units)
+    readable = readable_unit(unit, units)
+    return replace(readable, digits=_DIGITS.get(readable.name, readable.digits))
 
 
 def _value(value: float, unit: ReadableUnit, sign: str = "") -> str:
     if not np.isfinite(value):
         return NOTHING
-    digits = _DIGITS.get(unit.name, unit.digits)
-    return replace(unit, digits=digits).text(value, sign=sign).replace("-", _MINUS)
+    return unit.text(value, sign=sign).replace("-", _MINUS)
 
 
 def _uncertainty(value: float, unit: ReadableUnit) -> str:
     """Return an uncertainty, with one more digit if it would be 0; nothing for what is exact."""
     if not np.isfinite(value):
         return ""
-    digits = _DIGITS.get(unit.name, unit.digits)
-    is_small = abs(value * unit.scale) < 0.5 * 10.0**-digits
-    return replace(unit, digits=digits + 1).text(value) if is_small else _value(value, unit)
+    is_small = abs(value * unit.scale) < 0.5 * 10.0**-unit.digits
+    return replace(unit, digits=unit.digits + 1).text(value) if is_small else _value(value, unit)
 
 
 def posture_texts(posture: Mapping[str, float]) -> list[PostureText]:
