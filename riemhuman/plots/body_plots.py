@@ -62,7 +62,7 @@ def plot_body(
     label: str | None = None,
     ground: bool = True,
     ax: Axes | None = None,
-    height: int = 480,
+    height: int = 1440,
 ) -> Axes:
     """Draw a body, coloured by values of its triangles or vertices if they are given.
 
@@ -84,7 +84,7 @@ def plot_body(
         Whether the body stands on the ground of viewers, a grid of 25 cm with its shadow.
     ax : matplotlib.axes.Axes, optional
     height : int
-        Pixels.
+        Pixels; by default 300 an inch of the figure that is made.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def plot_path(
     labels: Sequence[str] | None = None,
     label: str | None = None,
     ax: Axes | None = None,
-    height: int = 360,
+    height: int = 720,
 ) -> Axes:
     """Draw the surfaces of a path side by side as a film strip.
 
@@ -179,7 +179,7 @@ def plot_path(
         Label of a colour bar, used with `values`.
     ax : matplotlib.axes.Axes, optional
     height : int
-        Pixels.
+        Pixels; by default 300 an inch of the figure that is made.
 
     Examples
     --------

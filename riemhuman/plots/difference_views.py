@@ -61,7 +61,7 @@ def view_difference(
     point_b: object = None,
     faces: ArrayLike | None = None,
     *,
-    names: Sequence[str] = ("a", "b"),
+    names: Sequence[str] = ("first", "second"),
     measurements: Measurements | None = None,
     metric: ElasticMetric | None = None,
     title: str | None = None,
@@ -140,10 +140,10 @@ def plot_difference(
     point_b: object = None,
     faces: ArrayLike | None = None,
     *,
-    names: Sequence[str] = ("a", "b"),
+    names: Sequence[str] = ("first", "second"),
     measurements: Measurements | None = None,
     view: View | None = None,
-    height: int = 640,
+    height: int = 1440,
     system: str = "cm",
 ) -> Figure:
     """Draw two bodies side by side, the second coloured by where it differs from the first.
@@ -156,7 +156,7 @@ def plot_difference(
         As for `view_difference`.
     view : View, optional
     height : int
-        Pixels.
+        Pixels of the bodies; by default 300 an inch.
     system : {"cm", "in"}
         Millimetres or inches.
 

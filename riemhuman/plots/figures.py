@@ -135,14 +135,18 @@ def use_fonts_of_names(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure on white to a file, in the format of its ending, by a canvas for files."""
+    """Write a figure on white to a file, in the format of its ending, by a canvas for files.
+
+    Letters of PDF files are TrueType, and pictures within them have 300 dots an inch.
+    """
     file = file_path(path)
     use_fonts_of_names(figure)
-    with atomic_file(file) as temporary, catch_warnings():
+    fonts = import_matplotlib("style").context({"pdf.fonttype": 42, "ps.fonttype": 42})
+    with atomic_file(file) as temporary, fonts, catch_warnings():
         simplefilter("ignore", UserWarning)  # of each missing character
         ending = file.suffix[1:].lower()
         canvas = _CANVASES.get(ending)
-        figure.savefig(temporary, dpi=200, facecolor="white", format=ending, backend=canvas)
+        figure.savefig(temporary, dpi=FIGURE_DPI, facecolor="white", format=ending, backend=canvas)
 
 
 def figure_files(figure: Figure, dots_an_inch: int = FIGURE_DPI) -> tuple[str, bytes]:

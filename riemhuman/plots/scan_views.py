@@ -320,7 +320,7 @@ def plot_scan(
     *,
     view: View | None = None,
     limit: float | None = None,
-    height: int = 640,
+    height: int = 1440,
     system: str = "cm",
 ) -> Figure:
     """Draw a scan, its body and their distances side by side, from one viewpoint.
@@ -337,7 +337,7 @@ def plot_scan(
         End of the colour scale, in the unit of the distances; by default a round number of about
         three times the median.
     height : int
-        Pixels.
+        Pixels of the bodies; by default 300 an inch.
     system : {"cm", "in"}
         Millimetres or inches for distances.
 

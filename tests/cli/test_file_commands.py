@@ -250,7 +250,7 @@ def test_view_writes_films_and_refuses_other_endings(run, refused, scans, tmp_pa
 
 def test_info_says_which_fields_of_a_recording_are_used(run, tmp_path):
     arrays = {"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3))}
-    arrays["expression"] = np.zeros((4, 9))
+    arrays |= {"expression": np.zeros((4, 9)), "fps": np.array(30.0)}
     save_arrays(tmp_path / "video.npz", arrays)
     finished = run("info", tmp_path / "video.npz", "--json")
     facts = json.loads(finished.out)

@@ -81,7 +81,7 @@ def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
     bar = figure.axes[-1]
     low, high = bar.get_ylim()
     assert low == -high
-    assert bar.get_ylabel() == "b outside (+) or inside (−) a, mm"
+    assert bar.get_ylabel() == "second outside (+) or inside (−) first, mm"
     # Only the second body is coloured, and both stand on one floor.
     first, second = (image.get_array().astype(int) for image in figure.axes[0].images)
     blue = [(picture[..., 2] > picture[..., 0] + 40).mean() for picture in (first, second)]
