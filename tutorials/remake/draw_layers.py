@@ -1,27 +1,36 @@
-"""Draw the layers of the library and who imports whom, and renew the line links of the tour.
+"""Draw the layers of the library, and renew the line links of the tour.
 
-`python tutorials/remake/draw_layers.py` reads the floors in `setup.cfg` and the imports in the
-source, writes `tutorials/pictures/layers.png`, and sets the line numbers of links to functions in
+`python tutorials/remake/draw_layers.py` reads the floors in `setup.cfg`, writes
+`tutorials/pictures/layers.png`, and sets the line numbers of links to functions in
 `tutorials/architecture.md`.
 """
 
 import ast
 import re
 from configparser import ConfigParser
-from functools import cache
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib
 
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
+from matplotlib.patches import FancyBboxPatch
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "riemhuman"
 PICTURE = ROOT / "tutorials" / "pictures" / "layers.png"
 PAGE = ROOT / "tutorials" / "architecture.md"
-# Names that fit beside each other; and the lowest floor with its rows, which all import.
-_MOST_IN_LINE, _LOWEST = 8, 0.5
+# What each floor gives to those above it, and what one call does there: the highest floor first.
+FLOORS = (
+    ("what people see", "riemhuman dist anna.ply ben.ply", "0.106"),
+    ("answers about many bodies", "", ""),
+    ("answers about bodies", "", ""),
+    ("paths, means, bodies, data", "reads two meshes", ""),
+    ("spaces and metrics", "a sum of terms in g and n", "its root"),
+    ("arrays, files, compiled loops", "g and n of each triangle", "sums"),
+)
+INK, LINE, PALE = "#1d2025", "#34618d", "#eef3f8"
 LINK = re.compile(r"\[`([\w.]+)`\]\(\.\./(riemhuman/[\w/]+\.py)#L\d+\)")
 
 
@@ -34,42 +43,35 @@ def floors():
     return [[name for name in row if name != "__main__"] for row in rows]
 
 
-@cache
-def imports():
-    """Return pairs of an importing and an imported part, with how many modules import."""
-    counts = {}
-    for file in PACKAGE.rglob("*.py"):
-        importer = file.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        modules = [node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-        parts = [(module or "").split(".") for module in modules]
-        for imported in {part[1] for part in parts if part[0] == "riemhuman" and len(part) > 1}:
-            if imported != importer:
-                counts[importer, imported] = counts.get((importer, imported), 0) + 1
-    return counts
-
-
 def draw(path):
-    """Draw a box for each part, one row a floor, and lines for imports above the lowest floor."""
-    figure, axes = plt.subplots(figsize=(10.0, 6.4))
-    places = {}
-    for height, row in enumerate(reversed(floors())):
-        for number, name in enumerate(row):
-            crowded = 0.15 * (-1) ** number if len(row) > _MOST_IN_LINE else 0.0
-            place = (number + 0.5) / len(row), height + crowded
-            places[name] = place
-            box = {"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": "#34618d"}
-            axes.text(*place, name, ha="center", va="center", fontsize=9, bbox=box, zorder=2)
-    for (importer, imported), count in imports().items():
-        if importer in places and imported in places:
-            (x, top), (other_x, bottom) = places[importer], places[imported]
-            line = {"color": "#34618d", "alpha": 0.45, "lw": 0.3 + 0.08 * min(count, 20)}
-            if top == bottom > _LOWEST:
-                bent = {"arrowstyle": "-", "connectionstyle": "arc3,rad=0.18", **line}
-                axes.annotate("", (other_x, bottom), (x, top), arrowprops=bent)
-            elif top > bottom > _LOWEST:  # all import the lowest floor
-                axes.plot([x, other_x], [top, bottom], **line)
-    axes.set(xlim=(0.0, 1.0), ylim=(-0.5, len(floors()) - 0.5))
+    """Draw the floors as a stack, and one call that goes down through them and comes back."""
+    figure, axes = plt.subplots(figsize=(10.0, 5.6))
+    rows = floors()
+    down, up = 6.25, 9.75
+    for number, (row, (gives, call, back)) in enumerate(zip(rows, FLOORS, strict=True)):
+        height = len(rows) - number
+        box = {"boxstyle": "round,pad=0.02", "facecolor": PALE, "edgecolor": LINE, "lw": 0.8}
+        axes.add_patch(FancyBboxPatch((0.1, height - 0.36), 5.6, 0.72, **box))
+        axes.text(0.25, height + 0.17, gives, fontsize=11, color=INK, weight="bold", va="center")
+        names = fill(", ".join(row), 72)
+        axes.text(0.25, height - 0.14, names, fontsize=8, color=INK, va="center", linespacing=1.1)
+        for x, text, align in ((down, call, "left"), (up, back, "right")):
+            if text:
+                axes.plot(x, height, "o", color=LINE, ms=6, zorder=3)
+                shift = 0.15 if align == "left" else -0.15
+                words = fill(text, 26)
+                axes.text(x + shift, height, words, fontsize=9, color=INK, ha=align, va="center")
+    arrow = {"arrowstyle": "-|>", "color": LINE, "lw": 1.4}
+    axes.annotate("", (down, 1.1), (down, len(rows)), arrowprops=arrow)
+    axes.annotate("", (up, len(rows) - 0.1), (up, 1), arrowprops=arrow)
+    axes.plot([down, up], [0.7, 0.7], color=LINE, lw=1.4)
+    axes.plot([down, down], [1.1, 0.7], color=LINE, lw=1.4)
+    axes.plot([up, up], [1.0, 0.7], color=LINE, lw=1.4)
+    title = "One call goes down the floors, and its answer comes back"
+    axes.text((down + up) / 2, len(rows) + 0.62, title, fontsize=9, color=INK, ha="center")
+    title = "Each floor imports only from those below"
+    axes.text(2.9, len(rows) + 0.62, title, fontsize=9, color=INK, ha="center")
+    axes.set(xlim=(0.0, 10.0), ylim=(0.5, len(rows) + 0.8))
     axes.axis("off")
     figure.savefig(path, dpi=110, bbox_inches="tight", metadata={"Software": None})
 
