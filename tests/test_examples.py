@@ -1,7 +1,6 @@
 """Every public name has an example in its docstring, and it prints what it says.
 
-One of two runs every day, without those that take seconds, and all where the documentation is
-built, in `python .ci/jobs.py docs`.
+All run where the documentation is built, in `python .ci/jobs.py docs`.
 """
 
 import doctest
@@ -19,13 +18,6 @@ IMPORTS = {"np": np, "rh": rh}  # which examples leave out, as those of NumPy do
 
 
 OBJECTS = public_objects()
-SLOW = {
-    "riemhuman.measurements.model_from_measurements",
-    "riemhuman.plots.plot_difference",
-    "riemhuman.plots.view_difference",
-    "riemhuman.registration.TemplateRegistration",
-}
-EVERYDAY = [name for name in list(OBJECTS)[::2] if name not in SLOW]
 
 
 @pytest.fixture
@@ -49,7 +41,6 @@ def test_every_name_has_an_example():
     assert [name for name in texts if "\nExamples\n--------\n" not in texts[name]] == []
 
 
-@pytest.mark.everyday(*EVERYDAY)
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.usefixtures("quick")
 def test_examples(name):

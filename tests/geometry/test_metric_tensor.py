@@ -9,9 +9,7 @@ import pytest
 from autograd import grad
 from cases import (
     CASES,
-    FIRST_HALF,
     KINDS,
-    SECOND_HALF,
     HalfPlane,
     HyperbolicDistance,
     HyperbolicInnerProduct,
@@ -69,7 +67,6 @@ def test_axioms_on_many_triples(case):
     check_axioms(case.metric.dist, near, a, b)
 
 
-@pytest.mark.everyday(*FIRST_HALF)
 @every_case
 def test_gram_matrices_hold_inner_products(case):
     metric, x, (v, w) = case.metric, case.points[0], case.tangent_vecs[:2]
@@ -92,7 +89,6 @@ def check_gradient(function, x, direction):
     assert taylor_slope(function, x, direction, gradient) >= 1.9
 
 
-@pytest.mark.everyday(*FIRST_HALF)
 @with_distance
 def test_gradients_of_squared_dist(case):
     metric, projection, (x, y) = case.metric, case.space.projection, case.points[:2]
@@ -102,7 +98,6 @@ def test_gradients_of_squared_dist(case):
     check_gradient(lambda p: metric.dist(projection(p), y), x, v)
 
 
-@pytest.mark.everyday(*SECOND_HALF)
 @every_case
 def test_gradients_of_energy_and_length(case):
     metric, projection = case.metric, case.space.projection
@@ -121,7 +116,6 @@ def test_squared_dists_and_gradient_are_those_of_single_segments(case):
     np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.everyday(*SECOND_HALF)
 @every_case
 def test_gradients_of_squared_norm(case):
     metric, projection = case.metric, case.space.projection
@@ -136,7 +130,6 @@ def test_gradients_of_squared_norm(case):
         assert np.all(grad(lambda p: metric.norm(p, x))(0 * v) == 0)
 
 
-@pytest.mark.everyday(*SECOND_HALF)
 @with_distance
 def test_coincident_points(case):
     x = case.points[0]

@@ -113,7 +113,18 @@ def test_gradients(angle):
     np.testing.assert_allclose(slope, -2 * sphere.log(n1, n2), rtol=1e-6, atol=1e-13)
 
 
-# Parallel transport.
+@pytest.mark.parametrize("angle", [0.0, 1e-8, 0.3, 2.8, np.pi - 1e-8])
+def test_parallel_transport_is_the_rotation_along_the_great_circle(angle):
+    n, across = pairs(np.pi / 2)
+    velocity = angle * sphere.to_tangent(across, n)
+    vectors = sphere.to_tangent(np.random.default_rng(5).normal(size=n.shape), n)
+    found = sphere.parallel_transport(vectors, n, velocity)
+    rotation = Rotation.from_rotvec(np.cross(n, velocity))
+    np.testing.assert_allclose(found, rotation.apply(vectors), atol=1e-14)
+    # The velocity itself goes to that at the end.
+    there = sphere.exp(velocity, n)
+    carried = sphere.parallel_transport(velocity, n, velocity)
+    np.testing.assert_allclose(sphere.exp(-carried, there), n, atol=1e-14)
 
 
 def test_slopes_of_the_squared_arc_at_its_ends():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from cases import (
     CASES,
-    NAMES_OF_KINDS,
     HalfPlane,
     HyperbolicDistance,
     HyperbolicInnerProduct,
@@ -102,7 +101,6 @@ def test_the_geodesic_where_it_has_a_closed_form(case):
     assert case.metric.dist(result.path, geodesic).max() < 1e-3 * np.sqrt(squared_dist)
 
 
-@pytest.mark.everyday(*NAMES_OF_KINDS)
 @pytest.mark.parametrize("case", SMOOTH, ids=name_of)
 def test_on_any_manifold(case):
     result = solve(case, n_nodes=7)

@@ -3,7 +3,7 @@
 import bodies_in_motion
 import numpy as np
 import pytest
-from cases import CASES, SECOND_HALF, cases_that, name_of
+from cases import CASES, cases_that, name_of
 from oracles import taylor_slope
 
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError
@@ -75,7 +75,6 @@ def test_gradients_of_segment_energy(case):
     check_gradient(SEGMENT, case)
 
 
-@pytest.mark.everyday(*SECOND_HALF)
 @pytest.mark.parametrize(
     "case", [case for case in CASES.values() if case.metric.has_inner_product], ids=name_of
 )

@@ -357,12 +357,6 @@ SPACES = {
 CASES = {case.name: case for case in build_cases()}
 """All cases by name."""
 
-FIRST_HALF, SECOND_HALF = list(CASES)[::2], list(CASES)[1::2]
-"""Names of every second case, for tests that run half of the registry every day.
-
-Cases of a kind stand side by side, so that both halves hold some of every kind.
-"""
-
 NAMES_OF_KINDS = [
     *("ebin 0.05 sphere", "normals sphere", "rotations sphere", "flat", "product"),
     *("mixed open", "pose triangle", "srnf sphere", "general open", "rotation open, diffused"),

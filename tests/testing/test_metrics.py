@@ -3,7 +3,7 @@
 import autograd.numpy as anp
 import numpy as np
 import pytest
-from cases import CASES, NAMES_OF_KINDS, HalfPlane, HyperbolicDistance, name_of
+from cases import CASES, HalfPlane, HyperbolicDistance, name_of
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
@@ -28,7 +28,6 @@ ENERGY = "energy ≥ squared length ≥ squared distance"
 GRADIENT = "the gradient of the energy is exact"
 
 
-@pytest.mark.everyday(*NAMES_OF_KINDS)
 @pytest.mark.parametrize(
     "case", [case for case in CASES.values() if "diffused" not in case.name], ids=name_of
 )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import CASES, NAMES_OF_KINDS, name_of, sphere_template, surfaces
+from cases import CASES, name_of, sphere_template, surfaces
 
 import riemhuman as rh
 from riemhuman import solvers
@@ -45,7 +45,6 @@ def use(case):
     return [np.asarray(result) for result in results]
 
 
-@pytest.mark.everyday(*NAMES_OF_KINDS)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_metrics(case):
     described, number = json.dumps(describe(case.metric)), hash(case.metric)
