@@ -4,7 +4,7 @@ from riemhuman.bodies.body_model import BodyModel, convert_model
 from riemhuman.bodies.fitting import ModelFit, correspondence_matrix, fit_model
 from riemhuman.bodies.model_files import ModelContents, model_contents
 from riemhuman.bodies.skinning import joint_motions, joints_between, skin_surface
-from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
+from riemhuman.kernels.rotations import rotation_matrix
 
 __all__ = [
     "BodyModel",
@@ -16,7 +16,6 @@ __all__ = [
     "joint_motions",
     "joints_between",
     "model_contents",
-    "rotation_derivative",
     "rotation_matrix",
     "skin_surface",
 ]

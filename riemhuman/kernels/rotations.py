@@ -58,16 +58,6 @@ def rotation_derivative(axis_angle: ArrayLike) -> Array:
 
     With R(ω) the rotation, R(ω + dω) = R(J dω) R(ω) to first order, where
     J = I + ((1 − cos θ) / θ²) K + ((θ − sin θ) / θ³) K².
-
-    Parameters
-    ----------
-    axis_angle : array_like, shape (..., 3)
-        Rotation vectors ω in radians.
-
-    Examples
-    --------
-    >>> rh.bodies.rotation_derivative(np.zeros(3)).tolist()  # turns about the axes
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     cross, small, x, angle, cosine_quotient = _parts(axis_angle)
     third_quotient = np.where(

@@ -2,7 +2,6 @@
 
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import (
-    adjacent_triangles,
     edge_lengths,
     is_closed,
     signed_volume,
@@ -18,7 +17,6 @@ __all__ = [
     "Spectrum",
     "SurfacePoints",
     "Template",
-    "adjacent_triangles",
     "edge_lengths",
     "generalized_procrustes",
     "is_closed",

@@ -137,24 +137,10 @@ def is_closed(faces: Triangles) -> bool:
 
 
 def adjacent_triangles(faces: Triangles) -> tuple[Integers, Integers]:
-    """Return pairs of triangles that share an edge; more than two at an edge form a chain.
+    """Return pairs of triangles that share an edge, and the vertices of that edge, both (P, 2).
 
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-
-    Returns
-    -------
-    pairs, edges : array of int, shape (P, 2)
-        Two triangles, and the vertices of the edge they share.
-
-    Examples
-    --------
-    >>> pairs, edges = rh.surfaces.adjacent_triangles(np.array([[0, 1, 2], [2, 1, 3]]))
-    >>> pairs.tolist(), edges.tolist()
-    ([[1, 0]], [[1, 2]])
+    More than two triangles at an edge form a chain.
     """
-    faces = check_triangles(faces)
     starts, ends = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()
     n_vertices = int(faces.max(initial=0)) + 1
     # One number per edge, because sorting pairs takes many times as long.
