@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riemhuman.arrays import Array
-from riemhuman.checks import one_of
+from riemhuman.checks import checked, choice
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.representation import constructor_text
@@ -79,6 +79,7 @@ class Transformer(Estimator):
     def _n_outputs(self) -> int:
         """Return the number of columns of a result."""
 
+    @checked(transform=choice(*_CONTAINERS))
     def set_output(self, *, transform: str | None = None) -> Self:
         """Choose what `transform` and `fit_transform` return.
 
@@ -89,7 +90,6 @@ class Transformer(Estimator):
             the first call, the setting ``transform_output`` of scikit-learn is used.
         """
         if transform is not None:
-            one_of(transform, "transform", _CONTAINERS)
             self._sklearn_output_config = {"transform": transform}
         return self
 

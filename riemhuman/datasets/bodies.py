@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from riemhuman.arrays import Array, Booleans, Integers, Labels, Values
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import check_instance, distance_matrix, real_array
+from riemhuman.checks import checked, distance_matrix, instance, real_array
 from riemhuman.checks.labels import class_indices, plain_text, texts_or_numbers
 from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -43,6 +43,13 @@ _REQUIRED = (
 _OPTIONAL = ("betas", "pose_vectors", "translations")
 
 
+@checked(
+    template=instance(Template),
+    model=instance(BodyModel),
+    subject_names=texts_or_numbers,
+    pose_names=texts_or_numbers,
+    ids=texts_or_numbers,
+)
 @dataclass(frozen=True, eq=False, repr=False)
 class Bodies:
     """Registered body surfaces, with the person and the pose of each surface.
@@ -94,20 +101,15 @@ class Bodies:
     ids: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_instance(self.template, "template", Template)
-        if self.model is not None:
-            check_instance(self.model, "model", BodyModel)
         shape = ("n_bodies", self.template.n_vertices, 3)
         points = real_array(self.points, "points", shape, batched=False)
         n = len(points)
-        subject_names = texts_or_numbers(self.subject_names, "subject_names")
-        subject = _checked_labels(self.subject, "subject", n, subject_names)
-        pose_names = texts_or_numbers(self.pose_names, "pose_names")
-        pose = _checked_labels(self.pose, "pose", n, pose_names)
+        subject = _checked_labels(self.subject, "subject", n, self.subject_names)
+        pose = _checked_labels(self.pose, "pose", n, self.pose_names)
         betas = _checked_rows(self.betas, "betas", n, "n_betas")
         pose_vectors = _checked_rows(self.pose_vectors, "pose_vectors", n, "n_joints", 3)
         translations = _checked_rows(self.translations, "translations", n, 3)
-        ids = texts_or_numbers(self.ids, "ids") or tuple(map(str, range(n)))
+        ids = self.ids or tuple(map(str, range(n)))
         if len(ids) != n or len(set(ids)) < n:
             raise ArgumentError(
                 f"ids must hold a different name for each of the {n} surfaces; found "
@@ -116,8 +118,6 @@ class Bodies:
         # What was checked takes the place of what was given; the class is frozen.
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "ids", ids)
-        object.__setattr__(self, "subject_names", subject_names)
-        object.__setattr__(self, "pose_names", pose_names)
         object.__setattr__(self, "subject", subject)
         object.__setattr__(self, "pose", pose)
         object.__setattr__(self, "betas", betas)

@@ -16,11 +16,12 @@ from riemhuman.checks import (
     SCALES,
     UNITS,
     check_same_scale,
+    checked,
+    choice,
     flag,
     items_of,
     longest_side,
     numbers_at,
-    one_of,
 )
 from riemhuman.checks.labels import texts_of
 from riemhuman.datasets.bodies import Bodies
@@ -29,7 +30,7 @@ from riemhuman.io.files import convert_errors, file_path, natural_key, visible_f
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.io.mesh_seams import Seams, check_seams, common_seams, find_seams
+from riemhuman.io.mesh_seams import Seams, a_seam_choice, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh, load_split_mesh
 from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.representation import join_names
@@ -95,6 +96,7 @@ class RegisteredMeshes:
     (2, 1202, 3)
     """
 
+    @checked(scale=choice(*SCALES), unit=choice(*UNITS), up=choice(*AXES), seams=a_seam_choice)
     def __init__(
         self,
         files: Sequence[str | os.PathLike[str]],
@@ -105,9 +107,7 @@ class RegisteredMeshes:
         up: str | None = None,
         seams: str = "join",
     ) -> None:
-        self._scale = one_of(scale, "scale", SCALES)
-        self._unit = one_of(unit, "unit", (None, *UNITS))
-        self._up = one_of(up, "up", (None, *AXES))
+        self._scale, self._unit, self._up = scale, unit, up
         self.seams: Seams | None = None
         places = items_of(files, "files", "a list of paths")
         self.files = tuple(file_path(file, f"files[{k}]") for k, file in enumerate(places))
@@ -120,7 +120,7 @@ class RegisteredMeshes:
             file = self.files[0] if reference is None else file_path(reference, "reference")
             vertices, self.faces = load_mesh(file)
             self._name, self.reference = str(file), make_upright(vertices, unit, up)
-        if check_seams(seams) == "join" and not isinstance(reference, Template):
+        if seams == "join" and not isinstance(reference, Template):
             self._join_seams()
 
     def __len__(self) -> int:
@@ -203,6 +203,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
         written=WRITTEN_SUFFIXES,
     )
 )
+@checked(align=flag, allow_missing=flag)
 def load_faust(
     folder: str | os.PathLike[str],
     template: Template | str | os.PathLike[str] | None = None,
@@ -235,8 +236,6 @@ def load_faust(
     --------
     >>> bodies = rh.datasets.load_faust("MPI-FAUST")  # doctest: +SKIP
     """
-    align = flag(align, "align")
-    allow_missing = flag(allow_missing, "allow_missing")
     root = existing_folder(folder)
     files: dict[int, Path] = {}
     for name in _FAUST_FOLDERS:
@@ -281,6 +280,7 @@ def _faust_registrations(folder: Path) -> dict[int, Path]:
         written=WRITTEN_SUFFIXES,
     )
 )
+@checked(align=flag, allow_missing=flag, progress=flag)
 def load_bodies(
     folder: str | os.PathLike[str],
     labels: str | os.PathLike[str] | None = None,
@@ -333,8 +333,6 @@ def load_bodies(
     >>> rh.datasets.load_bodies(".").pose_names
     ('sits',)
     """
-    align, progress = flag(align, "align"), flag(progress, "progress")
-    allow_missing = flag(allow_missing, "allow_missing")
     if faces is not None:
         if unit is not None:
             raise ArgumentError("unit is for mesh files: bodies of SAM 3D Body are in metres")
@@ -357,6 +355,7 @@ def load_bodies(
     )
 
 
+@checked(names=texts_of, allow_missing=flag)
 def read_labels(
     table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
 ) -> tuple[list[int], dict[str, list[str]]]:
@@ -380,7 +379,6 @@ def read_labels(
     ([0], {'subject': ['anna'], 'pose': ['sits']})
     """
     file = file_path(table, "labels")
-    names = texts_of(names, "names", "a list of names of files")
     rows = []
     for row in read_label_rows(file, _COLUMNS):
         empty = [column for column, text in {"file": row.file, **row.texts}.items() if not text]
@@ -466,7 +464,7 @@ def _load(
             template = Template(meshes.reference, meshes.faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(reference)}: {error}") from error
-    bar = tqdm(range(len(meshes)), "Meshes", unit="mesh", disable=not flag(progress, "progress"))
+    bar = tqdm(range(len(meshes)), "Meshes", unit="mesh", disable=not progress)
     points = np.stack([meshes[number] for number in bar])
     if align:
         points = procrustes(points, to=template.vertices, scale=None)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, Triangles
-from riemhuman.checks import number_of_item, real_number
+from riemhuman.checks import checked, number_of_item, positive
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     existing_folder,
@@ -20,6 +20,7 @@ from riemhuman.datasets.registered_meshes import (
 )
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.files import file_path, format_errors, read_text, short_message, visible_files
+from riemhuman.io.label_tables import without_ending
 from riemhuman.io.meshes import load_mesh
 from riemhuman.representation import Record, join_names
 
@@ -61,6 +62,7 @@ class LabelledMeshes(Record):
         return self.scale * vertices, faces
 
 
+@checked(scale=positive)
 def load_shrec14(
     folder: str | os.PathLike[str],
     classes: str | os.PathLike[str] | None = None,
@@ -100,12 +102,11 @@ def load_shrec14(
     ('anna',)
     """
     root = existing_folder(folder)
-    scale = real_number(scale, "scale", minimum=0.0, strict=True)
     class_file = _find_class_file(root) if classes is None else file_path(classes, "classes")
     members = read_classes(class_file)
     by_name: dict[str, list[Path]] = {}
     for file in in_one_format(visible_files(root, *MESH_ENDINGS, deep=True)):
-        for name in {file.stem, _last_number(file.stem)}:
+        for name in {without_ending(file.name), _last_number(file.stem)}:
             by_name.setdefault(name, []).append(file)
     if not by_name:
         raise no_meshes(root)
@@ -115,7 +116,7 @@ def load_shrec14(
     missing: list[str] = []
     for number, names in enumerate(members.values()):
         for name in names:
-            stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
+            stem = without_ending(Path(name).name)
             matches = by_name.get(stem, [])
             if not matches and re.fullmatch(r"[0-9]+", stem):
                 matches = by_name.get(_last_number(stem), [])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, JSONRecord, Triangles
-from riemhuman.checks import check_instance, real_array, real_number, values_of
+from riemhuman.checks import checked, instance, positive, real_array, values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
@@ -28,8 +28,6 @@ VERTEX_ARRAY = 34962
 INDEX_ARRAY = 34963
 # Surfaces more than this many extents from the origin are written near it and moved by their node.
 _FAR = 50.0
-# Metres and seconds that single precision holds with room to spare.
-_FARTHEST, _SHORTEST, _LONGEST = 1e30, 1e-30, 1e30
 SKIN_MATERIAL = {
     "name": "skin",
     "pbrMetallicRoughness": {
@@ -93,6 +91,7 @@ def _padded(content: bytes, filler: bytes) -> bytes:
     return content + filler * (-len(content) % 4)
 
 
+@checked(seconds=positive, name=instance(str, "a text"))
 def save_glb(
     path: str | os.PathLike[str],
     surfaces: ArrayLike,
@@ -125,15 +124,11 @@ def save_glb(
     """
     file = file_path(path)
     suffix_of(file, (".glb",))
-    seconds = real_number(seconds, "seconds", minimum=0, strict=True, maximum=_LONGEST)
-    if seconds < _SHORTEST:
-        raise ArgumentError(f"seconds must be at least {_SHORTEST:g}; found {seconds:g}")
-    check_instance(name, "name", str, "a text")
     shape = ("n_times", "n_vertices", 3)
     surfaces = values_of(surfaces, "surfaces")
     if surfaces.ndim == 2:
         surfaces = surfaces[np.newaxis]
-    points = real_array(surfaces, "surfaces", shape, batched=False, maximum=_FARTHEST)
+    points = real_array(surfaces, "surfaces", shape, batched=False)
     if len(points) == 0:
         raise ArgumentError(f"surfaces holds no surface; found shape {points.shape}")
     _, triangles = check_mesh(points[0], faces)

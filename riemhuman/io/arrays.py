@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Literal, TypeAlias, overload
 import numpy as np
 
 from riemhuman.arrays import DType, MemoryMap, Values
-from riemhuman.checks import check_instance, flag
+from riemhuman.checks import checked, flag, instance
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentTypeError, FileFormatError
 from riemhuman.io.files import atomic_file, check_file, file_path, format_errors
@@ -41,6 +41,7 @@ _LONGEST_HEADER = 2**16
 _LAST_CHARACTER = 0x10FFFF
 
 
+@checked(arrays=instance(Mapping, "a mapping of names to arrays"), compressed=flag)
 def save_arrays(
     path: str | os.PathLike[str], arrays: Mapping[str, object], *, compressed: bool = False
 ) -> None:
@@ -59,13 +60,11 @@ def save_arrays(
     >>> rh.io.load_arrays("lengths.npz", ["arms"])["arms"]
     array([0.61, 0.63])
     """
-    check_instance(arrays, "arrays", Mapping, "a mapping of names to arrays")
-    texts_of(arrays.keys(), "names of arrays")
     plain = {name: _plain_array(array, name) for name, array in arrays.items()}
     for name, array in plain.items():
         if array.dtype.hasobject:
             raise ArgumentTypeError(f"{name} must hold numbers or text; found {arrays[name]!r:.60}")
-    compression = zipfile.ZIP_DEFLATED if flag(compressed, "compressed") else zipfile.ZIP_STORED
+    compression = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     # `np.savez` of NumPy 2.0 would leave the archive open when the disk is full.
     with (
         atomic_file(file_path(path)) as temporary,
@@ -105,6 +104,7 @@ def _has_default(field: Field[object]) -> bool:
     return field.default is not MISSING or field.default_factory is not MISSING
 
 
+@checked(required=texts_of, optional=texts_of)
 def load_arrays(
     path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] | None = None
 ) -> dict[str, Values]:
@@ -125,9 +125,6 @@ def load_arrays(
     ['arms']
     """
     arrays = {}
-    required = texts_of(required, "required", "a list of names of arrays")
-    if optional is not None:
-        optional = texts_of(optional, "optional", "a list of names of arrays")
     with _open_archive(path) as (archive, members, limit):
         names = members if optional is None else [*required, *optional]
         check_fields(members, required)

@@ -13,12 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
-from riemhuman.checks import one_of, real_array, real_number
+from riemhuman.checks import checked, choice, real, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only, triangle_sides
-
-SEAMS = ("join", "keep")
-"""Choices of readers: whether they join seams."""
 
 # Two border edges coincide if the distance of their corners is below both shares: of the median
 # border edge, and of the shorter of the two. Rounding in files is less, and the lips of a closed
@@ -100,6 +97,7 @@ class Seams:
         return np.asarray(points)[..., self.joined_vertices, :]
 
 
+@checked(tolerance=real(minimum=0.0))
 def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANCE) -> Seams:
     """Find the seams of a mesh: pairs of border edges that coincide and run in opposite directions.
 
@@ -123,7 +121,6 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     >>> bool(rh.io.find_seams(bodies[0], bodies.template.faces))
     False
     """
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0)
     points = np.asarray(real_array(points, "points", ("n_vertices", 3)))
     surfaces = points.reshape(math.prod(points.shape[:-2]), *points.shape[-2:])
     if not len(surfaces):
@@ -149,9 +146,8 @@ def common_seams(seams: Seams, points: Array, faces: Triangles) -> Seams:
     return _joined(faces, points.shape[-2], pairs)
 
 
-def check_seams(seams: str) -> str:
-    """Return the argument of a reader that says whether seams are joined."""
-    return str(one_of(seams, "seams", SEAMS))
+a_seam_choice = choice("join", "keep")
+"""The check of the argument of a reader that says whether seams are joined."""
 
 
 def _border_edges(faces: Triangles) -> Integers:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles, Values
-from riemhuman.checks import check_resolution, mask, real_array
+from riemhuman.checks import check_resolution, checked, mask, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import write_glb
@@ -32,7 +32,7 @@ from riemhuman.io.files import (
 )
 from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.io.mesh_seams import check_seams, find_seams
+from riemhuman.io.mesh_seams import a_seam_choice, find_seams
 from riemhuman.io.polygons import Polygons, is_split, split_polygons
 from riemhuman.optional import import_optional
 
@@ -48,6 +48,7 @@ _MESHIO_SUFFIXES = (
 )
 
 
+@checked(seams=a_seam_choice)
 def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[Array, Triangles]:
     """Read a triangle mesh from a file, in the file's order.
 
@@ -79,7 +80,7 @@ def load_mesh(path: str | os.PathLike[str], *, seams: str = "keep") -> tuple[Arr
     (1202, 3)
     """
     vertices, faces = load_split_mesh(path)
-    if check_seams(seams) == "join":
+    if seams == "join":
         seams_of_file = find_seams(vertices, faces)
         vertices, faces = seams_of_file.join(vertices), seams_of_file.faces
     return vertices, faces

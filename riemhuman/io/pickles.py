@@ -24,6 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.arrays import DType, Values
+from riemhuman.checks import checked
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_characters, check_fields, memory_limit
@@ -41,6 +42,7 @@ _LONGEST_TEXT = 200
 _BYTES_OF_NUMBER = 8
 
 
+@checked(required=texts_of, optional=texts_of)
 def load_pickled_arrays(
     path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, Values | sparse.coo_array]:
@@ -64,8 +66,6 @@ def load_pickled_arrays(
     array([0.5, 0.5])
     """
     file = file_path(path)
-    required = texts_of(required, "required", "a list of names of arrays")
-    optional = texts_of(optional, "optional", "a list of names of arrays")
     content = read_bytes(file)
     with format_errors(file, "a whole pickle"):
         fields = _unpickle(content)

@@ -1,5 +1,6 @@
 """What readers declare of the files that they read."""
 
+import re
 from dataclasses import replace
 
 import riemhuman as rh
@@ -22,4 +23,4 @@ def test_a_reader_of_ones_own_is_in_the_table(monkeypatch):
     assert load("a.bin") == "a.bin"
     (found,) = (kind for kind in rh.io.file_kinds() if kind.name == "files of my scanner")
     assert found == replace(kind, reader=load)
-    assert "| files of my scanner | .bin | `my_package.load` |" in format_table()
+    assert re.search(r"files of my scanner +\.bin +", format_table())
