@@ -88,7 +88,7 @@ FUNCTIONS = {
     "LearnedMetric.held_out_distances": lambda labels: learned().held_out_distances(
         POINTS, TEXT, labels
     ),
-    "groups of a test": lambda labels: rh.statistics.two_sample_test(DISTANCES, labels),
+    "groups of a test": lambda labels: rh.statistics.two_sample_test(DISTANCES, labels, units=None),
     "units of a test": lambda labels: rh.statistics.two_sample_test(
         DISTANCES, FIRST == 0, units=labels
     ),

@@ -50,7 +50,7 @@ def test_what_was_found_fits_in_two_lines():
         rh.solvers.ModelParameters(fit.betas, fit.pose, fit.trans),
         *rh.solvers.compare_paths(metrics, bodies[0], bodies[1], solvers),
         rh.descriptors.LatentVectors([str(k) for k in range(100)], np.zeros((100, 20))),
-        rh.statistics.two_sample_test(distances, np.arange(6) < 3, n_permutations=9),
+        rh.statistics.two_sample_test(distances, np.arange(6) < 3, units=None, n_permutations=9),
         linear.solve(space.metric, bodies[0], bodies[1]),
         rh.testing.check_metric(space.metric, bodies[:3]),
     ]

@@ -8,9 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import check_function, check_methods, real_array
-from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry import AlignedSurfaces, AreaMetric, RiemannianMetric
+from riemhuman.checks import a_function, check_methods, checked, real_array
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    AreaMetric,
+    ElasticMetric,
+    RiemannianMetric,
+    RotationMetric,
+    SRNFMetric,
+)
+from riemhuman.measurements.measurement_set import load_json
 from riemhuman.surfaces import Template
 
 
@@ -67,8 +75,11 @@ class PersonDistance:
         )
 
 
+@checked(metric_of=a_function)
 def usual_distances(metric_of: Callable[[Template], RiemannianMetric]) -> UsualDistances:
     """Return how far the coarse open bodies usually are from each other.
+
+    The medians of the usual metrics are stored; those of other metrics are computed.
 
     Parameters
     ----------
@@ -83,10 +94,33 @@ def usual_distances(metric_of: Callable[[Template], RiemannianMetric]) -> UsualD
     >>> round(usual.one_person, 3)
     0.084
     """
-    check_function(metric_of, "metric_of")
-    bodies = load_open_bodies("coarse")
-    metric = metric_of(bodies.template)
+    template = load_open_model("coarse").template
+    metric = metric_of(template)
     check_methods(metric, "metric_of(template)", "a metric", "dist_pairwise")
+    for name, known in usual_metrics(template).items():
+        if type(metric) is type(known) and repr(metric) == repr(known):
+            return UsualDistances(*load_json("usual_distances.json")[name])
+    return usual_distances_of(metric)
+
+
+def usual_metrics(template: Template) -> dict[str, RiemannianMetric]:
+    """Return the metrics whose usual distances are stored, by name."""
+    # See tutorials/remake/build_usual_distances.py.
+    space = AlignedSurfaces(template, equip=False, scale=None)
+    return {
+        "shape": ElasticMetric(space, 1.0, 1e-4, 0.0),
+        "pose": ElasticMetric(space, 0.0, 0.0, 1.0),
+        "lengths": ElasticMetric(space, 1.0, 1.0, 0.0),
+        "both": ElasticMetric(space, 1.0, 1.0, 0.1),
+        "areas": AreaMetric(space),
+        "srnf": SRNFMetric(space),
+        "rotations": RotationMetric(space),
+    }
+
+
+def usual_distances_of(metric: RiemannianMetric) -> UsualDistances:
+    """Return the medians of the distances of the coarse open bodies."""
+    bodies = load_open_bodies("coarse")
     distances = metric.dist_pairwise(bodies.points)
     same_person = np.equal.outer(bodies.subject, bodies.subject)
     same_pose = np.equal.outer(bodies.pose, bodies.pose)

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from riemhuman.datasets import load_open_bodies
+from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, AreaMetric
 from riemhuman.measurements import person_distance, usual_distances
+from riemhuman.measurements.measurement_set import load_json
+from riemhuman.measurements.people import usual_distances_of, usual_metrics
 from riemhuman.surfaces import Template
 
 
@@ -29,22 +31,17 @@ def test_people_who_were_not_used_are_told_apart(bodies, other, is_doubted):
     assert people.text.startswith("hardly the same person: their shape distance (AreaMetric) is ")
 
 
-def test_usual_distances_are_medians():
-    bodies = load_open_bodies("coarse")
-
-    def by_person(template):
-        """Return a metric that compares the numbers of people alone."""
-
-        class Metric:
-            def dist_pairwise(self, points):
-                numbers = bodies.subject.astype(float)
-                return np.abs(numbers[:, None] - numbers[None, :])
-
-        return Metric()
-
-    usual = usual_distances(by_person)
-    assert usual.one_person == 0.0
-    assert usual.two_people > 1.0
+def test_stored_distances_are_those_of_the_bodies():
+    template = load_open_model("coarse").template
+    metrics = usual_metrics(template)
+    assert set(load_json("usual_distances.json")) == set(metrics)
+    for name in ("shape", "areas"):
+        stored = usual_distances(lambda template, name=name: usual_metrics(template)[name])
+        computed = usual_distances_of(metrics[name])
+        assert stored.one_person == pytest.approx(computed.one_person, abs=1e-6)
+        assert stored.two_people == pytest.approx(computed.two_people, abs=1e-6)
+    other = usual_distances(lambda template: AreaMetric(AlignedSurfaces(template), 0.3))
+    assert other != usual_distances(lambda template: AreaMetric(AlignedSurfaces(template)))
 
 
 def test_usual_distances_leave_out_bodies_of_one_person_in_one_pose():

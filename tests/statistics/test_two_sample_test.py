@@ -24,7 +24,7 @@ def energy(distances, first):
 def test_statistic_and_exact_p_value_by_definition():
     distances = distances_of(np.random.default_rng(3).standard_normal((8, 2)))
     first = np.arange(8) < 3
-    found = two_sample_test(distances, first)
+    found = two_sample_test(distances, first, units=None)
     statistics = []
     for chosen in combinations(range(8), 3):
         split = np.isin(np.arange(8), chosen)
@@ -39,13 +39,16 @@ def test_statistic_and_exact_p_value_by_definition():
 def test_random_splits_follow_the_convention():
     distances = distances_of(np.random.default_rng(4).standard_normal((20, 2)))
     first = np.arange(20) < 12
-    found = two_sample_test(distances, first, n_permutations=301, rng=5)
+    found = two_sample_test(distances, first, n_permutations=301, rng=5, units=None)
     assert not found.exact
     assert found.n_permutations == len(found.statistics) == 301
     as_large = np.sum(found.statistics >= found.statistic)
     assert found.p_value == (as_large + 1) / 302
-    assert found.p_value == two_sample_test(distances, first, n_permutations=301, rng=5).p_value
-    swapped = two_sample_test(distances, ~first, n_permutations=301)
+    assert (
+        found.p_value
+        == two_sample_test(distances, first, n_permutations=301, rng=5, units=None).p_value
+    )
+    swapped = two_sample_test(distances, ~first, n_permutations=301, units=None)
     assert swapped.statistic == pytest.approx(found.statistic)
 
 
@@ -89,9 +92,9 @@ def test_units_keep_the_level_where_points_depend_on_each_other():
 def test_groups_are_booleans_or_zero_and_one(kind):
     distances = distances_of(np.random.default_rng(3).standard_normal((6, 2)))
     first = np.arange(6) < 3
-    expected = two_sample_test(distances, first)
+    expected = two_sample_test(distances, first, units=None)
     groups = first.astype(int).tolist() if kind is list else first.astype(kind)
-    assert two_sample_test(distances, groups).p_value == expected.p_value
+    assert two_sample_test(distances, groups, units=None).p_value == expected.p_value
 
 
 def test_refusals():
@@ -99,11 +102,13 @@ def test_refusals():
     first = np.arange(6) < 3
     for wrong in (first.astype(int) + 1, ["a", "a", "a", "b", "b", "b"], first + 0.5):
         with pytest.raises(ArgumentError, match="in_first must hold booleans, or 0 and 1"):
-            two_sample_test(distances, wrong)
+            two_sample_test(distances, wrong, units=None)
     with pytest.raises(ArgumentError, match=r"in_first must hold a label for each of 6.*found 5"):
-        two_sample_test(distances, first[:5])
+        two_sample_test(distances, first[:5], units=None)
     with pytest.raises(ArgumentError, match="each group"):
-        two_sample_test(distances, np.ones(6, dtype=bool))
+        two_sample_test(distances, np.ones(6, dtype=bool), units=None)
+    with pytest.raises(TypeError, match="units"):  # whether people are several points must be said
+        two_sample_test(distances, first)
     with pytest.raises(ArgumentError, match="units: 1 has points in both"):
         two_sample_test(distances, first, units=[0, 1, 1, 1, 2, 2])
     with pytest.raises(ArgumentError, match="units must hold a label for each of 6"):
@@ -111,6 +116,6 @@ def test_refusals():
     mixed = two_sample_test(distances, first, units=["b", ("c",), "b", 1, 1, 2])
     assert mixed.n_permutations == 6  # two units of four
     with pytest.raises(ArgumentError, match="n_permutations"):
-        two_sample_test(distances, first, n_permutations=0)
+        two_sample_test(distances, first, n_permutations=0, units=None)
     with pytest.raises(ArgumentError, match="distances must be a square"):
-        two_sample_test(distances[:5], first)
+        two_sample_test(distances[:5], first, units=None)

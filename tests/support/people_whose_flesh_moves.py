@@ -1,0 +1,77 @@
+"""People whom the body model cannot make, and whose flesh moves with the pose in ways it lacks.
+
+They stand in for real people where none may be stored.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scanned_people import curled
+
+import riemhuman as rh
+from riemhuman.datasets.open_bodies import surface_noise
+
+# How far from a joint flesh moves with it, and displacements a radian at strength 1, metres.
+_REACH, _A_RADIAN = 0.16, 0.02
+_LARGEST_BEND = 1.6
+# Share of the fields of flesh that all people have in common.
+_COMMON = 0.7
+_N_POSES = 10
+
+
+@dataclass(frozen=True, eq=False)
+class PeopleWhoseFleshMoves:
+    """Ten poses of several people; and each person in the standard pose, whose flesh is at rest."""
+
+    points: np.ndarray
+    subject: np.ndarray
+    at_rest: np.ndarray
+
+
+def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002):
+    """Return people; `waves` are displacements in metres that differ in every pose."""
+    model = rh.datasets.load_open_model("coarse")
+    rest, names, joints = model.template.vertices, list(model.joint_names), model.joints()
+    standard = rh.measurements.open_measurements("coarse").standard_pose_vector
+    natural = rh.datasets.load_open_bodies("coarse", "natural", 1000 + seed)
+    rng = np.random.default_rng([seed, 6890])
+
+    def flesh(generator):
+        fields = np.empty((len(joints), 3, *rest.shape))
+        for joint in range(len(joints)):
+            near = np.exp(-np.sum(((rest - joints[joint]) / _REACH) ** 2, axis=1))
+            for axis in range(3):
+                noise = surface_noise(rest, 1.0, (0.15, 0.4), generator)
+                fields[joint, axis] = near[:, None] / near.max() * noise
+        return fields
+
+    shared = flesh(np.random.default_rng(99))
+    points, at_rest = [], []
+    for person in range(n_people):
+        shaped = model(np.clip(0.7 * rng.standard_normal(model.n_betas), -1.5, 1.5))
+        offsets = surface_noise(rest, 0.012, (0.3, 0.8), rng)
+        scale = np.exp(rng.normal(0.0, 0.03, 3))
+        for side, angle in zip(("left", "right"), np.radians(rng.uniform(0, 60, 2)), strict=True):
+            shaped = curled(model, shaped, names.index(f"{side}_wrist"), angle)
+        body = scale * shaped + offsets
+        fields = _COMMON * shared + np.sqrt(1.0 - _COMMON**2) * flesh(rng)
+        at_rest.append(_with_skin(model, body)(pose=standard))
+        for pose in natural.pose_vectors[_N_POSES * person : _N_POSES * (person + 1)]:
+            bends = np.clip(pose, -_LARGEST_BEND, _LARGEST_BEND)
+            bends[0] = 0.0
+            moved = strength * _A_RADIAN * np.einsum("ja,javx->vx", bends, fields)
+            moved += surface_noise(rest, waves, (0.2, 0.6), rng)
+            points.append(_with_skin(model, body + moved)(pose=pose))
+    subject = np.repeat(np.arange(n_people), _N_POSES)
+    return PeopleWhoseFleshMoves(np.array(points), subject, np.array(at_rest))
+
+
+def _with_skin(model, rest):
+    return rh.BodyModel(
+        rest,
+        model.faces,
+        np.zeros((model.n_vertices, 3, 1)),
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+    )
