@@ -72,7 +72,8 @@ def check_values(values: Mapping[str, float], sex: str = "adult") -> None:
     sex : {"adult", "woman", "man"}
     """
     given = {name: value for name, value in values.items() if not np.isnan(value)}
-    known = {name: value for name, value in given.items() if name in units_of_measurements()}
+    names = units_of_measurements().keys() & {*adults()["names"]}
+    known = {name: value for name, value in given.items() if name in names}
     for name, value in given.items():
         real_number(value, name, minimum=0.0, strict=True)
         if name in known:

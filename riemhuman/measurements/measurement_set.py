@@ -95,8 +95,8 @@ class MeasurementSet:
     Examples
     --------
     >>> model = rh.datasets.load_open_model("coarse")
-    >>> rh.measurements.open_measurements(model)
-    <MeasurementSet: 85 measurements, 171 landmarks, 1,202 vertices>
+    >>> rh.measurements.open_measurements(model).with_measurements(["stature", "hip girth"])
+    <MeasurementSet: 2 measurements, 171 landmarks, 1,202 vertices>
     """
 
     template: Template | BodyModel

@@ -3,11 +3,13 @@
     python tutorials/remake/build_measurement_page.py
 
 writes tutorials/measurement_names.md from the definitions that ship; a test compares them.
+build_open_measurements.py does so, too.
 """
 
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -107,5 +109,11 @@ def _level(measurement: Measurement, definitions: MeasurementSet) -> str:
     return f"{100 * (height - body[:, 1].min()) / np.ptp(body[:, 1]):.1f}"
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write the page."""
     PAGE.write_text(page(), encoding="utf-8")
+    sys.stdout.write(f"{PAGE}\n")
+
+
+if __name__ == "__main__":
+    main()

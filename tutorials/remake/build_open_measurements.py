@@ -1,8 +1,14 @@
 """Rebuild the measurements of the open body model from the geometry of its mean body.
 
-    python tutorials/remake/build_open_measurements.py [folder]
+    python tutorials/remake/build_open_measurements.py [folder] [--ansur FOLDER]
 
-writes open_body_full.json, open_body_coarse.json and seated.json, by default over those that ship.
+writes open_body_full.json, open_body_coarse.json and seated.json, by default over those that ship,
+and then the page of the documentation that lists them. Run it after a change of `open_definitions`.
+With --ansur, a folder with men.csv and women.csv, it also rebuilds what depends on them: the
+statistics of adults (build_statistics.py) and the percentiles (build_percentiles.py, minutes).
+Until then, a new measurement has neither predictions nor percentiles; its ± comes from
+build_noise_of_poses.py, which takes longer.
+
 Some landmarks are found on the mean body in the standard pose (legs straight down, arms straight at
 50 degrees below the horizontal; y is up, x left, z forward); `open_definitions` lists the others.
 """
@@ -17,6 +23,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import build_measurement_page
+import build_percentiles
+import build_statistics
 import numpy as np
 from numpy import ndarray
 from open_definitions import (
@@ -65,7 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     parser = argparse.ArgumentParser(description="Rebuild the open body's measurements.")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)
-    folder = parser.parse_args(arguments).folder
+    parser.add_argument("--ansur", type=Path, help="folder with men.csv and women.csv")
+    options = parser.parse_args(arguments)
+    folder = options.folder
     if not folder.is_dir():
         raise FileError(f"{folder} is not a folder; it must exist to receive the measurements")
     full = load_open_model("full")
@@ -84,6 +95,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "measurements": [measurement.to_dict() for measurement in seated_definitions()],
     }
     (folder / "seated.json").write_text(json.dumps(seated, indent=1, ensure_ascii=False) + "\n")
+    if options.ansur is not None:
+        build_statistics.main([str(options.ansur), str(folder)])
+        build_percentiles.main([str(options.ansur), str(folder)])
+    if folder == DATA:
+        build_measurement_page.main()
 
 
 def build(
@@ -106,10 +122,12 @@ def build(
     """
     surface = model(pose=standard_pose(model))
     places, _ = nearest_points(np.array(list(points.values())), surface, model.faces)
-    landmarks = {
-        name: (model.faces[face], weights.round(6))
-        for name, face, weights in zip(points, *places, strict=True)
-    }
+    landmarks = {}
+    for name, face, weights in zip(points, *places, strict=True):
+        # Landmarks on an edge belong to two triangles, of which either may be the nearest.
+        order = np.argsort(model.faces[face])
+        kept = order[weights[order].round(6) > 0.0]
+        landmarks[name] = model.faces[face][kept], weights[kept].round(6)
     bare = _bare(model)
     return replace(bare, landmarks=landmarks, measurements=open_definitions(fractions))
 
