@@ -142,9 +142,17 @@ def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> Arra
     """Return the rotations of pelvis or chest in space that positions of joints show."""
     if name == "pelvis":
         recorded = pelvis_frame(source.positions, source.joints)
-        return np.asarray(recorded @ pelvis_frame(figure.rest, figure.joints).T)
-    recorded = body_frame(source.positions, source.joints, "shoulder")
-    return np.asarray(recorded @ body_frame(figure.rest, figure.joints, "shoulder").T)
+        rest = pelvis_frame(figure.rest, figure.joints)
+    else:
+        recorded = body_frame(source.positions, source.joints, "shoulder")
+        rest = body_frame(figure.rest, figure.joints, "shoulder")
+    if name in source.upright:
+        # Both stand upright at rest, however their joints are placed.
+        recorded = recorded @ source.upright[name]
+        line = "hip" if name == "pelvis" else "shoulder"
+        across = figure.bone(f"right_{line}", f"left_{line}")
+        rest = frame(across, np.array([0.0, 1.0, 0.0]))
+    return np.asarray(recorded @ rest.T)
 
 
 def _axes_of_limb(

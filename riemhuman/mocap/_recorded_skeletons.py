@@ -8,10 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.arrays import Array, Booleans, Integers
+from riemhuman.bodies.skinning import joints_to_root
+from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.mocap._joint_names import BONES, SIDES, find_joints
-from riemhuman.mocap._skeletons import check_bones, has_bone, leg_length, middle
+from riemhuman.mocap._skeletons import (
+    body_frame,
+    bone,
+    check_bones,
+    frame,
+    leg_length,
+    middle,
+    pelvis_frame,
+    trunk,
+)
 from riemhuman.mocap._upward import BVH, MARKERS, rest_directions, upward_axis, warn_of_doubt
-from riemhuman.mocap.skeleton_motion import SkeletonMotion
+from riemhuman.mocap.skeleton_motion import SkeletonMotion, in_space
 from riemhuman.surfaces.procrustes import make_upright
 
 # A foot stands still below this speed, in leg lengths per second (about 12 cm/s) …
@@ -31,6 +42,12 @@ _LONG_PART = 0.05
 # After an interruption, a part is on another floor if its lowest joints differ by more than this
 # from those of the longest part, leg lengths.
 _OTHER_FLOOR = 0.4
+# A toe is at least this share of the farthest joint of the foot away, and at least so many leg
+# lengths; a foot in line with the shank on average, by its cosine, shows no direction.
+_SHORT_FOOT, _SHORTEST_FOOT, _STRAIGHT_FOOT = 0.5, 0.06, 0.94
+# Legs of an upright rest pose are straight by this cosine. Lines from hips to shoulders that lean
+# by these degrees there lean because of where the joints were placed.
+_STRAIGHT_LEG, _LEAST_LEAN, _MOST_LEAN = 0.985, 6.0, 30.0
 # Joints nearer than this are in one place, leg lengths.
 _ONE_PLACE = 1e-3
 # Bones besides those of the limbs.
@@ -49,7 +66,8 @@ class RecordedSkeleton:
     that carry their bones: there may be others in between, for a twist. `rotations`
     (n_frames, J, 3, 3) are those in space; `is_valid` (n_frames,) marks frames on the floor of the
     longest part without an interruption. Of each foot (n_frames, 2), the ball is `still`, the ball
-    is `grounded` on the floor, and the whole foot is `flat` on it.
+    is `grounded` on the floor, and the whole foot is `flat` on it. `upright` has the rotations by
+    which the frames of pelvis and chest lean at rest, where they do.
     """
 
     joints: dict[str, int]
@@ -62,6 +80,7 @@ class RecordedSkeleton:
     still: Booleans
     grounded: Booleans
     flat: Booleans
+    upright: dict[str, Array]
 
     def rotation(self, name: str) -> Array:
         """Return the rotations in space of the bone that begins at a joint, (n_frames, 3, 3)."""
@@ -89,11 +108,13 @@ def read_skeleton(
         joints = find_joints(names, parents, None, positions)
     joints = dict(joints)
     check_bones(positions, joints, names)
-    for side in SIDES:
-        # An end site at the ankle is not a toe.
-        if not has_bone(positions, joints, f"{side}_ankle", f"{side}_toes"):
-            joints.pop(f"{side}_toes", None)
     leg = leg_length(positions, joints)
+    for side in SIDES:
+        toes = _toes(positions, parents, joints, side, leg)
+        if toes is None:
+            joints.pop(f"{side}_toes", None)
+        else:
+            joints[f"{side}_toes"] = toes
     parts = _uninterrupted_parts(recording, positions, joints, leg)
     if up is None:
         directions = middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
@@ -122,8 +143,65 @@ def read_skeleton(
         if {upper, lower} <= joints.keys()
     }
     return RecordedSkeleton(
-        joints, carriers, rotations, positions, rate, leg, is_valid, ball_still, grounded, flat
+        *(joints, carriers, rotations, positions, rate, leg, is_valid, ball_still, grounded, flat),
+        _upright_corrections(recording, joints),
     )
+
+
+def _toes(
+    positions: Array, parents: Integers, joints: Mapping[str, int], side: str, leg: float
+) -> int | None:
+    """Return the joint at the end of a foot, or None if none shows where the foot points.
+
+    A joint just below the ankle is no toe: its end site is, or whichever joint of the foot is
+    farthest away.
+    """
+    ankle = joints[f"{side}_ankle"]
+    below = [joint for joint in range(len(parents)) if ankle in joints_to_root(parents, joint)[1:]]
+    named = joints.get(f"{side}_toes")
+    if named is not None and named not in below:
+        below.append(named)
+    if not below:
+        return None
+    feet = positions[:, below] - positions[:, [ankle]]
+    lengths = np.median(np.linalg.norm(feet, axis=-1), axis=0)
+    chosen = int(np.argmax(lengths))
+    if named is not None and lengths[below.index(named)] > _SHORT_FOOT * lengths[chosen]:
+        chosen = below.index(named)
+    shank = positions[:, ankle] - positions[:, joints[f"{side}_knee"]]
+    straight = np.sum(unit(feet[:, chosen]) * unit(shank), axis=-1).mean()
+    if lengths[chosen] < _SHORTEST_FOOT * leg or straight > _STRAIGHT_FOOT:
+        return None
+    return below[chosen]
+
+
+def _upright_corrections(recording: SkeletonMotion, joints: Mapping[str, int]) -> dict[str, Array]:
+    """Return rotations that turn the frames of pelvis and chest upright, where they lean at rest.
+
+    Only a rest pose with straight legs says what upright is.
+    """
+    if not recording.has_rest_pose:
+        return {}
+    still = np.tile(np.eye(3), (1, len(recording.parents), 1, 1))
+    _, rest = in_space(still, recording.offsets[None], recording.parents)
+    legs = [
+        unit(bone(rest[0], joints, f"{side}_{first}", f"{side}_{second}"))
+        for side in SIDES
+        for first, second in (("hip", "knee"), ("knee", "ankle"))
+    ]
+    up = -unit(np.mean(legs, axis=0))
+    back = unit(trunk(rest[0], joints))
+    lean = np.degrees(np.arccos(np.clip(back @ up, -1.0, 1.0)))
+    if min(-leg @ up for leg in legs) < _STRAIGHT_LEG or not _LEAST_LEAN < lean < _MOST_LEAN:
+        return {}
+    corrections = {}
+    for name, line, axes in (
+        ("pelvis", "hip", pelvis_frame(rest[0], joints)),
+        ("chest", "shoulder", body_frame(rest[0], joints, "shoulder")),
+    ):
+        across = bone(rest[0], joints, f"right_{line}", f"left_{line}")
+        corrections[name] = axes.T @ frame(across, up)
+    return corrections
 
 
 def _carrier(positions: Array, parents: Integers, end: int, leg: float) -> int:

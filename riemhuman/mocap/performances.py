@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Booleans
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.errors import warn
@@ -17,7 +17,7 @@ from riemhuman.kernels.rotations import log, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.mocap._body_size import own_person
 from riemhuman.mocap._joint_axes import Figure, make_figure, mean_axes
-from riemhuman.mocap._joint_names import BONES
+from riemhuman.mocap._joint_names import BONES, SIDES
 from riemhuman.mocap._limbs import follow
 from riemhuman.mocap._recorded_skeletons import RecordedSkeleton, read_skeleton
 from riemhuman.mocap._skeletons import body_frame, bone, bones, middle, trunk
@@ -31,6 +31,10 @@ _NECK = ("neck", "head")
 # Means over the frames above which a warning is issued.
 _MOST_DEGREES = 15.0
 _MOST_METRES = 0.07
+# Distances from recorded joints, metres, that no person's proportions explain.
+_MOST_UNLIKE, _MEAN_UNLIKE = 0.16, 0.12
+# Soles of standing feet of people who are upright, by the cosine of their trunk, degrees.
+_MOST_PITCH, _UPRIGHT = 30.0, 0.7
 # Coefficients of the same person, estimated twice, differ by less than this.
 _SAME_BETAS = 1e-5
 # Mean cosine of feet to the front of the body that says that they point backward.
@@ -54,11 +58,12 @@ class RetargetingErrors(Record):
     positions : array, shape (n_frames, K)
         Distances from the recorded joints, metres, both relative to the middle of the hips.
     parts : tuple of str
-        Parts whose rotations are compared: "pelvis", "chest" and "head", if there is one.
+        Parts whose rotations are compared: "pelvis", "chest", and "head", "left_foot" and
+        "right_foot", if they are recorded.
     rotations : array, shape (n_frames, P)
         Angles between the rotations of pelvis and chest and those derived from the positions of
-        hips and shoulders, degrees; and between the head and the recorded head, which on average
-        looks straight ahead.
+        hips and shoulders, degrees; and between head and feet and the recorded ones, which on
+        average are as those of the body.
     scale : float
         Metres in the unit of the recording: lengths of the recording were multiplied by it.
 
@@ -107,7 +112,7 @@ def perform(
         performance = stand(source, figure, follow(source, figure, scale), scale)
     errors = _errors(source, figure, performance, scale)
     misplaced = _misplaced(source, figure, performance)
-    _warn_of_errors(recording.name, source, errors, misplaced)
+    _warn_of_errors(recording.name, source, errors, misplaced, _soles(source, figure, performance))
     poses, translations = _model_parameters(figure, performance)
     return Performed(poses, translations, errors)
 
@@ -164,13 +169,17 @@ def _part_errors(
         performed = body_frame(performance.positions, figure.joints, line)
         recorded = body_frame(source.positions, source.joints, line)
         angles.append(_angles(performed, recorded))
-    if "head" not in source.joints or "head" not in figure.joints:
-        return ("pelvis", "chest"), np.stack(angles, axis=1)
-    performed = performance.rotations[:, figure.joints["head"]]
-    recorded = source.rotation("head")
-    axes = mean_axes(recorded, performed, source.is_valid)
-    angles.append(_angles(performed, recorded @ axes))
-    return ("pelvis", "chest", "head"), np.stack(angles, axis=1)
+    parts = ["pelvis", "chest"]
+    ends = {"head": "head", "left_foot": "left_ankle", "right_foot": "right_ankle"}
+    for part, joint in ends.items():
+        is_recorded = part == "head" or joint.replace("ankle", "toes") in source.joints
+        if is_recorded and {joint} <= source.joints.keys() & figure.joints.keys():
+            performed = performance.rotations[:, figure.joints[joint]]
+            recorded = source.rotation(joint)
+            axes = mean_axes(recorded, performed, source.is_valid)
+            angles.append(_angles(performed, recorded @ axes))
+            parts.append(part)
+    return tuple(parts), np.stack(angles, axis=1)
 
 
 def _angles(first: Array, second: Array) -> Array:
@@ -201,6 +210,21 @@ def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performanc
     return np.stack(distances, axis=1)
 
 
+def _soles(
+    source: RecordedSkeleton, figure: Figure, performance: Performance
+) -> list[tuple[Array, Booleans]]:
+    """Return how far each foot points up, as a sine, and the frames in which it stands still."""
+    ahead = np.array([0.0, 0.0, 1.0])
+    is_upright = unit(trunk(source.positions, source.joints))[:, 1] > _UPRIGHT
+    return [
+        (
+            (performance.rotations[:, figure.joints[f"{side}_ankle"]] @ ahead)[:, 1],
+            source.flat[:, number] & is_upright,
+        )
+        for number, side in enumerate(SIDES)
+    ]
+
+
 def _feet_point_backward(source: RecordedSkeleton) -> bool:
     """Return whether the toes are behind the ankles of a body with these sides."""
     forward = body_frame(source.positions, source.joints, "hip")[..., 2]
@@ -213,7 +237,11 @@ def _feet_point_backward(source: RecordedSkeleton) -> bool:
 
 
 def _warn_of_errors(
-    name: str, source: RecordedSkeleton, errors: RetargetingErrors, misplaced: Array
+    name: str,
+    source: RecordedSkeleton,
+    errors: RetargetingErrors,
+    misplaced: Array,
+    soles: Sequence[tuple[Array, Booleans]],
 ) -> None:
     """Warn if the body is far from the recording in the mean over the frames.
 
@@ -232,6 +260,23 @@ def _warn_of_errors(
         for joint, distance in zip(errors.joints, distances, strict=True)
         if distance > _MOST_METRES
     ]
+    sizes = errors.positions.mean(axis=0)
+    if sizes.max() > _MOST_UNLIKE or sizes.mean() > _MEAN_UNLIKE:
+        worst = errors.joints[int(sizes.argmax())]
+        warn(
+            f"{name or 'recording'}: the recorded proportions are not those of the body, whose "
+            f"joints are {100.0 * sizes.mean():.0f} cm off on average, and {worst} "
+            f"{100.0 * sizes.max():.0f} cm: joints may have been confused, or this is no person. "
+            "betas='recorded' finds a person with the recorded proportions",
+            UserWarning,
+        )
+    pitches = [
+        np.degrees(np.arcsin(np.clip(figure_sole[flat], -1.0, 1.0))).mean()
+        for figure_sole, flat in soles
+        if flat.any()
+    ]
+    if pitches and min(pitches) < -_MOST_PITCH:
+        doubts.append(f"feet that stand still point down by {-min(pitches):.0f} degrees")
     hips, shoulders = (unit(bone(source.positions, source.joints, *line)) for line in _LINES)
     if np.sum(hips * shoulders, axis=1).mean() < 0.0:
         doubts.append("the hips face away from the shoulders: their sides may have been swapped")

@@ -34,6 +34,8 @@ from riemhuman.surfaces.procrustes import AXES
 ASK_FOR_FEWER = "ask for fewer frames_per_second"
 """What to do if a recording is too long for the memory."""
 
+# Distances from recorded joints that the message says, metres.
+_UNLIKE = 0.10
 _RECORDED = "recorded"
 _SCALES = ("adult", _RECORDED)
 
@@ -123,16 +125,24 @@ class RetargetedMotion(ModelMotion):
     def message(self) -> str:
         """How the lengths of the recording were treated."""
         scale = self.errors.scale
+        apart = self.errors.positions.mean(axis=0)
+        worst = self.errors.joints[int(apart.argmax())]
+        proportions = ""
+        if apart.max() > _UNLIKE:
+            proportions = (
+                f". The proportions differ: {worst} is {100.0 * apart.max():.0f} cm off on average"
+            )
         person = "a person" if self.betas.any() else "an average adult"
         if self._size == 1.0:
             return (
                 f"The recording was scaled to the legs of {person} of the model: one unit of the "
                 f"recording is {scale:.4g} m. Pass scale='recorded' to keep the recorded lengths"
+                + proportions
             )
         return (
             f"The recorded lengths were kept: one unit of the recording is {scale:.4g} m. Bodies "
             f"of the model were scaled by {self._size:.3f}, so that {person} has the recorded "
-            "legs"
+            f"legs{proportions}"
         )
 
     def performed_by(self, betas: ArrayLike) -> RetargetedMotion:

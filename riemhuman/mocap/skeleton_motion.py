@@ -101,7 +101,7 @@ class SkeletonMotion(Record):
     def _check_size(self, metres: float) -> None:
         """Warn if no person is as large as the skeleton in its unit."""
         frames = np.unique(np.linspace(0, len(self) - 1, _FRAMES_MEASURED).astype(np.int64))
-        _, positions = _in_space(self.rotations[frames], self.translations[frames], self.parents)
+        _, positions = in_space(self.rotations[frames], self.translations[frames], self.parents)
         sizes = np.linalg.norm(np.ptp(positions, axis=1), axis=-1)
         size = metres * float(np.median(sizes))
         if not _SMALLEST < size < _LARGEST:
@@ -126,10 +126,10 @@ class SkeletonMotion(Record):
 
     @cached_property
     def _places(self) -> tuple[Array, Array]:
-        return _in_space(self.rotations, self.translations, self.parents)
+        return in_space(self.rotations, self.translations, self.parents)
 
 
-def _in_space(rotations: Array, translations: Array, parents: Integers) -> tuple[Array, Array]:
+def in_space(rotations: Array, translations: Array, parents: Integers) -> tuple[Array, Array]:
     """Return rotations and positions in space from those relative to the parents."""
     turned, positions = rotations.copy(), translations.copy()
     for joint, parent in enumerate(parents):

@@ -72,8 +72,8 @@ def test_parts_are_rotated_as_those_of_the_person(model, sequence):
     errors = found.errors
     lines = errors.directions[:, errors.bones.index(("left_hip", "right_hip"))]
     assert lines.mean() < 1.0
-    assert errors.rotations.mean(axis=0).max() < 1.0
-    assert errors.parts == ("pelvis", "chest", "head")
+    assert errors.rotations[:, :3].mean(axis=0).max() < 1.0
+    assert errors.parts[:3] == ("pelvis", "chest", "head")
 
 
 @pytest.mark.parametrize(
