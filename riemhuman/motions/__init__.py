@@ -4,6 +4,7 @@
 recognises motions with few frames; `RateInvariantMetric` satisfies the triangle inequality.
 """
 
+from riemhuman.motions.joint_metric import JointMetric
 from riemhuman.motions.motion_descriptor import MotionDescriptor
 from riemhuman.motions.motion_representations import compare_representations
 from riemhuman.motions.motion_search import MotionSearch
@@ -19,6 +20,7 @@ from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarpi
 
 __all__ = [
     "DynamicTimeWarping",
+    "JointMetric",
     "MotionComponents",
     "MotionDescriptor",
     "MotionGeodesic",

@@ -27,6 +27,7 @@ from riemhuman.checks import Rng, generator
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.motions._frames import Motion, frame_runs
+from riemhuman.motions.joint_metric import JointMetric
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
 from riemhuman.motions.time_warping import (
@@ -147,6 +148,7 @@ def compare_representations(
     count = _COMPONENTS
     measures: dict[str, GramHankel | MotionDistance] = {
         "Hankel matrices of currents": GramHankel(space),
+        "time warping, joints": DynamicTimeWarping(JointMetric(space, model), n_jobs=-1),
         "time warping, SRNF": DynamicTimeWarping(SRNFMetric(space), n_components=count, n_jobs=-1),
         "time warping, pose metric": DynamicTimeWarping(pose, n_components=count, n_jobs=-1),
         "time warping, changes of pose": DynamicTimeWarping(
