@@ -51,12 +51,13 @@ def joint_positions(
     source: RecordedSkeleton, figure: Figure, rotations: Array, scale: float
 ) -> Array:
     """Return the positions of joints, the middle of the hips where it was recorded."""
+    parents = figure.model.parents
+    # The root, whose parent is -1, has no step; it stays at the origin.
+    steps = np.einsum("tjab,jb->tja", rotations[:, parents], figure.rest - figure.rest[parents])
     positions = np.zeros(rotations.shape[:-1])
     for joint in figure.model.joint_order:
-        above = figure.model.parents[joint]
-        if above >= 0:
-            step = rotations[:, above] @ (figure.rest[joint] - figure.rest[above])
-            positions[:, joint] = positions[:, above] + step
+        if parents[joint] >= 0:
+            positions[:, joint] = positions[:, parents[joint]] + steps[:, joint]
     hips = middle(positions, figure.joints, "hip")
     recorded = scale * middle(source.positions, source.joints, "hip")
     return np.asarray(positions + (recorded - hips)[:, None])

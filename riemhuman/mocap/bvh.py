@@ -78,15 +78,16 @@ def load_bvh(
     translations = np.tile(offsets, (len(values), 1, 1))
     columns = iter(values.T)
     for number, joint in enumerate(joints):
-        rotation = np.eye(3)
+        angles: list[Array] = []
+        axes = ""
         for channel in joint.channels:
             axis, numbers = channel % 3, next(columns)
             if channel < 3:
                 translations[:, number, axis] = numbers
             else:
-                turned = Rotation.from_euler("xyz"[axis], numbers[:, None], degrees=True)
-                rotation = rotation @ turned.as_matrix()
-        rotations[:, number] = rotation
+                axes += "XYZ"[axis]
+                angles.append(numbers)
+        rotations[:, number] = _matrices(axes, angles)
     return SkeletonMotion(
         tuple(joint.name for joint in joints),
         np.array([joint.parent for joint in joints]),
@@ -97,6 +98,18 @@ def load_bvh(
         file.stem,
         None if unit is None else "metres",
     )
+
+
+def _matrices(axes: str, angles: list[Array]) -> Array:
+    """Return rotations by angles, degrees, about moving axes: any number, in any order."""
+    if len(axes) == 3 and axes[0] != axes[1] != axes[2]:
+        turned = Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True)
+        return np.asarray(turned.as_matrix())
+    rotation = np.eye(3)
+    for axis, numbers in zip(axes, angles, strict=True):
+        turned = Rotation.from_euler(axis.lower(), numbers[:, None], degrees=True)
+        rotation = rotation @ turned.as_matrix()
+    return rotation
 
 
 @dataclass
@@ -215,17 +228,26 @@ class _Reader:
         n_frames = self._read_value(lines, "Frames")
         frame_time = self._read_value(lines, "Frame Time")
         # Grows with the numbers that are read, whatever the file declares.
-        values = array("d")
+        values, numbers_of_lines = array("d"), array("q")
         for number, line in lines:
             self._line = number
             words = line.split()
             if len(words) != n_channels:
                 raise self._error(f"{n_channels} numbers expected; found {len(words)}")
-            values.extend(self._floats(words))
-        count = len(values) // max(1, n_channels)
+            try:
+                values.extend(map(float, words))
+            except ValueError as error:
+                raise self._error(short_message(error)) from None
+            numbers_of_lines.append(number)
+        count = len(numbers_of_lines)
+        table = np.array(values).reshape(count, n_channels)
+        wrong = np.flatnonzero(~(np.abs(table) < _LARGEST).all(axis=1))
+        if len(wrong):
+            self._line = numbers_of_lines[int(wrong[0])]
+            raise self._error(f"every number must be finite, and below {_LARGEST:g}")
         if not count or count != n_frames:
             raise self._error(f"Frames says {n_frames:g}, but {count} follow")
-        return np.array(values).reshape(count, n_channels), frame_time
+        return table, frame_time
 
     def _read_value(self, lines: Iterator[tuple[int, str]], name: str) -> float:
         self._line, line = next(lines, (self._line, "the end of the file"))

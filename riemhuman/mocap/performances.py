@@ -122,7 +122,9 @@ def _model_parameters(figure: Figure, performance: Performance) -> tuple[Array, 
     parents, rotations = figure.model.parents, performance.rotations
     local = rotations.copy()
     limbs = np.flatnonzero(parents >= 0)
-    local[:, limbs] = transpose(rotations[:, parents[limbs]]) @ rotations[:, limbs]
+    # Products of matrices that are not contiguous take several times as long.
+    back = np.ascontiguousarray(transpose(rotations[:, parents[limbs]]))
+    local[:, limbs] = back @ rotations[:, limbs]
     root = figure.model.joint_order[0]
     return log(np.eye(3), local), performance.positions[:, root] - figure.rest[root]
 

@@ -74,7 +74,8 @@ class JointMetric(PullbackMetric):
         joints = np.matmul(self._regressor, points)
         places = {name: joints[..., k, :] for k, name in enumerate(_JOINTS)}
         middle = 0.5 * (places["left_hip"] + places["right_hip"])
-        across = sum(places[left] - places[right] for right, left in _ACROSS)
+        hips, shoulders = (places[left] - places[right] for right, left in _ACROSS)
+        across = hips + shoulders
         length = np.sqrt(across[..., 0] ** 2 + across[..., 2] ** 2 + _LEVEL)
         cosine, sine = across[..., 0] / length, -across[..., 2] / length
         moved = joints - middle[..., None, :]
