@@ -11,8 +11,8 @@ from typing import TypeAlias
 import numpy as np
 from scipy import sparse
 
-from riemhuman.arrays import Array
-from riemhuman.checks import checked, whole
+from riemhuman.arrays import Array, Values
+from riemhuman.checks import checked, is_human_size, likely_units, whole
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.pickles import load_pickled_arrays
@@ -110,6 +110,7 @@ def read_model_fields(
     for name, array in fields.items():
         if sparse.issparse(array) and name != "joint_regressor":
             raise FileFormatError(f"{path}: {name} must not be a sparse matrix")
+    _check_unit(np.asarray(fields["v_template"]), path)
     regressor, shape = fields["joint_regressor"], fields["weights"].shape
     if not isinstance(regressor, np.ndarray):
         if regressor.shape[::-1] != shape:  # which may be vast
@@ -129,6 +130,18 @@ def read_model_fields(
             )
         fields["shapedirs"] = fields["shapedirs"][..., : contents.n_used]
     return fields
+
+
+def _check_unit(vertices: Values, path: str | os.PathLike[str]) -> None:
+    """Raise an error if a template has the size of a human body in another unit than metres."""
+    if vertices.ndim != 2 or vertices.dtype.kind not in "fiu" or not len(vertices):
+        return  # refused later
+    extent = float(np.ptp(vertices, axis=0).max())
+    if not is_human_size(extent) and likely_units(extent):
+        raise FileFormatError(
+            f"{path}: its template is {extent:.4g} long, as a body in "
+            f"{' or '.join(likely_units(extent))} is; body models must be in metres"
+        )
 
 
 def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Stored]:

@@ -19,13 +19,15 @@ from riemhuman.checks import (
     checked,
     choice,
     flag,
+    is_human_size,
     items_of,
+    likely_units,
     longest_side,
     numbers_at,
 )
 from riemhuman.checks.labels import texts_of
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import convert_errors, file_path, natural_key, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files
@@ -122,6 +124,8 @@ class RegisteredMeshes:
             self._name, self.reference = str(file), make_upright(vertices, unit, up)
         if seams == "join" and not isinstance(reference, Template):
             self._join_seams()
+        if scale is not None and unit is None:
+            _warn_of_units(self._name, longest_side(self.reference))
 
     def __len__(self) -> int:
         return len(self.files)
@@ -165,6 +169,19 @@ class RegisteredMeshes:
             names = str(file), self._name
             check_same_scale(vertices, longest_side(self.reference), *names, error=FileFormatError)
         return vertices
+
+
+def _warn_of_units(name: str, size: float) -> None:
+    """Warn if a surface has the size of a human body in another unit than metres."""
+    if is_human_size(size) or not likely_units(size):
+        return
+    unit = " or ".join(likely_units(size))
+    warn(
+        f"{name} is {size:.4g} long, as a body in {unit} is; distances and measurements are in "
+        f"that unit: unit={likely_units(size)[0]!r} (on the command line --unit) converts files to "
+        "metres, and scale=None (--any-scale) accepts any size",
+        UserWarning,
+    )
 
 
 def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:

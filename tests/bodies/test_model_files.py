@@ -241,3 +241,12 @@ def test_models_of_skel_are_refused_with_the_reason(tmp_path):
     for read in (BodyModel.from_file, model_contents):
         with pytest.raises(FileFormatError, match=r"skel_male\.pkl is a SKEL model.*46 angles"):
             read(path)
+
+
+def test_models_in_another_unit_are_refused(tmp_path):
+    template = FIELDS["v_template"] * [0.5, 1.0, 0.2] / np.ptp(FIELDS["v_template"][:, 1])
+    for size, unit in ((170.0, "centimetres"), (1700.0, "millimetres")):
+        with pytest.raises(FileFormatError, match=f"long, as a body in {unit} is; .* in metres"):
+            BodyModel.from_file(archive(tmp_path / "model.npz", v_template=size * template))
+    # A hand, in metres.
+    BodyModel.from_file(archive(tmp_path / "model.npz", v_template=0.2 * template))

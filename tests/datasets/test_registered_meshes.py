@@ -315,13 +315,26 @@ def test_quads_are_split_as_in_the_reference(tmp_path):
 
 def test_meshes_in_another_unit_are_refused(folder, mesh):
     template = Template(1000 * mesh[0][0], mesh[1])
-    with pytest.raises(FileFormatError, match=r"b2\.ply is 1e\+03 times as small as the template"):
+    with (
+        pytest.warns(UserWarning, match="the template is .* as a body in millimetres is"),
+        pytest.raises(FileFormatError, match=r"b2\.ply is 1e\+03 times as small as the template"),
+    ):
         load_bodies(folder, template=template)
     save_mesh(folder / FILES[2], 100 * mesh[0][2], mesh[1])
     with pytest.raises(FileFormatError, match=r"b11\.off is .*centimetres and the other in metres"):
         load_bodies(folder)
     bodies = load_bodies(folder, template=template, align=False, scale=None)
     np.testing.assert_array_equal(bodies.points[2], 100 * mesh[0][2])
+
+
+def test_bodies_in_another_unit_alone_are_noticed(folder, mesh):
+    for name, points in zip(FILES, mesh[0], strict=False):
+        save_mesh(folder / name, 1000 * points, mesh[1])
+    with pytest.warns(UserWarning, match=r"b2\.ply is .* as a body in millimetres is"):
+        bodies = load_bodies(folder)
+    converted = load_bodies(folder, unit="millimetres")
+    np.testing.assert_allclose(bodies.points[0], 1000 * converted.points[0])
+    assert load_bodies(folder, scale=None).points.shape == bodies.points.shape
 
 
 def test_units_and_axes_are_converted(folder, mesh, tmp_path):
