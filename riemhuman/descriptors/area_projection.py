@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from scipy.special import rel_entr
 
 from riemhuman.arrays import Array, Booleans, Triangles
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import checked, positive, real_array, whole
 from riemhuman.descriptors.descriptor import Descriptor, histograms, pairwise, positive_numbers
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
@@ -61,6 +62,13 @@ class ProjectedAreas(Record):
         return self.origin + self.voxel_size * numbers
 
 
+@checked(
+    radii=positive_numbers,
+    voxel_size=positive,
+    ratio=positive,
+    n_bins=whole(minimum=2),
+    largest=positive,
+)
 @dataclass(frozen=True)
 class AreaProjectionTransform(Descriptor):
     r"""Histograms of the multiscale area projection transform [1]_.
@@ -104,12 +112,6 @@ class AreaProjectionTransform(Descriptor):
     ratio: float = 0.5
     n_bins: int = 24
     largest: float = 1.2
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "radii", positive_numbers(self.radii, "radii"))
-        for name in ("voxel_size", "ratio", "largest"):
-            real_number(getattr(self, name), name, minimum=0.0, strict=True)
-        whole_number(self.n_bins, "n_bins", minimum=2)
 
     def transform(self, vertices: ArrayLike, faces: ArrayLike) -> ProjectedAreas:
         """Return the transform of one surface on a grid of voxels around it.
@@ -247,34 +249,39 @@ def _enclosed_voxels(corners: Array, shape: tuple[int, ...]) -> Booleans:
 
 def _enclosed_along_last_axis(corners: Array, shape: list[int]) -> Booleans:
     """Return the voxels inside by the signed crossings of rays; corners are in voxels."""
-    plane = corners[:, :, :2] - _BESIDE
-    # Every triangle with every ray (row, column) that passes through the box around it.
-    first = np.maximum(np.ceil(plane.min(axis=1)), 0).astype(np.int64)
-    last = np.minimum(np.floor(plane.max(axis=1)), np.array(shape[:2]) - 1).astype(np.int64)
-    widths = np.maximum(last - first + 1, 0)
-    counts = widths.prod(axis=1)
-    triangle = np.repeat(np.arange(len(corners)), counts)
-    number_in_box = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
-    box_width = np.maximum(widths[triangle, 1], 1)
-    rows = first[triangle, 0] + number_in_box // box_width
-    columns = first[triangle, 1] + number_in_box % box_width
-
-    # Signed areas of a ray's triangles with each side: all have one sign if the ray crosses.
-    to_corners = plane[triangle] - np.stack([rows, columns], axis=1)[:, np.newaxis]
-    following = np.roll(to_corners, -1, axis=1)
-    opposite = to_corners[:, :, 0] * following[:, :, 1] - to_corners[:, :, 1] * following[:, :, 0]
-    total = opposite.sum(axis=1)
-    crosses = ((opposite > 0).all(axis=1) | (opposite < 0).all(axis=1)) & (total != 0)
-    # Side i lies opposite to corner i + 2.
-    weights = np.roll(opposite[crosses], -1, axis=1) / total[crosses, np.newaxis]
-    heights = np.sum(weights * corners[triangle[crosses], :, 2], axis=1)
-
-    # Signed crossings between a voxel of a ray and the one below it; the last are above all voxels.
     n_rows, n_columns, n_levels = shape
-    level = np.clip(np.ceil(heights).astype(np.int64), 0, n_levels)
-    cell = (rows[crosses] * n_columns + columns[crosses]) * (n_levels + 1) + level
-    n_cells = n_rows * n_columns * (n_levels + 1)
-    crossings = np.bincount(cell, np.sign(total[crosses]), minlength=n_cells)
-    crossings = crossings.reshape(n_rows, n_columns, n_levels + 1)
+    # Crossings between a voxel of a ray and the one below it; the last are above all voxels.
+    crossings = np.zeros((n_rows, n_columns, n_levels + 1))
+    _count_crossings(np.ascontiguousarray(corners), _BESIDE, crossings)
     above = np.cumsum(crossings[:, :, ::-1], axis=2)[:, :, ::-1]
     return above[:, :, 1:] > 0.5
+
+
+@compiled
+def _count_crossings(corners: Array, beside: Array, crossings: Array) -> None:
+    """Add, for every ray (row, column) and triangle that it crosses, the sign of the crossing."""
+    n_rows, n_columns, n_levels = crossings.shape
+    for triangle in corners:
+        x, y = triangle[:, 0] - beside[0], triangle[:, 1] - beside[1]
+        first_row, last_row = max(math.ceil(x.min()), 0), min(math.floor(x.max()), n_rows - 1)
+        first, last = max(math.ceil(y.min()), 0), min(math.floor(y.max()), n_columns - 1)
+        for row in range(first_row, last_row + 1):
+            for column in range(first, last + 1):
+                # Twice the signed areas that the ray spans with each side, opposite to a corner:
+                # all have one sign if the ray crosses.
+                of_0 = _spanned(x[1] - row, y[1] - column, x[2] - row, y[2] - column)
+                of_1 = _spanned(x[2] - row, y[2] - column, x[0] - row, y[0] - column)
+                of_2 = _spanned(x[0] - row, y[0] - column, x[1] - row, y[1] - column)
+                if not (min(of_0, of_1, of_2) > 0.0 or max(of_0, of_1, of_2) < 0.0):
+                    continue
+                total = of_0 + of_1 + of_2
+                z = triangle[:, 2]
+                height = (of_0 * z[0] + of_1 * z[1] + of_2 * z[2]) / total
+                level = min(max(math.ceil(height), 0), n_levels - 1)
+                crossings[row, column, level] += math.copysign(1.0, total)
+
+
+@compiled
+def _spanned(x_a: float, y_a: float, x_b: float, y_b: float) -> float:
+    """Return twice the signed area of a triangle with a corner at the origin."""
+    return x_a * y_b - y_a * x_b

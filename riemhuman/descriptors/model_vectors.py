@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_methods, flag, one_of, real_array
+from riemhuman.checks import checked, choice, flag, having, real_array
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces, meshes_of, pairwise
 from riemhuman.errors import ArgumentError
 
@@ -23,12 +23,10 @@ if TYPE_CHECKING:
     from riemhuman.bodies.fitting import ModelFit
 
 
+@checked(model=having("a body model with a method fit", "fit"))
 @dataclass(frozen=True, eq=False)
 class _ModelVectors(Descriptor):
     model: BodyModel
-
-    def __post_init__(self) -> None:
-        check_methods(self.model, "model", "a body model with a method fit", "fit")
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         points = self._check_points(vertices, faces)
@@ -40,6 +38,7 @@ class _ModelVectors(Descriptor):
         return self._vectors(self._fit(bodies))
 
     @staticmethod
+    @checked(progress=flag)
     def describe_together(
         descriptors: Sequence[_ModelVectors],
         bodies: Surfaces,
@@ -49,9 +48,7 @@ class _ModelVectors(Descriptor):
         """Return vectors and seconds of several descriptors; each model is fitted once."""
         fits = {}
         models = {id(descriptor.model): descriptor for descriptor in descriptors}
-        for key, descriptor in tqdm(
-            models.items(), disable=not flag(progress, "progress"), unit="fit"
-        ):
+        for key, descriptor in tqdm(models.items(), disable=not progress, unit="fit"):
             began = time.perf_counter()
             fits[key] = descriptor._fit(bodies), time.perf_counter() - began
         vectors, seconds = [], []
@@ -79,6 +76,7 @@ class _ModelVectors(Descriptor):
         """Return the vector of each surface of a fit, shape (n, d)."""
 
 
+@checked()
 @dataclass(frozen=True, eq=False)
 class ModelShapeVectors(_ModelVectors):
     """The shape coefficients of a body model fitted to registered surfaces.
@@ -101,6 +99,7 @@ class ModelShapeVectors(_ModelVectors):
         return np.asarray(fit.betas, dtype=np.float64)
 
 
+@checked(distance=choice("axis-angle", "rotation"), root=flag)
 @dataclass(frozen=True, eq=False)
 class ModelPoseVectors(_ModelVectors):
     """The joint rotations of a body model fitted to registered surfaces.
@@ -126,11 +125,6 @@ class ModelPoseVectors(_ModelVectors):
 
     distance: str = "axis-angle"
     root: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        one_of(self.distance, "distance", ("axis-angle", "rotation"))
-        flag(self.root, "root")
 
     def distances(self, vectors: ArrayLike) -> Array:
         if self.distance == "axis-angle":

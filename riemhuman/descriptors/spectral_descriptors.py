@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_instance, flag, one_of, real_array, real_number, whole_number
+from riemhuman.checks import checked, choice, flag, instance, positive, real_array, whole
 from riemhuman.descriptors.descriptor import (
     Descriptor,
     Surfaces,
@@ -40,9 +40,6 @@ class SpectralDescriptor(Descriptor):
 
     n_eigenvalues: int
 
-    def __post_init__(self) -> None:
-        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-
     @abstractmethod
     def of_spectrum(self, modes: Spectrum) -> Array:
         """Return the vector of a surface from at least `n_eigenvalues` of its eigenvalues."""
@@ -51,6 +48,7 @@ class SpectralDescriptor(Descriptor):
         return self.of_spectrum(spectrum(vertices, faces, self.n_eigenvalues))
 
     @staticmethod
+    @checked(progress=flag)
     def describe_together(
         descriptors: Sequence[SpectralDescriptor],
         bodies: Surfaces,
@@ -62,7 +60,7 @@ class SpectralDescriptor(Descriptor):
         n_eigenvalues = max(descriptor.n_eigenvalues for descriptor in descriptors)
         vectors: list[list[Array]] = [[] for _ in descriptors]
         seconds = np.zeros(len(descriptors))
-        for index in tqdm(range(count), disable=not flag(progress, "progress"), unit="spectrum"):
+        for index in tqdm(range(count), disable=not progress, unit="spectrum"):
             began = time.perf_counter()
             try:
                 modes = spectrum(*mesh(index), n_eigenvalues)
@@ -76,6 +74,7 @@ class SpectralDescriptor(Descriptor):
         return [np.stack(rows) for rows in vectors], seconds.tolist()
 
 
+@checked(n_eigenvalues=whole(minimum=1))
 @dataclass(frozen=True)
 class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
@@ -103,8 +102,8 @@ class ShapeDNA(SpectralDescriptor):
 
     n_eigenvalues: int = 50
 
+    @checked(modes=instance(Spectrum))
     def of_spectrum(self, modes: Spectrum) -> Array:
-        check_instance(modes, "modes", Spectrum)
         values = modes.eigenvalues[: self.n_eigenvalues]
         return values / np.arange(1, len(values) + 1)
 
@@ -116,10 +115,6 @@ class KernelSignature(SpectralDescriptor):
     pooling: str = "histogram"
 
     _RANGE: ClassVar[tuple[float, float]]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        whole_number(self.n_bins, "n_bins", minimum=2)
 
     def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> Array:
         """Return the signatures (n_scales, V) of every vertex: a row for each time or energy.
@@ -134,8 +129,8 @@ class KernelSignature(SpectralDescriptor):
     def distances(self, vectors: ArrayLike) -> Array:
         return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
 
+    @checked(modes=instance(Spectrum))
     def of_spectrum(self, modes: Spectrum) -> Array:
-        check_instance(modes, "modes", Spectrum)
         modes = modes.first(self.n_eigenvalues)
         used = modes.areas > 0
         values = self._pooled(self._of(modes)[:, used])
@@ -153,6 +148,7 @@ class KernelSignature(SpectralDescriptor):
         return signatures
 
 
+@checked(times=positive_numbers, n_eigenvalues=whole(minimum=1), n_bins=whole(minimum=2))
 @dataclass(frozen=True)
 class HeatKernelSignature(KernelSignature):
     r"""The heat kernel signature, pooled over the surface [1]_.
@@ -192,10 +188,6 @@ class HeatKernelSignature(KernelSignature):
     # Of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
     _RANGE = -0.5, 1.5
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "times", positive_numbers(self.times, "times"))
-
     def _pooled(self, signatures: Array) -> Array:
         return np.log10(4 * np.pi * np.array(self.times)[:, np.newaxis] * signatures)
 
@@ -205,6 +197,19 @@ class HeatKernelSignature(KernelSignature):
         return traces
 
 
+def _numbers(values: ArrayLike, name: str) -> tuple[float, ...]:
+    """Return one number or more as a tuple."""
+    numbers = real_array(values, name, (f"n_{name}",), batched=False)
+    return tuple(numbers.tolist())
+
+
+@checked(
+    energies=_numbers,
+    sigma=positive,
+    pooling=choice("histogram", "vertex mean"),
+    n_eigenvalues=whole(minimum=1),
+    n_bins=whole(minimum=2),
+)
 @dataclass(frozen=True)
 class WaveKernelSignature(KernelSignature):
     r"""The wave kernel signature, pooled over the surface [1]_.
@@ -247,17 +252,11 @@ class WaveKernelSignature(KernelSignature):
     _RANGE = 0.0, 4.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        energies = real_array(self.energies, "energies", ("n_energies",), batched=False)
-        object.__setattr__(self, "energies", tuple(energies.tolist()))
-        if self.sigma is not None:
-            real_number(self.sigma, "sigma", minimum=0.0, strict=True)
-        if energies.size == 0 or (self.sigma is None and np.ptp(energies) == 0):
+        if not self.energies or (self.sigma is None and np.ptp(self.energies) == 0):
             raise ArgumentError(
                 "energies must hold at least two different numbers, or one if sigma is given; "
                 f"found {self.energies}"
             )
-        one_of(self.pooling, "pooling", ("histogram", "vertex mean"))
 
     def _of(self, modes: Spectrum) -> Array:
         gaps = np.array(self.energies)[:, np.newaxis] - np.log(modes.eigenvalues)

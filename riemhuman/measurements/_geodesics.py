@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,11 +50,41 @@ Strip = tuple[Integers, tuple[AroundPoint, AroundPoint]]
 Adjacency = tuple[Triangles, Triangles]
 """Triangles and their neighbours."""
 
-Path = tuple[Integers, Integers, Integers, NDArray[np.complex128], Array]
-"""Strip, edges, bends, places of edges in the plane, and crossings of a path, or of two."""
-
 Funnel = tuple[Integers, NDArray[np.complex128]]
 """Limits of the view from a bend, and three complex numbers."""
+
+
+class Path(NamedTuple):
+    """Buffers for a path through a strip of triangles, each longer than any path."""
+
+    strip: Integers  # the triangles in order
+    edges: Integers  # right and left vertex of the edge between triangles k and k + 1
+    bends: Integers  # numbers of the edges where the path bends, and on which side; then its end
+    sides: NDArray[np.complex128]  # places in the plane of the right and the left ends of edges
+    crossings: Array  # where the path crosses the edges, from 0 (right) to 1 (left)
+
+
+def _empty_path(size: int) -> Path:
+    return Path(
+        strip=np.empty(size, np.int64),
+        edges=np.empty((size, 2), np.int64),
+        bends=np.empty((size, 2), np.int64),
+        sides=np.empty((2, size), np.complex128),
+        crossings=np.empty(size),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _EdgePoints:
+    """Points on the edges of a template, through which the first path may run."""
+
+    places: Array
+    faces: Integers  # the two triangles of each point
+    inside: sparse.csr_array  # which points are on the edges of each triangle
+    # Pairs of points in one triangle, and their distances.
+    first: Integers
+    second: Integers
+    distances: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +116,7 @@ class Mesh:
         return sparse.csr_array((signs, columns.ravel(), ends), shape=shape)
 
     @cached_property
-    def _points(self) -> tuple[Array, Integers, sparse.csr_array, tuple[Array, Integers, Integers]]:
-        """Points on edges, the two triangles of each, those in a triangle, and their distances."""
+    def _points(self) -> _EdgePoints:
         face, corner = np.nonzero(self.neighbours >= 0)
         sides = np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
         edges, numbers, _ = distinct_pairs(np.sort(sides, axis=1))
@@ -98,8 +128,8 @@ class Mesh:
         shape = len(self.faces), len(points)
         inside = sparse.csr_array((np.ones(len(incidence[0])), incidence), shape=shape)
         first, second = sparse.triu(inside.T @ inside, 1).nonzero()
-        ways = np.linalg.norm(points[first] - points[second], axis=1), first, second
-        return points, faces, inside, ways
+        distances = np.linalg.norm(points[first] - points[second], axis=1)
+        return _EdgePoints(points, faces, inside, first, second, distances)
 
     def strip(self, start: SurfacePoint, end: SurfacePoint) -> Strip:
         """Return the strip of the shortest path through points on edges of the template."""
@@ -125,15 +155,15 @@ class Mesh:
         common = np.intersect1d(of_start, of_end)
         if len(common):
             return common[:1]
-        points, faces, inside, ways = self._points
+        points = self._points
         # The two ends become nodes after those of the points.
-        n_points = len(points)
-        lengths, rows, columns = ([array] for array in ways)
-        for number, (point, around) in enumerate(((start, of_start), (end, of_end))):
-            face, weights = point
-            near = np.unique(inside[around].indices)
+        n_points = len(points.places)
+        lengths, rows, columns = [points.distances], [points.first], [points.second]
+        for number, (place_on_mesh, around) in enumerate(((start, of_start), (end, of_end))):
+            face, weights = place_on_mesh
+            near = np.unique(points.inside[around].indices)
             place = weights @ self.vertices[self.faces[face]]
-            lengths.append(np.linalg.norm(points[near] - place, axis=1))
+            lengths.append(np.linalg.norm(points.places[near] - place, axis=1))
             rows.append(near)
             columns.append(np.full(len(near), n_points + number))
         entries = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
@@ -143,7 +173,7 @@ class Mesh:
         strip_from_end: list[int] = []
         node, there = before[-1], of_end
         while node >= 0:
-            here = faces[node] if node < n_points else of_start
+            here = points.faces[node] if node < n_points else of_start
             strip_from_end.append(np.intersect1d(here, there)[0])
             node, there = before[node], here
         if not strip_from_end:
@@ -159,28 +189,23 @@ def geodesics(surfaces: Array, start: SurfacePoint, end: SurfacePoint, mesh: Mes
     """Return the geodesics from start to end on surfaces: their ends and crossings with edges."""
     strip, ends = mesh.strip(start, end)
     most = len(mesh.faces) + 1
-    # Buffers for two paths: the best one, and the one that is tried.
-    strips = np.empty((2, most), np.int64)
-    edges = np.empty((2, most, 2), np.int64)
-    bends = np.empty((2, most, 2), np.int64)
-    sides = np.empty((2, 2, most), np.complex128)
-    places = np.empty((2, most))
-    paths = strips, edges, bends, sides, places
+    paths = _empty_path(most), _empty_path(most)
     funnel = np.empty(2, np.int64), np.empty(3, np.complex128)
     adjacency = mesh.faces, mesh.neighbours
     corners = mesh.faces[[start[0], end[0]]]
     vertices_of_lines: list[Integers] = []
     weights_of_lines: list[Array] = []
     for f in np.require(values_of(surfaces), np.float64, ["C", "W"]):
-        strips[0, : len(strip)] = strip
-        path, n = _straighten(f, adjacency, ends, len(strip), paths, funnel)
+        paths[0].strip[: len(strip)] = strip
+        which, n = _straighten(f, adjacency, ends, len(strip), paths, funnel)
         if n < 0:
             vertices_of_lines.append(np.empty((0, 3), np.int64))
             weights_of_lines.append(np.empty((0, 3)))
             continue
         # A crossing is on an edge, whose first vertex fills the place of a third one.
-        crossed = np.append(edges[path, :n], edges[path, :n, :1], axis=1)
-        t = places[path, :n, np.newaxis]
+        path = paths[which]
+        crossed = np.append(path.edges[:n], path.edges[:n, :1], axis=1)
+        t = path.crossings[:n, np.newaxis]
         inner = np.concatenate([1.0 - t, t, np.zeros_like(t)], axis=1)
         vertices_of_lines.append(np.concatenate([corners[:1], crossed, corners[1:]]))
         weights_of_lines.append(np.concatenate([start[1][np.newaxis], inner, end[1][np.newaxis]]))
@@ -203,21 +228,20 @@ def _straighten(
     mesh: Adjacency,
     ends: tuple[AroundPoint, AroundPoint],
     size: int,
-    paths: Path,
+    paths: tuple[Path, Path],
     funnel: Funnel,
 ) -> tuple[int, int]:
-    """Shorten the path in a strip until no rerouting helps.
+    """Shorten the path in the strip of the first buffer until no rerouting helps.
 
-    Return which of the two paths is the best one, and how many edges it crosses; -1 if none is.
+    Return which of the two buffers holds the best path, and how many edges that crosses; -1 if
+    there is none.
     """
-    strips, edges, bends, sides, places = paths
-    trial = strips[0], edges[0], bends[0], sides[0], places[0]
-    best = strips[1], edges[1], bends[1], sides[1], places[1]
+    trial, best = paths
     which = 1  # of the buffers holds the best path
     length = np.inf
     best_size, number, n_bends = 0, 0, 0
     while size > 0:  # ends: no strip comes twice
-        size = _trim(trial[0], size, ends)
+        size = _trim(trial.strip, size, ends)
         if _unfold(f, mesh, ends, trial, size, funnel[1]):
             count = _funnel(trial, size, funnel)
             moved = _cross_edges(trial, size, count)
@@ -229,11 +253,11 @@ def _straighten(
                 best_size, number, n_bends = size, 0, count
         size = 0
         while size == 0 and number < n_bends:
-            edge, bend_side = bends[which, number, 0] - 1, bends[which, number, 1]
+            edge, bend_side = best.bends[number, 0] - 1, best.bends[number, 1]
             number += 1
             if 0 <= edge < best_size - 1:  # the bend is no end of the path
-                vertex = edges[which, edge, bend_side]
-                size = _reroute(mesh, best, best_size, edge, vertex, trial[0])
+                vertex = best.edges[edge, bend_side]
+                size = _reroute(mesh, best, best_size, edge, vertex, trial.strip)
     return which, best_size - 1
 
 
@@ -278,9 +302,10 @@ def _unfold(
     size: int,
     corners: NDArray[np.complex128],
 ) -> bool:
-    """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1."""
-    # Columns of `sides` are their places in the complex plane, between both ends of the path.
-    (faces, neighbours), (strip, edges, _, sides, _) = mesh, path
+    """Lay the strip of a path flat in the complex plane: fill its edges and their sides."""
+    # The first and the last column of `sides` are the ends of the path.
+    faces, neighbours = mesh
+    strip, edges, sides = path.strip, path.edges, path.sides
     total = 0.0j
     for step in range(size):
         face = strip[step]
@@ -327,7 +352,7 @@ def _unfold(
 @compiled
 def _funnel(path: Path, size: int, funnel: Funnel) -> int:
     """Find the bends of the shortest path, with its end, and their sides; return how many."""
-    _, _, bends, sides, _ = path
+    bends, sides = path.bends, path.sides
     limits, views = funnel
     count, apex, k = 0, 0, 1
     place = sides[0, 0]
@@ -358,8 +383,8 @@ def _funnel(path: Path, size: int, funnel: Funnel) -> int:
 
 @compiled
 def _cross_edges(path: Path, size: int, n_bends: int) -> float:
-    """Find where the path crosses edges, from 0 (right) to 1 (left); return its length."""
-    _, _, bends, sides, places = path
+    """Find where the path crosses edges; return its length."""
+    bends, sides, crossings = path.bends, path.sides, path.crossings
     length = 0.0
     k = 1
     here = sides[0, 0]
@@ -370,7 +395,7 @@ def _cross_edges(path: Path, size: int, n_bends: int) -> float:
         while k <= min(last, size - 1):
             on_right, on_left = side(here, goal, sides[0, k]), side(here, goal, sides[1, k])
             t = 0.5 if on_right == on_left else on_right / (on_right - on_left)
-            places[k - 1] = float(near) if k == last else min(max(t, 0.0), 1.0)
+            crossings[k - 1] = float(near) if k == last else min(max(t, 0.0), 1.0)
             k += 1
         here = goal
     return length
@@ -380,7 +405,7 @@ def _cross_edges(path: Path, size: int, n_bends: int) -> float:
 def _reroute(mesh: Adjacency, path: Path, size: int, edge: int, vertex: int, new: Integers) -> int:
     """Write a strip rerouted around the other side of a vertex; 0 if that has a boundary."""
     faces, neighbours = mesh
-    strip, edges, _, _, _ = path
+    strip, edges = path.strip, path.edges
     first, last = edge, edge
     while first > 0 and _index_of(edges[first - 1], vertex) >= 0:
         first -= 1

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel, joints_between
 from riemhuman.checks import (
-    check_instance,
     check_resolution,
+    checked,
+    choice,
     flag,
+    instance,
     mask,
-    one_of,
     real_array,
     real_number,
     refuse_type,
@@ -205,6 +206,9 @@ class Measurements:
     def __repr__(self) -> str:
         return f"<Measurements: {', '.join(self.names)}>"
 
+    @checked(
+        pose=choice(*_POSES), axes=choice(*_AXES), gradient=flag, missing=choice("raise", "nan")
+    )
     def measure(
         self,
         points: ArrayLike,
@@ -237,10 +241,6 @@ class Measurements:
             Which vertices to trust, such as `rh.registration.RegisteredScan.trusted_vertices`. A
             measurement is not defined if more than a twentieth of it depends on other vertices.
         """
-        one_of(pose, "pose", _POSES)
-        one_of(missing, "missing", ("raise", "nan"))
-        one_of(axes, "axes", _AXES)
-        gradient = flag(gradient, "gradient")
         dtype = getattr(points, "dtype", None)
         points = real_array(points, "points", (self.definitions.n_vertices, 3))
         check_resolution(points, "points", dtype)
@@ -287,6 +287,7 @@ class Measurements:
             slopes = slopes.reshape(*shape, *points.shape[-2:])
         return BodySizes(self.names, values.reshape(shape), self.units, slopes, why_missing)
 
+    @checked(axes=choice(*_AXES))
     def lines(self, surface: ArrayLike, *, axes: str = "body") -> dict[str, list[Array]]:
         """Return the measurement lines of one body as it stands.
 
@@ -304,7 +305,7 @@ class Measurements:
         """
         shape = (self.definitions.n_vertices, 3)
         surface = real_array(surface, "surface", shape, batched=False)
-        axes = one_of(axes, "axes", _AXES) if self.definitions.frame else "space"
+        axes = axes if self.definitions.frame else "space"
         check_body_sizes(surface, self.definitions.surface, "surface")
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
         lines = {}
@@ -419,6 +420,7 @@ def values_and_slopes(
     return np.stack([value for value, _ in pairs], axis=-1), [slopes for _, slopes in pairs]
 
 
+@checked(definitions=instance(MeasurementSet))
 def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
 
@@ -447,7 +449,6 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     >>> straight.shape
     (1202, 3)
     """
-    check_instance(definitions, "definitions", MeasurementSet)
     model = definitions.model
     if model is None:
         raise ArgumentError(

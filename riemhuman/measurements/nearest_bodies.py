@@ -20,7 +20,6 @@ from riemhuman.arrays import Array, Booleans
 from riemhuman.checks import checked, instance, positive, real_array, whole
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.metric import check_metric
 from riemhuman.measurements.adults import check_values
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.solvers._preconditioners import SparseCholeskyFactor
@@ -65,7 +64,12 @@ class NearestBody:
         return {name: value - self.before[name] for name, value in self.after.items()}
 
 
-@checked(measurements=instance(Measurements), tolerance=positive, max_iter=whole(minimum=1))
+@checked(
+    measurements=instance(Measurements),
+    metric=instance(RiemannianMetric, "a metric, such as ElasticMetric(space)"),
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+)
 def nearest_body(
     measurements: Measurements,
     metric: RiemannianMetric,
@@ -107,7 +111,6 @@ def nearest_body(
     >>> round(result.after["waist girth"], 3)
     0.7
     """
-    check_metric(metric)
     if not metric.has_metric_matrix:
         raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
     start = real_array(point, "point", metric.space.shape, batched=False)

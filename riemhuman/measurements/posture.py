@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike
-from riemhuman.checks import check_instance, mask, one_of, real_array
+from riemhuman.checks import checked, choice, instance, mask, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measuring import Measurements
 
@@ -22,6 +22,7 @@ _SIDED = (
 )
 
 
+@checked(measurements=instance(Measurements), up=choice(*_AXES))
 def posture_angles(
     measurements: Measurements,
     points: ArrayLike,
@@ -66,7 +67,6 @@ def posture_angles(
     >>> bool(abs(angles["shoulder tilt"]) < 4.0)
     True
     """
-    check_instance(measurements, "measurements", Measurements)
     definitions = measurements.definitions
     missing = [name for name in _landmarks() if name not in definitions.landmarks]
     if missing:
@@ -86,7 +86,7 @@ def posture_angles(
             trusted = trusted_vertices[..., vertices]
             place = np.where(trusted.all(axis=-1, keepdims=True), place, np.nan)
         places[name] = place
-    stand = _Stand.of(places, np.array(_AXES[one_of(up, "up", tuple(_AXES))]))
+    stand = _Stand.of(places, np.array(_AXES[up]))
     return {name: angle(stand) for name, angle in _ANGLES.items()}
 
 

@@ -8,7 +8,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Labels, PointsLike
-from riemhuman.checks import Rng, generator, real_array, whole_number
+from riemhuman.checks import Rng, checked, generator, real_array, whole
 from riemhuman.checks.labels import class_numbers
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold
@@ -55,6 +55,7 @@ class RegressionOptions(TypedDict, total=False):
     max_iter: int
 
 
+@checked(n_permutations=whole(minimum=1))
 def regress_shape(
     space: Manifold,
     values: ArrayLike,
@@ -103,7 +104,6 @@ def regress_shape(
     """
     bodies = metric_of(space).check_points(points, "points")
     numbers = real_array(values, "values", (len(bodies),), batched=False)
-    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
     labels = range(len(bodies)) if people is None else people
     person_of, _ = class_numbers(labels, "people", len(bodies))
     _, first_bodies = np.unique(person_of, return_index=True)
