@@ -145,7 +145,7 @@ TASKS = (
     Task(
         "Scans and other topologies",
         "Raw scans registered with a body model or a template, and maps between topologies.",
-        ("registration",),
+        ("registration", "topologies"),
     ),
     Task(
         "Measurements",

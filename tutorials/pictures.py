@@ -15,7 +15,6 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import riemhuman as rh
-from riemhuman.plots._ground_picture import Ground, over
 from riemhuman.plots.windows import window_around
 
 matplotlib.use("agg")
@@ -53,18 +52,25 @@ def geodesic(bodies, space) -> None:
         bodies.points[20 + bodies.pose_names.index(p)] for p in ("arms_up", "bent_elbows")
     )
     paths = {
-        "straight": rh.solvers.LinearPath(7).solve(metric, start, end),
+        "straight line": rh.solvers.LinearPath(7).solve(metric, start, end),
         "geodesic": rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, start, end),
     }
     figure, axes = plt.subplots(2, 1, figsize=(13, 6.8), layout="constrained")
     for ax, (name, result) in zip(axes, paths.items(), strict=True):
         change = area_change(result.path, bodies.template.faces)
         rh.plots.plot_path(
-            result.path, bodies.template.faces, change, largest=0.5, ax=ax, spacing=1.3
+            rh.plots.on_the_ground(result.path),
+            bodies.template.faces,
+            change,
+            largest=0.5,
+            label="area beyond its end values",
+            ax=ax,
+            spacing=1.3,
         )
         ax.set_title(
-            f"{name}: energy {result.energy:.2f}; 99 % of triangles change their areas by at most "
-            f"{np.quantile(change, 0.99):.0%} beyond the end points"
+            f"{name}, energy {result.energy:.2f}: on the way, 99 % of the triangles' areas stay "
+            f"within {np.quantile(change, 0.99):.0%} of the end values",
+            fontsize=14,
         )
     save(figure, "geodesic", dpi=100)
 
@@ -82,31 +88,34 @@ def moving(bodies, space) -> None:
     geodesic = rh.solvers.BasisPath(basis, n_nodes=n_nodes).solve(metric, start, end).path
     faces = bodies.template.faces
     colors = [shrinking_colors(area_change(path, faces)) for path in (straight, geodesic)]
+    straight, geodesic = map(rh.plots.on_the_ground, (straight, geodesic))
     middle = (start + end).mean(axis=0) / 2
     middle[2] = 0.0
     view = rh.plots.View(azimuth=0.0)
-    window = window_around(np.concatenate([*straight, *geodesic]) - middle, view, margin=0.1)
-    ground = Ground.below([surface - middle for surface in (*straight, *geodesic)])
+    window = window_around(np.concatenate([*straight, *geodesic]) - middle, view, margin=0.06)
     frames = []
     for number in range(n_nodes):
-        halves = []
-        for path, path_colors in zip((straight, geodesic), colors, strict=True):
-            surface = path[number] - middle
-            body = rh.plots.render(
-                surface, faces, height=380, view=view, window=window, color=path_colors[number]
+        halves = [
+            rh.plots.render(
+                path[number] - middle,
+                faces,
+                height=560,
+                view=view,
+                window=window,
+                color=path_colors[number],
             )
-            below = ground.picture(surface, view, window, body.shape[:2])
-            halves.append(np.round(over(body, below)).astype(np.uint8))
+            for path, path_colors in zip((straight, geodesic), colors, strict=True)
+        ]
         picture = np.concatenate(halves, axis=1)
-        canvas = Image.new("RGBA", (picture.shape[1], 400), "white")
-        canvas.alpha_composite(Image.fromarray(picture), (0, 20))
+        canvas = Image.new("RGBA", (picture.shape[1], 600), "white")
+        canvas.alpha_composite(Image.fromarray(picture), (0, 36))
         pen = ImageDraw.Draw(canvas)
         for place, text in ((0.25, "straight line: arms shrink"), (0.75, "geodesic: arms rotate")):
-            pen.text((place * canvas.width, 4), text, "black", anchor="mt", font_size=16)
+            pen.text((place * canvas.width, 6), text, "black", anchor="mt", font_size=24)
         frames.append(canvas.convert("RGB"))
     hold = [600, *[90] * (n_nodes - 2), 600]
     back_and_forth = [*range(n_nodes), *range(n_nodes - 2, 0, -1)]
-    pictures = [frames[number].quantize(64) for number in back_and_forth]
+    pictures = [frames[number].quantize(128, dither=Image.Dither.NONE) for number in back_and_forth]
     pictures[0].save(
         FOLDER / "moving.gif",
         save_all=True,
