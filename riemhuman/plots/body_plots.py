@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Points, Triangles
-from riemhuman.checks import check_instance, flag, real_array, real_number, whole_number
+from riemhuman.checks import (
+    checked,
+    flag,
+    instance,
+    positive,
+    real,
+    real_array,
+    whole,
+)
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric
@@ -38,9 +46,9 @@ from riemhuman.plots.rendering import (
 from riemhuman.plots.windows import (
     View,
     Window,
-    pixel_height,
+    a_height,
+    a_view,
     same_heights,
-    view_of,
     window_around,
 )
 from riemhuman.representation import Record
@@ -52,6 +60,7 @@ if TYPE_CHECKING:
 
 
 # More than eight arguments, because each keyword is one choice about the picture.
+@checked(view=a_view, label=text, ground=flag, height=a_height)
 def plot_body(
     vertices: object,
     faces: ArrayLike | None = None,
@@ -93,10 +102,8 @@ def plot_body(
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     ax = new_axes(ax, 3.2, 4.8)
-    view = view_of(view)
-    has_ground = flag(ground, "ground")
-    bar_label = None if label is None else text(label, "label")
-    window = window_of(vertices, view, ground=has_ground)
+    view = View() if view is None else view
+    window = window_of(vertices, view, ground=ground)
     low, limit = 0.0, 0.0
     if values is not None:
         shades = surface_values(values, len(vertices), len(np.asarray(faces)))
@@ -107,12 +114,12 @@ def plot_body(
         low, limit = scale_ends(shades)
         color = value_colors(vertex_values(shades, faces, len(vertices)), limit, signed=low < 0)
     picture = render(
-        vertices, faces, height=height, view=view, window=window, color=color, ground=has_ground
+        vertices, faces, height=height, view=view, window=window, color=color, ground=ground
     )
     ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
     ax.set_axis_off()
-    if values is not None and bar_label is not None:
-        draw_bar(ax, low, limit, bar_label)
+    if values is not None and label is not None:
+        draw_bar(ax, low, limit, label)
     return ax
 
 
@@ -133,6 +140,16 @@ def _signed(value: float, _: object) -> str:
 
 
 # More than eight arguments, because each keyword is one choice about the picture.
+@checked(
+    n_shown=whole(minimum=2),
+    largest=real(minimum=0.0),
+    spacing=positive,
+    view=a_view,
+    ground=flag,
+    one_floor=flag,
+    label=text,
+    height=a_height,
+)
 def plot_path(
     path: ArrayLike | Sequence[object],
     faces: ArrayLike | None = None,
@@ -192,27 +209,23 @@ def plot_path(
         raise ArgumentError("path must hold at least one surface; found none")
     numbers = np.arange(len(surfaces))
     if n_shown is not None:
-        n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
+        n_shown = min(n_shown, len(surfaces))
         numbers = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
     titles = None if labels is None else names_of(labels, "labels", len(surfaces), "surfaces")
-    bar_label = None if label is None else text(label, "label")
-    pixels = pixel_height(height)
     triangles = check_mesh(surfaces[0], given_faces)[1]
-    has_ground = flag(ground, "ground")
-    if has_ground and not flag(one_floor, "one_floor"):
+    if ground and not one_floor:
         surfaces = surfaces.copy()
         surfaces[..., 1] -= surfaces[..., 1].min(axis=1, keepdims=True)
-    view = view_of(view)
-    step = None if spacing is None else real_number(spacing, "spacing", minimum=0, strict=True)
-    floors, windows = _floors_and_windows(surfaces[numbers], view, step, ground=has_ground)
+    view = View() if view is None else view
+    floors, windows = _floors_and_windows(surfaces[numbers], view, spacing, ground=ground)
     widths = np.array([frame.width for frame in windows])
     middles = np.cumsum(widths) - widths / 2
-    if step is not None:
-        middles = widths[0] / 2 + step * np.arange(len(numbers))
+    if spacing is not None:
+        middles = widths[0] / 2 + spacing * np.arange(len(numbers))
     tints, low, limit = _tints(surfaces, triangles, values, largest, colors)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / windows[0].height), 2.4)
     for order, (index, frame, floor) in enumerate(zip(numbers, windows, floors, strict=True)):
-        picture = drawn(surfaces[index], triangles, pixels, view, frame, tints[index], floor)
+        picture = drawn(surfaces[index], triangles, height, view, frame, tints[index], floor)
         left = middles[order] - frame.width / 2
         right = middles[order] + frame.width / 2
         ax.imshow(
@@ -228,8 +241,8 @@ def plot_path(
     ax.set_xlim(0.0, middles[-1] + widths[-1] / 2)
     ax.set_ylim(0.0, windows[0].height)
     ax.set_axis_off()
-    if values is not None and bar_label is not None:
-        draw_bar(ax, low, limit, bar_label)
+    if values is not None and label is not None:
+        draw_bar(ax, low, limit, label)
     return ax
 
 
@@ -252,8 +265,6 @@ def _tints(
             f"values must have one row for each of the {n_surfaces} surfaces; "
             f"found shape {shades.shape}"
         )
-    if largest is not None:
-        largest = real_number(largest, "largest", minimum=0)
     low, limit = scale_ends(shades, largest)
     smooth = np.stack([vertex_values(row, triangles, n_vertices) for row in shades])
     return value_colors(smooth, limit, signed=low < 0), low, limit
@@ -319,6 +330,7 @@ class Contributions(Record):
         return np.add(self.metric, self.normal)
 
 
+@checked(metric=instance(ElasticMetric, "an ElasticMetric(...)"))
 def contributions(metric: ElasticMetric, point_a: Points, point_b: Points) -> Contributions:
     """Return the contribution of every triangle to the squared distance between two surfaces.
 
@@ -334,7 +346,6 @@ def contributions(metric: ElasticMetric, point_a: Points, point_b: Points) -> Co
     >>> rh.plots.contributions(metric, bodies[0], bodies[1]).normal.shape
     (2400,)
     """
-    check_instance(metric, "metric", ElasticMetric, "an ElasticMetric(...)")
     space = metric.space
     first_a, first_b = (
         surface.derivatives(space.check_point(f, "surface"), space.template.differential_operator)

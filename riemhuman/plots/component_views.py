@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Points, Triangles
-from riemhuman.checks import check_instance
+from riemhuman.checks import checked, instance
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.mesh_arrays import check_mesh
@@ -18,6 +18,7 @@ _MOST_COMPONENTS = 10
 _DEVIATIONS = 2.0  # from the mean, where bodies of one component are exact
 
 
+@checked(pca=instance(TangentPCA, "a TangentPCA(...)"))
 def view_components(
     pca: TangentPCA, faces: ArrayLike | None = None, *, title: str = "Principal components"
 ) -> Viewer:
@@ -49,7 +50,6 @@ def view_components(
     >>> pca = rh.TangentPCA(space, n_components=2).fit(bodies.points[:50:10])
     >>> rh.plots.view_components(pca).save("components.html")
     """
-    check_instance(pca, "pca", TangentPCA, "a TangentPCA(...)")
     (middle,) = pca.inverse_transform(np.zeros((1, 1)))
     if middle.ndim != 2 or middle.shape[1] != 3:
         raise ArgumentError(f"pca must be fitted to surfaces; found points of {middle.shape}")

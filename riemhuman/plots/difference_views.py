@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Points, Triangles
-from riemhuman.checks import check_instance, real_array
+from riemhuman.checks import checked, instance, real_array
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
@@ -32,7 +32,7 @@ from riemhuman.plots.measurement_views import measurement_panel
 from riemhuman.plots.rendering import as_surfaces
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.windows import View
+from riemhuman.plots.windows import View, a_height, a_view
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from riemhuman.plots._panels import Panel
 
+_MEASUREMENTS = instance(Measurements, "a Measurements(...)")
 _DENSITY = "Metric"
 _LENGTHS = {"cm": "Millimetres", "in": "Inches"}  # the name of the other choice, with units
 
@@ -56,6 +57,7 @@ class _Difference:
     panel: Panel | None = None
 
 
+@checked(measurements=_MEASUREMENTS, title=text)
 def view_difference(
     point_a: object,
     point_b: object = None,
@@ -100,7 +102,6 @@ def view_difference(
     """
     gap = gap_unit(system)
     titles = _two_names(names)
-    page_title = None if title is None else text(title, "title")
     difference = _difference(point_a, point_b, faces, measurements, titles, system)
     outside = gap.scale * difference.displacements
     density = _density(difference, metric)
@@ -129,12 +130,13 @@ def view_difference(
         difference.faces,
         choices,
         legend="Colours",
-        title=page_title or f"Differences between {titles[0]} and {titles[1]}",
+        title=title or f"Differences between {titles[0]} and {titles[1]}",
         description=_description(difference, titles, gap),
         panel=difference.panel,
     )
 
 
+@checked(measurements=_MEASUREMENTS, height=a_height, view=a_view)
 def plot_difference(
     point_a: object,
     point_b: object = None,
@@ -231,8 +233,6 @@ def _difference(
     system: str | None = None,
 ) -> _Difference:
     """Return two bodies in one pose and, if units are given, the list of their measurements."""
-    if measurements is not None:
-        check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
     if isinstance(point_a, VisitComparison):
         if measurements is None:
             raise ArgumentError(

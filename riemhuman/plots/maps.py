@@ -14,12 +14,13 @@ from scipy.spatial.distance import cdist
 from riemhuman.arrays import Array, Integers, Labels, Points, PointsLike
 from riemhuman.checks import (
     Rng,
+    checked,
+    choice,
     distance_matrix,
     generator,
     length_of,
-    one_of,
+    real,
     real_array,
-    real_number,
 )
 from riemhuman.checks.labels import class_indices, names_of, text
 from riemhuman.datasets import Bodies
@@ -87,6 +88,7 @@ _FRACTIONS = {
 }
 
 
+@checked(method=choice(*METHODS))
 def embed(
     distances: ArrayLike | RiemannianMetric,
     bodies: Bodies | PointsLike | None = None,
@@ -124,7 +126,6 @@ def embed(
     >>> rh.plots.embed(metric, bodies, method="mds").shape
     (20, 2)
     """
-    one_of(method, "method", METHODS)
     if isinstance(distances, RiemannianMetric):
         if bodies is None:
             raise ArgumentError("with a metric, pass the bodies to compare: embed(metric, bodies)")
@@ -253,6 +254,7 @@ def stress(distances: Array, positions: Array) -> float:
     return float(np.sqrt(squared_errors / squares))
 
 
+@checked(stress=real(minimum=0.0))
 def describe_stress(stress: float) -> str:
     """Return in words how far an embedding is from the distances.
 
@@ -266,7 +268,6 @@ def describe_stress(stress: float) -> str:
     >>> rh.plots.describe_stress(0.35)
     'distances are off by a third'
     """
-    stress = real_number(stress, "stress", minimum=0.0)
     if stress < _NO_STRESS:
         return "distances are kept"
     nearest = min(_FRACTIONS, key=lambda fraction: abs(np.log(stress / fraction)))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.arrays import Array, Image, Points
-from riemhuman.checks import check_instance, real_array
+from riemhuman.checks import checked, instance, real_array
 from riemhuman.checks.labels import names_of
 from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import points_picture, render
@@ -29,6 +29,9 @@ _BAND_SHADE = 0.72  # light of a band, as a share of that beside it
 _UNSEEN = np.array([0.45, 0.45, 0.45])
 _VIEWS = (("front", View(0.0, 4.0)), ("back", View(180.0, 4.0)))
 _HEIGHT = 640  # pixels
+
+
+_A_RESULT = instance(RegisteredScan, "a registered scan")
 
 
 def position_colors(points: Points) -> Array:
@@ -64,6 +67,7 @@ def position_colors(points: Points) -> Array:
     return colors
 
 
+@checked(result_a=_A_RESULT, result_b=_A_RESULT)
 def plot_match(
     result_a: RegisteredScan,
     result_b: RegisteredScan,
@@ -83,8 +87,6 @@ def plot_match(
     >>> figure = rh.plots.plot_match(result_a, result_b)  # doctest: +SKIP
     """
     results = (result_a, result_b)
-    for name, result in zip(("result_a", "result_b"), results, strict=True):
-        check_instance(result, name, RegisteredScan, "a registered scan")
     titles = names_of(names, "names", 2, "scans")
     points_a = apply_transform(result_a.transform, result_a.scan.points)
     points_b = apply_transform(result_b.transform, result_b.scan.points)

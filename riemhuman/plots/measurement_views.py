@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from riemhuman.arrays import Array, Booleans, Image, Integers, Points, Triangles
-from riemhuman.checks import check_instance, mask, one_of, real_array
+from riemhuman.checks import checked, choice, instance, mask, real_array
 from riemhuman.checks.labels import text
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements import (
@@ -31,13 +31,14 @@ from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.windows import View, pixel_height, window_around
+from riemhuman.plots.windows import View, a_height, window_around
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _POSES = ("standard", "as is")
+_MEASUREMENTS = instance(Measurements, "a Measurements(...)")
 _VIEWS = tuple(View(azimuth, 4.0) for azimuth in (0.0, 90.0, 180.0))
 # The figure of all measurements: columns of pictures, their size and the height of a table's row.
 _COLUMNS = 4
@@ -176,6 +177,7 @@ def _text(value: float, unit: ReadableUnit, sign: str = "") -> str:
     return replace(unit, digits=digits).text(value, sign=sign).replace("-", "−")
 
 
+@checked(measurements=_MEASUREMENTS, pose=choice(*_POSES), name=text)
 def view_measurements(
     measurements: Measurements,
     points: object,
@@ -213,14 +215,13 @@ def view_measurements(
     >>> viewer.save("anna.html")
     """
     surface = _posed(measurements, points, pose)
-    body_name = text(name, "name")
     trusted = _trusted(trusted_vertices, len(surface))
     measured = measurements.measure(
         surface[np.newaxis], axes="space", missing="nan", trusted_vertices=trusted
     )
     return Viewer(
         measurements.definitions.faces,
-        {"Body": [ViewedBody(body_name, surface[np.newaxis])]},
+        {"Body": [ViewedBody(name, surface[np.newaxis])]},
         title=title,
         panel=measurement_panel(measurements, [surface], measured, system=system),
     )
@@ -238,13 +239,18 @@ def _trusted(trusted_vertices: object, n_vertices: int) -> Booleans | None:
 
 def _posed(measurements: Measurements, points: object, pose: str) -> Array:
     """Return a checked body, in the standard pose or as it stands."""
-    check_instance(measurements, "measurements", Measurements, "a Measurements(...)")
-    one_of(pose, "pose", _POSES)
     shape = (measurements.definitions.n_vertices, 3)
     surface = np.asarray(real_array(points, "points", shape, batched=False))
     return in_standard_pose(measurements.definitions, surface) if pose == "standard" else surface
 
 
+@checked(
+    measurements=_MEASUREMENTS,
+    pose=choice(*_POSES),
+    system=choice(*READABLE_UNITS),
+    height=a_height,
+    names=instance(Mapping, "a mapping of names to texts"),
+)
 def plot_measurements(
     measurements: Measurements,
     points: object,
@@ -287,8 +293,6 @@ def plot_measurements(
     >>> figure = rh.plots.plot_measurements(girths, bodies[0], pose="as is")
     """
     surface = _posed(measurements, points, pose)
-    one_of(system, "system", tuple(READABLE_UNITS))
-    pixels = pixel_height(height)
     written_names = _written_names(names)
     trusted = _trusted(trusted_vertices, len(surface))
     lines = measurements.lines(surface, axes=axes)
@@ -314,7 +318,7 @@ def plot_measurements(
         picture = panels[2 * row, column]
         picture.set_title(group.title, fontsize=11)
         group_lines = [lines[every[k].name] for k in group.members]
-        _draw_group(picture, surface, measurements.definitions.faces, group_lines, pixels)
+        _draw_group(picture, surface, measurements.definitions.faces, group_lines, height)
         table = panels[2 * row + 1, column]
         table.set(xlim=(0, 1), ylim=(longest + 1, 0))
         _write_table(table, group, measured, system, written_names)
@@ -324,7 +328,6 @@ def plot_measurements(
 def _written_names(names: Mapping[str, str] | None) -> dict[str, str]:
     if names is None:
         return {}
-    check_instance(names, "names", Mapping, "a mapping of names to texts")
     return {name: plain(text(written, f"names[{name!r}]")) for name, written in names.items()}
 
 

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Image
-from riemhuman.checks import check_instance, real_array, values_of
+from riemhuman.checks import checked, instance, real_array, values_of
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.mocap.motions import ModelMotion, Motion
@@ -65,6 +65,7 @@ class WarpPanel:
         return None
 
 
+@checked(warp=instance(Warp, "a Warp, such as DynamicTimeWarping(...).warp returns"), note=text)
 def view_motions(
     first: Motion | ArrayLike,
     second: Motion | ArrayLike,
@@ -107,7 +108,6 @@ def view_motions(
     >>> viewer = rh.plots.view_motions(knees[:20], other[:30], warp, knees.faces)
     """
     motions = [_frames(first, "first"), _frames(second, "second")]
-    check_instance(warp, "warp", Warp, "a Warp, such as DynamicTimeWarping(...).warp returns")
     rate = _rate(first, second)
     if faces is None:
         if not isinstance(first, Motion):
@@ -128,9 +128,7 @@ def view_motions(
         {"aligned": aligned, "as recorded": bodies},
         "Timing",
         f"{labels[0]} and {labels[1]}, aligned in time",
-        " ".join(
-            [f"Distance after the best re-timing: {warp.dist:.2g}.", text(note, "note")]
-        ).strip(),
+        " ".join([f"Distance after the best re-timing: {warp.dist:.2g}.", note]).strip(),
         frames_per_second=rate,
         panel=WarpPanel(warp.first, warp.second, lasts, labels, rate),
     )

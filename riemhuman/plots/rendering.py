@@ -18,7 +18,14 @@ import PIL.Image
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Image, Integers, Points, Triangles
-from riemhuman.checks import check_instance, flag, length_of, real_array, values_of
+from riemhuman.checks import (
+    checked,
+    flag,
+    instance,
+    length_of,
+    real_array,
+    values_of,
+)
 from riemhuman.checks.labels import text
 from riemhuman.errors import ArgumentError
 from riemhuman.io import as_arrays
@@ -33,9 +40,9 @@ from riemhuman.plots.figures import SKIN
 from riemhuman.plots.windows import (
     View,
     Window,
-    pixel_height,
+    a_height,
+    a_view,
     same_heights,
-    view_of,
     window_around,
 )
 
@@ -61,6 +68,7 @@ def as_surfaces(points: object, faces: ArrayLike | None = None) -> tuple[object,
     return np.stack([vertices for vertices, _ in meshes]), first_triangles
 
 
+@checked(height=a_height, view=a_view, window=instance(Window, "a Window(...)"), ground=flag)
 def render(
     vertices: object,
     faces: ArrayLike | None = None,
@@ -104,13 +112,10 @@ def render(
     """
     vertices, faces = check_mesh(*as_surfaces(vertices, faces))
     colors = real_array(color, "color", (3,))
-    height = pixel_height(height)
-    view = view_of(view)
-    has_ground = flag(ground, "ground")
-    floor = Ground.below([vertices]) if has_ground else None
+    view = View() if view is None else view
+    floor = Ground.below([vertices]) if ground else None
     if window is None:
-        window = window_of(vertices, view, ground=has_ground)
-    check_instance(window, "window", Window, "a Window(...)")
+        window = window_of(vertices, view, ground=ground)
     return drawn(vertices, faces, height, view, window, colors, floor)
 
 

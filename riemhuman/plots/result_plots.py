@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Integers, Labels
-from riemhuman.checks import check_instance, length_of, real_array, real_number
+from riemhuman.checks import checked, instance, length_of, real_array, real_number
 from riemhuman.checks.labels import class_numbers, names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_matplotlib
@@ -27,6 +27,7 @@ _DEEPEST = "#5b8fbe"
 _ON_SHADES = "#101418"
 
 
+@checked(lines=instance(Mapping, "a mapping of names to energies"))
 def plot_energy(
     energies: ArrayLike | Mapping[str, ArrayLike],
     *,
@@ -48,8 +49,6 @@ def plot_energy(
     >>> ax = rh.plots.plot_energy({"basis": [3.0, 2.0, 1.9], "straight": [3.0, 2.5]})
     """
     curves = energies if isinstance(energies, Mapping) else {"": energies}
-    if lines is not None:
-        check_instance(lines, "lines", Mapping, "a mapping of names to energies")
     levels = {
         text(name, "lines"): real_number(value, f"lines[{name!r}]")
         for name, value in (lines or {}).items()
@@ -80,6 +79,7 @@ def plot_energy(
     return ax
 
 
+@checked(distances=instance(Mapping, "a mapping of names to matrices of distances"))
 def plot_precision_recall(
     distances: Mapping[str, ArrayLike],
     labels: Labels,
@@ -107,7 +107,6 @@ def plot_precision_recall(
     >>> D = np.abs(place[:, None] - place)
     >>> ax = rh.plots.plot_precision_recall({"toy": D}, [0, 0, 1, 1, 2, 2])
     """
-    check_instance(distances, "distances", Mapping, "a mapping of names to matrices of distances")
     _check_classes(class_numbers(labels, "labels", length_of(labels, "labels"))[0])
     ax = new_axes(ax, 4.2, 3.2)
     for (name, matrix), color in zip(distances.items(), class_colors(len(distances)), strict=True):

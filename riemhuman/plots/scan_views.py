@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Image, Integers, Points, Values
-from riemhuman.checks import check_instance, real_number
+from riemhuman.checks import checked, instance, positive
 from riemhuman.checks.labels import text
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
@@ -27,7 +27,7 @@ from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_color
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.windows import View, Window, pixel_height, view_of, window_around
+from riemhuman.plots.windows import View, Window, a_height, a_view, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 from riemhuman.surfaces.measures import share_of_surface
 
@@ -187,6 +187,7 @@ def _disc_radius(points: Points) -> float:
     return float(np.clip(radius, _SMALLEST_DISC, _LARGEST_DISC))
 
 
+@checked(title=text)
 def view_scan(
     scan: object,
     points: object = None,
@@ -219,12 +220,11 @@ def view_scan(
     >>> viewer.save("over.html")
     """
     gap = gap_unit(system)
-    page_title = None if title is None else text(title, "title")
     over = lay_over_body(scan, points, faces, unit=unit)
     sentences = [_sentence(over, gap)]
     if isinstance(scan, (RegisteredScan, ScanRecord)):
         trust = "Registered scan" if scan.trusted else "Registered scan, not trusted"
-        page_title = page_title or trust
+        title = title or trust
         if scan.message:
             sentences.insert(0, f"{scan.message[0].upper()}{scan.message[1:].rstrip('.')}.")
     limit = colour_end([_gaps(over)], gap)
@@ -245,7 +245,7 @@ def view_scan(
     return Viewer(
         over.faces,
         {"Body": [body]},
-        title=page_title or "Scan over its body",
+        title=title or "Scan over its body",
         description=" ".join(sentences),
         panel=ScanPanel(drawn, counts, limit, gap),
     )
@@ -315,6 +315,12 @@ def scan_pictures(
     return {"scan": scan, **bodies}, window
 
 
+@checked(
+    over=instance(ScanOverBody, "a scan over its body"),
+    view=a_view,
+    limit=positive,
+    height=a_height,
+)
 def plot_scan(
     over: ScanOverBody,
     *,
@@ -349,11 +355,8 @@ def plot_scan(
     >>> figure = rh.plots.plot_scan(over)
     """
     gap = gap_unit(system)
-    check_instance(over, "over", ScanOverBody, "a scan over its body")
-    end = colour_end([_gaps(over)], gap)
-    if limit is not None:
-        end = real_number(limit, "limit", minimum=0.0, strict=True)
-    pictures, window = scan_pictures(over, end, gap, pixel_height(height), view_of(view))
+    end = colour_end([_gaps(over)], gap) if limit is None else limit
+    pictures, window = scan_pictures(over, end, gap, height, view)
     figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.2)
     axes = figure.subplots(1, 3)
     gaps = _gaps(over)

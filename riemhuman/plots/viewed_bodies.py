@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, JSONRecord, Points, Triangles
-from riemhuman.checks import check_instance, real_array, real_number
+from riemhuman.checks import checked, flag, instance, real, real_array
 from riemhuman.checks.labels import text
 from riemhuman.errors import ArgumentError
 from riemhuman.mocap.motions import ModelMotion
@@ -51,6 +52,38 @@ class ComponentChanges:
         return np.asarray(surface + changed)
 
 
+def _frames(frames: object, name: str) -> Points | ModelMotion:
+    """Return checked surfaces, at least one, or a motion of a body model."""
+    if isinstance(frames, ModelMotion):
+        return frames
+    surfaces = real_array(frames, name, ("n_times", "n_vertices", 3), batched=False)
+    if surfaces.size == 0:
+        raise ArgumentError(f"frames must hold a surface; found shape {surfaces.shape}")
+    return surfaces
+
+
+def _color(color: ArrayLike, name: str) -> ArrayLike:
+    channels = real_array(color, name, (3,), batched=False)
+    if channels.min() < 0 or channels.max() > 1:
+        raise ArgumentError(f"{name} must lie between 0 and 1; found {color!r}")
+    return color
+
+
+def _values(values: ArrayLike, name: str) -> Array:
+    return real_array(values, name, ("n",), batched=False, finite=False)
+
+
+@checked(
+    label=text,
+    frames=_frames,
+    color=_color,
+    values=_values,
+    value_label=text,
+    value_caption=text,
+    value_limit=real(minimum=0.0),
+    value_signed=flag,
+    components=instance(ComponentChanges),
+)
 @dataclass(frozen=True)
 class ViewedBody:
     """A body or a path of bodies in a viewer.
@@ -102,31 +135,10 @@ class ViewedBody:
     track: Array | None = None
 
     def __post_init__(self) -> None:
-        text(self.label, "label")
-        text(self.value_label, "value_label")
-        text(self.value_caption, "value_caption")
-        if not isinstance(self.frames, ModelMotion):
-            frames = real_array(self.frames, "frames", ("n_times", "n_vertices", 3), batched=False)
-            if frames.size == 0:
-                raise ArgumentError(f"frames must hold a surface; found shape {frames.shape}")
-            object.__setattr__(self, "frames", frames)
-        channels = real_array(self.color, "color", (3,), batched=False)
-        if channels.min() < 0 or channels.max() > 1:
-            raise ArgumentError(f"color must lie between 0 and 1; found {self.color}")
-        if self.values is not None:
-            values = real_array(self.values, "values", ("n",), batched=False, finite=False)
-            object.__setattr__(self, "values", values)
-        if self.value_limit is not None:
-            limit = real_number(self.value_limit, "value_limit", minimum=0.0)
-            object.__setattr__(self, "value_limit", limit)
-        if self.components is not None:
-            check_instance(self.components, "components", ComponentChanges)
         if self.times is not None:
-            times = real_array(self.times, "times", ("n_shown",), batched=False)
-            object.__setattr__(self, "times", times)
+            real_array(self.times, "times", ("n_shown",), batched=False)
         if self.track is not None:
-            track = real_array(self.track, "track", (len(self.frames), 2), batched=False)
-            object.__setattr__(self, "track", track)
+            real_array(self.track, "track", (len(self.frames), 2), batched=False)
 
     @property
     def limit(self) -> float:

@@ -18,12 +18,14 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import Image, Integers, JSONRecord, Points, Triangles
 from riemhuman.checks import (
     check_instance,
-    check_methods,
+    checked,
     flag,
+    having,
+    instance,
     integer_array,
     items_of,
+    positive,
     real_array,
-    real_number,
     values_of,
 )
 from riemhuman.checks.labels import names_of, text
@@ -110,6 +112,16 @@ def viewer_script() -> str:
     return f"(() => {{\nconst LIGHT = {light};\nconst GROUND = {ground};\n{scripts}}})();\n"
 
 
+@checked(
+    choices=instance(Mapping, "a mapping of names to lists of bodies"),
+    legend=text,
+    title=text,
+    description=text,
+    seconds=positive,
+    frames_per_second=positive,
+    parts=instance(Mapping, "a mapping of names to triangles"),
+    panel=having("a Panel", "html", "picture"),
+)
 @dataclass(frozen=True)
 class Viewer:
     """An interactive view of bodies or paths, shown in notebooks or saved as a page.
@@ -149,7 +161,6 @@ class Viewer:
     panel: Panel | None = None
 
     def __post_init__(self) -> None:
-        check_instance(self.choices, "choices", Mapping, "a mapping of names to lists of bodies")
         choices = {
             text(name, "choices"): items_of(bodies, f"choices[{name!r}]", "a list of ViewedBody")
             for name, bodies in self.choices.items()
@@ -160,16 +171,6 @@ class Viewer:
             for number, body in enumerate(choice):
                 check_instance(body, f"choices[{name!r}][{number}]", ViewedBody, "a ViewedBody")
         object.__setattr__(self, "choices", choices)
-        text(self.legend, "legend")
-        text(self.title, "title")
-        text(self.description, "description")
-        seconds = real_number(self.seconds, "seconds", minimum=0.0, strict=True)
-        object.__setattr__(self, "seconds", seconds)
-        if self.frames_per_second is not None:
-            rate = real_number(
-                self.frames_per_second, "frames_per_second", minimum=0.0, strict=True
-            )
-            object.__setattr__(self, "frames_per_second", rate)
         surfaces = [body.frames[0] for bodies in self.choices.values() for body in bodies]
         sizes = {len(surface) for surface in surfaces}
         if len(sizes) > 1:
@@ -180,10 +181,7 @@ class Viewer:
                 if body.values is not None:
                     surface_values(body.values, len(surfaces[0]), len(self.faces))
         if self.parts is not None:
-            check_instance(self.parts, "parts", Mapping, "a mapping of names to triangles")
             _numbered_parts(self.parts, len(self.faces))
-        if self.panel is not None:
-            check_methods(self.panel, "panel", "a Panel", "html", "picture")
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -351,6 +349,7 @@ def _component_shares(bodies: Sequence[ViewedBody]) -> list[float]:
     return [] if changes is None else [100 * float(share) for share in changes.shares]
 
 
+@checked(side_by_side=flag, keep_places=flag, title=text)
 def view_path(
     path: ArrayLike | Sequence[object] | Motion | Mapping[str, ArrayLike | Motion],
     faces: ArrayLike | None = None,
@@ -393,7 +392,7 @@ def view_path(
     >>> viewer = rh.plots.view_path(motion, frames_per_second=rate)
     """
     paths = path if isinstance(path, Mapping) else {"": path}
-    is_recording = flag(keep_places, "keep_places") or frames_per_second is not None
+    is_recording = keep_places or frames_per_second is not None
     frames: dict[str, Points | ModelMotion] = {}
     triangles = faces
     for name, one_path in paths.items():
@@ -404,9 +403,8 @@ def view_path(
         surfaces, triangles = as_surfaces(one_path, triangles)
         places = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
         frames[name] = places if is_recording else on_the_ground(places)
-    page_title = text(title, "title")
-    if flag(side_by_side, "side_by_side"):
-        choices = {page_title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
+    if side_by_side:
+        choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
         choices = {name: [ViewedBody("", surfaces)] for name, surfaces in frames.items()}
     if frames_per_second is not None and seconds is not None:
@@ -415,13 +413,14 @@ def view_path(
         values_of(triangles, "faces"),
         choices,
         legend,
-        page_title,
+        title,
         description,
         seconds=_SECONDS if seconds is None else seconds,
         frames_per_second=frames_per_second,
     )
 
 
+@checked(title=text)
 def view_bodies(
     points: object,
     faces: ArrayLike | None = None,
@@ -453,8 +452,7 @@ def view_bodies(
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     given_names = [""] * len(surfaces) if names is None else names
     bodies = _labelled(given_names, surfaces, [SKIN] * len(surfaces))
-    page_title = text(title, "title")
-    return Viewer(values_of(triangles, "faces"), {page_title: bodies}, title=page_title)
+    return Viewer(values_of(triangles, "faces"), {title: bodies}, title=title)
 
 
 def _labelled(
@@ -467,6 +465,7 @@ def _labelled(
     ]
 
 
+@checked(title=text, mean=flag)
 def save_picture(
     path: str | os.PathLike[str],
     points: ArrayLike,
@@ -506,23 +505,21 @@ def save_picture(
     if surfaces.size == 0:
         raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
     colors = [SKIN] * len(surfaces)
-    has_mean = flag(mean, "mean")
-    page_title = text(title, "title")
-    if has_mean:
+    if mean:
         colors[-1] = MEAN
     bodies = _labelled(names, surfaces, colors)
     ending = file_path(path).suffix.lower()
     if ending not in (".png", ".html"):
         raise ArgumentError(f"path must end in .png or .html; found {os.fspath(path)!r}")
     if ending == ".html":
-        Viewer(values_of(faces, "faces"), {page_title: bodies}, title=page_title).save(path)
+        Viewer(values_of(faces, "faces"), {title: bodies}, title=title).save(path)
         return f"all {len(surfaces)} bodies"
     # The mean is always drawn, the others evenly chosen.
-    n_others = len(bodies) - 1 if has_mean else len(bodies)
-    n_drawn = min(n_others, _MOST_IN_PICTURE - 1 if has_mean else _MOST_IN_PICTURE)
+    n_others = len(bodies) - 1 if mean else len(bodies)
+    n_drawn = min(n_others, _MOST_IN_PICTURE - 1 if mean else _MOST_IN_PICTURE)
     numbers = np.linspace(0, n_others - 1, n_drawn).round().astype(int).tolist()
     drawn = [bodies[number] for number in numbers]
-    if has_mean:
+    if mean:
         drawn.append(bodies[-1])
     labels = [body.label for body in drawn]
     frames = [body.frames[0] for body in drawn]
@@ -541,6 +538,6 @@ def save_picture(
     sentence = ", ".join(labels)
     if n_drawn < n_others:
         sentence += f": {n_drawn} of {n_others} bodies"
-        if has_mean:
+        if mean:
             sentence += " and their mean"
     return sentence

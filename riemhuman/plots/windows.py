@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Points
-from riemhuman.checks import check_instance, real_array, real_number, whole_number
+from riemhuman.checks import (
+    checked,
+    instance,
+    real,
+    real_array,
+    whole,
+)
 from riemhuman.errors import ArgumentError
 
 # Of a picture.
@@ -18,6 +24,7 @@ _LARGEST_HEIGHT = 10_000
 _MOST_PIXELS = 50_000_000
 
 
+@checked(azimuth=real(), elevation=real())
 @dataclass(frozen=True)
 class View:
     """The direction from which surfaces are viewed.
@@ -38,10 +45,6 @@ class View:
     azimuth: float = 20.0
     elevation: float = 8.0
 
-    def __post_init__(self) -> None:
-        real_number(self.azimuth, "azimuth")
-        real_number(self.elevation, "elevation")
-
     def rotate(self, points: Points) -> Points:
         """Return points or vectors in the viewer's frame: right, up, towards the eye.
 
@@ -58,12 +61,11 @@ class View:
         return rotated
 
 
-def view_of(view: View | None) -> View:
-    """Return the direction that a function was given, or the default one."""
-    if view is None:
-        return View()
-    check_instance(view, "view", View, "a View(...)")
-    return view
+a_view = instance(View, "a View(...)")
+"""The check of a direction."""
+
+a_height = whole(minimum=1, maximum=_LARGEST_HEIGHT)
+"""The check of the height of a picture in pixels."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +85,6 @@ class Window:
                 f"would have more than {_MOST_PIXELS:,} pixels; pass a smaller height"
             )
         return height, max(1, round(width))
-
-
-def pixel_height(height: int) -> int:
-    """Return the height of a picture that a function was given."""
-    return whole_number(height, "height", minimum=1, maximum=_LARGEST_HEIGHT)
 
 
 def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:

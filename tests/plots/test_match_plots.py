@@ -1,9 +1,7 @@
 """Two matched scans carry the same colours, which tell left from right and high from low."""
 
 import numpy as np
-import pytest
 
-from riemhuman.errors import ArgumentError
 from riemhuman.plots import position_colors
 
 
@@ -27,8 +25,3 @@ def test_colours_are_those_of_places():
 
 def test_nothing_seen_is_grey():
     np.testing.assert_array_equal(np.ptp(position_colors(np.full((4, 3), np.nan)), axis=1), 0.0)
-
-
-def test_places_beyond_double_precision_are_refused():
-    with pytest.raises(ArgumentError, match="points must have coordinates between"):
-        position_colors(1e300 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [np.nan] * 3]))
