@@ -21,7 +21,10 @@ EVERYDAY_CASES = 6
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
 def pytest_collection_modifyitems(items):
-    """Mark cases as slow, but for six of each test, or those that its mark `everyday` names."""
+    """Mark cases as slow, but for six of each test, or those that its mark `everyday` names.
+
+    The mark without names is for tables of refusals, of which each is another line of the code.
+    """
     cases_of_tests = {}
     for item in items:
         if item.get_closest_marker("slow") is None and hasattr(item, "callspec"):

@@ -178,6 +178,7 @@ def test_labels_of_real_tensors():
         assert label_list(labels, "labels", N_POINTS) == NUMBERS
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     "labels",
     [

@@ -276,6 +276,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("case", REFUSED)
 def test_malformed_fields(case, tmp_path):
     changes, message = REFUSED[case]

@@ -298,6 +298,7 @@ BAD = {
 }
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("case", BAD)
 def test_bad_arguments(model, case):
     arguments, message = BAD[case]

@@ -145,6 +145,7 @@ def test_a_refused_conversion_writes_nothing(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["model.pkl"]
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("name", [name for name in FIELDS if name != "posedirs"])
 def test_missing_fields_are_named(tmp_path, name):
     fields = {other: value for other, value in FIELDS.items() if other != name}
@@ -157,6 +158,7 @@ def sparse_with(**changes):
     return {"J_regressor": old_sparse(REGRESSOR, **changes)}
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

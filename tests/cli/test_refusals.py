@@ -90,6 +90,7 @@ def place(bodies, tmp_path_factory):
     return folder
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("line", REFUSALS.strip().splitlines(), ids=lambda line: line[:50].strip())
 def test_refused_in_one_line_with_nothing_written(refused, place, monkeypatch, line):
     monkeypatch.chdir(place)

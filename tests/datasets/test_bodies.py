@@ -81,6 +81,7 @@ def test_slices_masks_and_numbers_give_bodies(index, chosen):
     assert some.template is bodies.template
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("index", [6, -7, [0, -7], 1.5, [0.5], [[0]], [True, False], "0", None])
 def test_wrong_indices(index):
     with pytest.raises(FrameIndexError, match="surfaces|indexed by"):

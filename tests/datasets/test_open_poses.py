@@ -42,6 +42,7 @@ def test_directions_of_joint_angles():
     assert joint("right_wrist", only_left) == pytest.approx(joint("right_wrist", {}))
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("angles", [("z",), ("z", 1.0, 2.0), ("q", 1.0), 30.0, ("x", "ten"), ()])
 @pytest.mark.parametrize("joint", ["shoulder", "left_shoulder"])
 def test_angles_without_axes_are_refused(joint, angles):

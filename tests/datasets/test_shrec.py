@@ -118,6 +118,7 @@ def test_class_hierarchies_and_white_space(tmp_path):
     assert read_classes(file) == {"dog": ("a", "b"), "horse": ("c",)}
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("text", "message"),
     [

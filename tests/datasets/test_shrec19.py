@@ -52,6 +52,7 @@ def shape(**changes):
     return {"Shape_df": corners | changes}
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("variables", "message"),
     [

@@ -83,6 +83,7 @@ def test_wrong_csv(tmp_path, text, message):
     assert "codes.csv" in str(refusal.value)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("fields", "message"),
     [

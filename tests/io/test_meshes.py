@@ -168,6 +168,7 @@ def test_ply_of_every_layout(tmp_path, layout, encoding, line_end):
         assert_refused(write(tmp_path, "body.ply", content[:-1]))
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -455,6 +456,7 @@ def test_garbage_is_refused(tmp_path, ending):
         assert_refused(write(tmp_path, f"body{ending}", content))
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_truncated_files_are_refused(mesh, tmp_path, ending):
     file = tmp_path / f"body{ending}"

@@ -36,6 +36,7 @@ def test_files_that_can_be_written(tmp_path, monkeypatch):
         check_output_folder(tmp_path / "new", CONTENT, force=True)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("name", "error", "message"),
     [

@@ -120,6 +120,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("case", HOSTILE)
 def test_hostile_pickles_are_refused_and_not_run(folder, case):
     path = folder / "model.pkl"

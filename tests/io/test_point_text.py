@@ -46,6 +46,7 @@ def test_columns_that_a_header_names(tmp_path):
     np.testing.assert_array_equal(read(tmp_path, b"\xef\xbb\xbf" + rows(" ").encode())[0], POINTS)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     "text",
     [
@@ -68,6 +69,7 @@ def test_decimal_commas_are_refused(tmp_path, text):
         read(tmp_path, text)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -66,6 +66,7 @@ BAD = {
 }
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("name", BAD)
 def test_what_does_not_fit_is_refused(name, arrays, tmp_path):
     change, message = BAD[name]

@@ -27,6 +27,7 @@ def test_all_of_the_open_body_come_back_from_json():
         assert measurement_from_dict(record) == measurement
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("make", "message"),
     [

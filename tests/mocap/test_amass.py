@@ -289,6 +289,7 @@ WRONG = {
 }
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_files(tmp_path, model, case):
     fields, message = WRONG[case]

@@ -174,6 +174,7 @@ def test_no_skeleton_or_several(tmp_path):
         load_amc(file, frames_per_second=0.0)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -192,6 +193,7 @@ def test_damaged_recordings(tmp_path, old, new, message):
         load_amc(write(tmp_path, motion=MOTION.replace(old, new, 1)))
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

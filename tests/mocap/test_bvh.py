@@ -84,6 +84,7 @@ def test_two_roots_and_no_end_sites(tmp_path):
     np.testing.assert_allclose(motion.rotations[0, 1], np.diag([1, -1, -1]), atol=1e-15)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

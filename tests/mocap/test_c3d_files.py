@@ -84,6 +84,7 @@ def test_files_without_points_say_what_they_hold(extra, message, tmp_path):
         read_points(tmp_path / "a.c3d")
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize("size", [0, 1, 100, 511, 512, 600, 900, 1100])
 def test_cut_files_are_refused(size, points, tmp_path):
     (tmp_path / "a.c3d").write_bytes(c3d_bytes(points, labels=NAMES)[:size])

@@ -353,6 +353,7 @@ def test_the_head_turns_as_its_markers_do(joints, video, tmp_path):
     assert "head" in retarget(recording).errors.parts
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("damage", "message"),
     [

@@ -131,6 +131,7 @@ def test_the_open_model_performs_them():
     assert -extent.min() > 1.5 * extent.max()
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -188,6 +188,7 @@ def test_rates(tmp_path, smpl):
     np.testing.assert_allclose(slow.translations, PLACES[::2], atol=1e-12)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -261,6 +262,7 @@ def test_avatars_of_smpl_files(smpl, tmp_path):
         np.testing.assert_allclose(found[:, :joints], POSES[:, :joints], atol=1e-6)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

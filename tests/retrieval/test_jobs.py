@@ -276,6 +276,7 @@ def test_half_written_files_are_written_anew(tmp_path, monkeypatch):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [

@@ -142,6 +142,7 @@ def test_labels_of_any_hashable_kind(labels):
 SQUARE = np.ones((4, 4))
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("distances", "labels", "error", "message"),
     [

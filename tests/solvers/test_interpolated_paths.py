@@ -142,6 +142,7 @@ def test_message_says_how_far_the_surfaces_are(metric):
     assert "up to 5 mm from start and end" in result.message
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -104,6 +104,7 @@ def test_least_numbers_are_legal(cls, name):
         build(cls, **{name: LEAST[name] - 1})
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(("cls", "name"), settings_of(WRONG))
 def test_wrong_settings_are_refused(cls, name):
     if cls is not PathStraightening or name != "basis":

@@ -302,6 +302,7 @@ def with_bad_entry(number):
     return motion
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("motions", "error", "message"),
     [

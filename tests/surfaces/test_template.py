@@ -123,6 +123,7 @@ def test_open_and_non_manifold_meshes_and_unused_vertices_are_legal():
 TRIANGLE = np.eye(3)
 
 
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("vertices", "faces", "error", "message"),
     [
