@@ -15,8 +15,6 @@ from public_names import public_objects
 from scipy.sparse import lil_array
 from scipy.sparse.csgraph import connected_components
 
-import riemhuman
-
 ROOT = Path(__file__).parents[1]
 
 FLOORS = "A subpackage imports only from the floors below"
@@ -105,10 +103,6 @@ def test_modules_without_public_names_are_private():
     assert unmarked == []
 
 
-def test_every_public_name_is_defined_in_the_library():
-    assert [name for name in riemhuman.__all__ if not hasattr(riemhuman, name)] == []
-
-
 def named_modules(node):
     """Return the modules that a statement or a call names: imports, and `import_module`."""
     if isinstance(node, ast.ImportFrom):
@@ -125,28 +119,26 @@ def named_modules(node):
 
 @functools.cache
 def names_in(text):
-    """Return the names of modules that code runs, in functions too, and those for types alone.
+    """Return the names of modules that code runs, in functions too, but not those for types alone.
 
     Importing a module runs the `__init__` of its subpackage, too.
     """
-    names, for_types, nodes = set(), set(), [ast.parse(text)]
+    names, nodes = set(), [ast.parse(text)]
     while nodes:
         node = nodes.pop()
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             nodes += node.orelse
-            for_types |= {name for line in node.body for name in named_modules(line)}
             continue
         for name in named_modules(node):
             parts = name.split(".")
             names |= {".".join(parts[:count]) for count in range(1, len(parts) + 1)}
         nodes += ast.iter_child_nodes(node)
-    return names, for_types
+    return names
 
 
-def imported(name, path, modules, *, types):
-    """Return the modules whose code a module runs, and on request those named for types."""
-    names, for_types = names_in(path.read_text(encoding="utf-8"))
-    names = names | for_types if types else names
+def imported(name, path, modules):
+    """Return the modules whose code a module runs."""
+    names = names_in(path.read_text(encoding="utf-8"))
     return {
         other
         for other in names & modules.keys()
@@ -163,13 +155,13 @@ def files_of(package):
     return modules
 
 
-def circles(package, *, types=False):
+def circles(package):
     """Return the strongly connected components of the imports, of more than one module."""
     modules = files_of(package)
     numbers = {name: number for number, name in enumerate(modules)}
     graph = lil_array((len(modules), len(modules)))
     for name, path in modules.items():
-        for other in imported(name, path, modules, types=types):
+        for other in imported(name, path, modules):
             graph[numbers[name], numbers[other]] = 1
     _, labels = connected_components(graph.tocsr(), connection="strong")
     components = {}
@@ -180,17 +172,6 @@ def circles(package, *, types=False):
 
 def test_no_modules_import_each_other():
     assert circles(ROOT / "riemhuman") == []
-
-
-def test_no_modules_name_each_other_for_types():
-    assert circles(ROOT / "riemhuman", types=True) == []
-
-
-def test_imports_for_types_alone_are_seen(twin):
-    line = "if TYPE_CHECKING:\n    from riemhuman.solvers.paths import BasisPath"
-    append(twin / "terms" / "term.py", line)
-    assert circles(twin) == []
-    assert any("riemhuman.terms.term" in circle for circle in circles(twin, types=True))
 
 
 @pytest.mark.parametrize(
