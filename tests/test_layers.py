@@ -87,19 +87,28 @@ def test_contracts_can_be_broken(twin, module, line, contract):
     assert any(contract in text for text in broken), result.stdout
 
 
-def test_modules_without_public_names_are_private():
+def test_modules_that_only_their_own_subpackage_uses_are_private():
+    """But those that define public names."""
     public = {
         getattr(value, "__module__", None)
         for value in public_objects().values()
         if inspect.isclass(value) or inspect.isroutine(value)
     }
-    unmarked = []
-    for path in sorted((ROOT / "riemhuman").glob("*/*.py")):
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        if path.parent.name not in SHARED_INSIDE and not path.name.startswith("_"):
-            listed = getattr(importlib.import_module(module), "__all__", ())
-            if module not in public and not listed:
-                unmarked.append(module)
+    modules = files_of(ROOT / "riemhuman")
+    shared = {
+        other
+        for name, path in modules.items()
+        for other in imported(name, path, modules)
+        if name.split(".")[1:2] != other.split(".")[1:2]
+    }
+    unmarked = [
+        name
+        for name in sorted(modules.keys() - public - shared)
+        if name.count(".") == 2
+        and name.split(".")[1] not in SHARED_INSIDE
+        and not name.rpartition(".")[2].startswith("_")
+        and not getattr(importlib.import_module(name), "__all__", ())
+    ]
     assert unmarked == []
 
 
