@@ -47,6 +47,10 @@ def is_recording(file: Path) -> bool:
         return has_joints(rh.io.load_array(file, mode="r"))
     if ending == ".csv" and file.is_file():
         return is_table_of_joints(file)
+    if ending == ".glb" and file.is_file():
+        from riemhuman.io.gltf_animation import has_animation
+
+        return has_animation(file.read_bytes())
     if ending != ".npz":
         return ending in RECORDING_ENDINGS
     return not rh.io.load_arrays(file, (), ("path",))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,8 @@ from riemhuman.io._gltf import (
 )
 from riemhuman.kernels.rotations import with_continuous_signs
 
-# Joints of a vertex in one set of weights. Readers must support one set; most support more.
+# Joints of a vertex. Readers must support one set of four, and many read no other. Of the open
+# model's vertices, 0.5 % follow other joints by more than 2 %: they are off by at most 10 mm.
 _JOINTS_IN_SET = 4
 # Smaller weights move no vertex by as much as a tenth of a millimetre.
 _SMALLEST_WEIGHT = 1e-5
@@ -97,14 +97,8 @@ def _primitive(animation: SkinnedAnimation, buffer: GlbBuffer) -> JSONRecord:
         "NORMAL": buffer.add(normals.astype("<f4"), VERTEX_ARRAY),
     }
     joints, weights = _sorted_weights(animation.weights)
-    for number in range(joints.shape[1] // _JOINTS_IN_SET):
-        columns = slice(number * _JOINTS_IN_SET, (number + 1) * _JOINTS_IN_SET)
-        attributes[f"JOINTS_{number}"] = buffer.add(
-            np.ascontiguousarray(joints[:, columns]), VERTEX_ARRAY
-        )
-        attributes[f"WEIGHTS_{number}"] = buffer.add(
-            np.ascontiguousarray(weights[:, columns]), VERTEX_ARRAY
-        )
+    attributes["JOINTS_0"] = buffer.add(joints, VERTEX_ARRAY)
+    attributes["WEIGHTS_0"] = buffer.add(weights, VERTEX_ARRAY)
     corners = animation.faces.astype("<u4").reshape(-1)
     return {
         "attributes": attributes,
@@ -114,15 +108,13 @@ def _primitive(animation: SkinnedAnimation, buffer: GlbBuffer) -> JSONRecord:
 
 
 def _sorted_weights(weights: Array) -> tuple[Array, Array]:
-    """Return the joints of each vertex, the strongest first, and their weights, sets of four."""
+    """Return the four joints that move each vertex most, the strongest first, and their weights."""
     large = np.where(weights >= _SMALLEST_WEIGHT, weights, 0.0)
-    n_joints = max(1, int((large > 0.0).sum(axis=1).max()))
-    n_columns = math.ceil(n_joints / _JOINTS_IN_SET) * _JOINTS_IN_SET
-    order = np.argsort(-large, axis=1, kind="stable")[:, :n_columns]
+    order = np.argsort(-large, axis=1, kind="stable")[:, :_JOINTS_IN_SET]
     strongest = np.take_along_axis(large, order, axis=1)
     # The specification asks for joint 0 where there is no weight.
     joints = np.where(strongest > 0.0, order, 0)
-    missing = n_columns - order.shape[1]
+    missing = _JOINTS_IN_SET - order.shape[1]
     joints, strongest = (np.pad(array, ((0, 0), (0, missing))) for array in (joints, strongest))
     strongest = strongest / strongest.sum(axis=1, keepdims=True)
     return joints.astype("u1"), strongest.astype("<f4")

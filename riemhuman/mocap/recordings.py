@@ -24,6 +24,7 @@ from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import Unpickled, load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
+from riemhuman.mocap._animations import load_animation
 from riemhuman.mocap._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.mocap.amass import FIELDS_READ, load_amass
 from riemhuman.mocap.amc import load_amc
@@ -218,6 +219,7 @@ def load_recording(
     - ``.bvh`` and ``.amc`` (Acclaim, with its ``.asf`` next to it), see `load_bvh`, `load_amc`;
     - ``.trc`` and ``.c3d``, markers from which the centres of joints are found, see `load_trc`,
       `load_c3d`;
+    - ``.glb`` with an animated skeleton, as Blender and `Motion.save` write it;
     - ``.npz`` in AMASS's layout, see `load_amass`;
     - ``.smpl``, avatars of Meshcapade's codec, with frames or in the rest pose;
     - ``.npz``, ``.pkl`` and ``.pt`` of methods that track people in videos, see
@@ -296,6 +298,16 @@ def load_recording(
             unit=unit,
             frames_per_second=frames_per_second,
         )
+    if suffix == ".glb":
+        recording = load_animation(file)
+        return retarget(
+            *(recording, model),
+            betas=betas,
+            joints=cast("Mapping[str, str] | None", joints),
+            up=up or "y",
+            unit=unit,
+            frames_per_second=frames_per_second,
+        )
     if suffix in (".trc", ".c3d"):
         load = load_trc if suffix == ".trc" else load_c3d
         recording = load(file, unit=unit, joints=joints, frames_per_second=frames_per_second)
@@ -319,7 +331,7 @@ def _ending(file: Path) -> str:
     other = _EXPORTS.get(file.suffix.lower())
     if other is not None:
         raise FileFormatError(f"{file}: {file.suffix} files are not read; {other}")
-    return suffix_of(file, (*RECORDING_ENDINGS, *POSITION_ENDINGS))
+    return suffix_of(file, (*RECORDING_ENDINGS, *POSITION_ENDINGS, ".glb"))
 
 
 def _holds_positions(file: Path) -> bool:

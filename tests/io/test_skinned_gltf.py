@@ -80,21 +80,21 @@ def test_skinned_glb(knees, tmp_path):
     played = GlbAnimation(tmp_path / "a.glb")
     for frame in (0, 3, 6):
         vertices = played.vertices(frame / knees.frames_per_second)
-        np.testing.assert_allclose(vertices, knees[frame], atol=1e-4)
+        # Four joints move a vertex: a few vertices follow others a little.
+        np.testing.assert_allclose(vertices, knees[frame], atol=8e-3)
+        assert np.abs(vertices - knees[frame]).mean() < 1e-4
     # Half-way between frames, every joint is half-way too.
     between = played.vertices(2.5 / knees.frames_per_second)
     first, second = (Rotation.from_rotvec(knees.pose_vectors[frame]) for frame in (2, 3))
     half = first * Rotation.from_rotvec(0.5 * (first.inv() * second).as_rotvec())
     place = knees.translations[2:4].mean(axis=0)
     expected = knees.model(knees.betas, half.as_rotvec(), place)
-    np.testing.assert_allclose(between, expected, atol=1e-4)
-    # The weights of a vertex sum to one, as the specification asks.
+    np.testing.assert_allclose(between, expected, atol=8e-3)
+    assert np.abs(between - expected).mean() < 1e-4
+    # The four weights that every program reads sum to one.
     attributes = played.document["meshes"][0]["primitives"][0]["attributes"]
-    sums = sum(
-        played.array(number).sum(axis=1)
-        for name, number in attributes.items()
-        if name.startswith("WEIGHTS")
-    )
+    assert "WEIGHTS_1" not in attributes
+    sums = played.array(attributes["WEIGHTS_0"]).sum(axis=1)
     np.testing.assert_allclose(sums, 1.0, atol=1e-6)
 
 
