@@ -28,17 +28,16 @@ def drawn(group, sex, number, rng):
 def test_few_adults_are_accused_and_most_with_a_reason(group):
     rng = np.random.default_rng(5)
     for sex in ("woman", "man"):
-        names, people, deviations = drawn(group, sex, 1500, rng)
+        names, people, deviations = drawn(group, sex, 600, rng)
         effects = np.array([group.effects.get(name, 0.0) for name in names])
         accused = []
         for strength in (0.0, 1.5):
             rows = [
-                dict(zip(names, row * np.exp(strength * effects), strict=True))
-                for row in people[:1500]
+                dict(zip(names, row * np.exp(strength * effects), strict=True)) for row in people
             ]
             found = [implausible_groups(row, deviations, sex) for row in rows]
             accused.append(np.mean([bool(groups) for groups in found]))
-        assert accused[0] <= 0.01
+        assert accused[0] <= 0.015
         assert accused[1] > 0.5
         assert found[0] == [] or found[0][0].name == group.name
 
