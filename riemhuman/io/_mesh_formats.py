@@ -96,6 +96,8 @@ def _read_ply(file: Path, content: bytes) -> plyfile.PlyData:
 
 
 def _check_end(expected: int, found: int, what: str) -> None:
+    if found < expected:
+        raise FileFormatError(f"truncated: its header declares {expected} {what}; found {found}")
     if found > expected:
         raise FileFormatError(
             f"its header declares fewer rows than follow: {expected} {what} expected, {found} "
@@ -113,8 +115,10 @@ def _ply_header(content: bytes) -> tuple[bytes, bytes, bool]:
     # After an old line end alone, numbers that look like a new one may follow.
     line_end = rb"\r" if start is not None and start[2] == b"\r" else rb"\r?\n"
     end = re.search(rb"[\r\n][ \t]*end_header[ \t]*(%s|\Z)" % line_end, content, re.IGNORECASE)
-    if start is None or end is None:
+    if start is None:
         raise FileFormatError("not a PLY file: it does not begin with a line 'ply' and a header")
+    if end is None:
+        raise FileFormatError("truncated: the header of a PLY file ends with a line 'end_header'")
     written = content[start.end() : end.start() + 1].splitlines()
     comments = {line for line in written if line.lstrip().lower().startswith(_REMARKS)}
     lines = [b" ".join(line.split()).lower() for line in written if line not in comments]
@@ -275,7 +279,11 @@ def _off_by_lines(content: bytes) -> Mesh:
         raise FileFormatError("it is a binary OFF file; save it as text, or as PLY")
     counts = counts or next(lines, (0, [b""]))[1]
     if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
-        raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
+        line = b" ".join(counts).decode("latin-1")[:_SHOWN]
+        raise FileFormatError(
+            "OFF must be followed by the numbers of vertices and faces on one line, and each "
+            f"vertex and face by a line end; found {line!r}"
+        )
     n_vertices, n_faces = int(counts[0]), int(counts[1])
     positions = array("d")
     corners = array("q")
@@ -372,7 +380,11 @@ def _text_corners(content: bytes) -> Values:
             f"{len(words)} vertices in {facets} facets; a facet of an STL file has three vertices, "
             "each on a line of its own with three numbers"
         )
-    return np.array(words, dtype=float).reshape(-1, 3)
+    try:
+        return np.array(words, dtype=float).reshape(-1, 3)
+    except ValueError as error:
+        advice = "; decimals need a point" if any(b"," in n for row in words for n in row) else ""
+        raise FileFormatError(f"its vertices are not all numbers{advice}") from error
 
 
 def _position(words: list[bytes]) -> list[float]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,7 +100,7 @@ def load_split_mesh(
         if suffix == ".ply":
             points, polygons = _read_ply_mesh(file)
         elif suffix in _READERS:
-            points, polygons = _READERS[suffix](read_bytes(file))
+            points, polygons = _READERS[suffix](_content(file))
         else:
             points, polygons = _read_with_meshio(file)
         if expected is not None and is_split(expected, polygons):
@@ -146,11 +147,11 @@ def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, 
         if values is not None:
             points, normals = _columns(values)
         elif suffix == ".xyz":
-            points, normals = _columns(read_points_text(read_bytes(file)))
+            points, normals = _columns(read_points_text(_content(file)))
         elif suffix == ".ply":
             points, polygons, normals, _ = read_ply(file, read_bytes(file))
         else:
-            points, polygons = _READERS[suffix](read_bytes(file))
+            points, polygons = _READERS[suffix](_content(file))
         if polygons is None:
             points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
         else:
@@ -321,6 +322,15 @@ def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Pat
         suffix_of(file, suffixes)
     check_file(file)
     return file
+
+
+def _content(file: Path) -> bytes:
+    """Return the content of a file; text as PowerShell writes it, in UTF-16, becomes UTF-8."""
+    content = read_bytes(file)
+    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        with suppress(UnicodeDecodeError):
+            return content.decode("utf-16").encode()
+    return content
 
 
 def _read_ply_mesh(file: Path) -> Mesh:

@@ -1,8 +1,8 @@
 """Polygons of mesh files, split into triangles that cover the same area.
 
-A polygon that is convex is split from its first corner, (1, 2, 3), (1, 3, 4), …; one that is not is
-split by cutting off ears, whichever corner comes first. Registered files may show the same polygon
-in shapes that are split differently, see `is_split`.
+A polygon that is convex is split from its first corner, (1, 2, 3), (1, 3, 4), …; others, and bent
+ones of more than four corners, are split by cutting off ears, whichever corner comes first.
+Registered files may show the same polygon in shapes that are split differently, see `is_split`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.errors import ArgumentError
 
-# Sines of angles that count as straight.
-_STRAIGHT = 1e-7
+# Sines of angles that count as straight, and heights over a plane as a share of a polygon's size.
+_STRAIGHT, _FLAT = 1e-7, 1e-4
 
 
 class Polygons(NamedTuple):
@@ -51,8 +51,8 @@ def split_polygons(vertices: Array, polygons: Polygons) -> Triangles:
         numbers = np.flatnonzero(lengths == length)
         rings = corners[starts[numbers, np.newaxis] + np.arange(length)]
         with np.errstate(invalid="ignore", over="ignore"):  # of numbers that are refused later
-            places, is_convex = _on_planes(np.asarray(vertices, dtype=np.float64)[rings])
-            others = np.flatnonzero(~is_convex)
+            places, is_plain = _on_planes(np.asarray(vertices, dtype=np.float64)[rings])
+            others = np.flatnonzero(~is_plain)
             rows = ends[numbers[others], np.newaxis] + np.arange(2 - length, 0)
             if length == 4:
                 faces[rows] = _quad_splits(places[others], rings[others])
@@ -110,7 +110,7 @@ def _without_repetitions(polygons: Polygons) -> Polygons:
 
 
 def _on_planes(rings: Array) -> tuple[Array, Booleans]:
-    """Return places of polygons (P, n, 3) on their mean planes, and which polygons are convex.
+    """Return places of polygons (P, n, 3) on their mean planes, and which any corner can split.
 
     Their corners run anticlockwise.
     """
@@ -128,7 +128,11 @@ def _on_planes(rings: Array) -> tuple[Array, Booleans]:
     turns = np.arctan2(sines, _cosines(places)).sum(axis=1)
     # A star turns to the left at each corner, but twice around.
     is_convex = (sines > _STRAIGHT).all(axis=1) & (turns < 3.0 * np.pi)
-    return places, is_convex | (areas[:, 0] == 0.0)
+    heights = np.abs(np.einsum("pni,pi->pn", around, normals)).max(axis=1)
+    is_flat = heights <= _FLAT * np.sqrt(areas[:, 0])
+    if rings.shape[1] == 4:  # both diagonals of a bent one are as good
+        is_flat[:] = True
+    return places, (is_convex & is_flat) | (areas[:, 0] == 0.0)
 
 
 def _sides(places: Array) -> tuple[Array, Array]:

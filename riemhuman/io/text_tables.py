@@ -103,7 +103,9 @@ def read_rows(file: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     text = read_text(file)
     hint = re.match(r"sep=([;\t,])\r?\n", text)  # which Excel writes and hides
     separator = hint[1] if hint else separator_of(text)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    reader = csv.reader(
+        io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True, strict=True
+    )
     rows = []
     try:
         for row in reader:

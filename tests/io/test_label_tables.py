@@ -33,9 +33,18 @@ def read(folder, content, *columns):
         "file\tsubject\tpose\ra.ply\tAnna\twave",
         codecs.BOM_UTF16_LE + "file\tsubject\tpose\na.ply\tAnna\twave\n".encode("utf-16-le"),
         'pose,"File",note,person\nwave,a.ply,"1, 2",Anna\n',
+        'pose, subject, file\n"wave", "Anna", "a.ply"\n',
         "NAME, file ,pose\n Anna\u00a0, a.ply ,\u200bwave\n",
     ],
-    ids=["plain", "semicolons", "tabs and old lines", "UTF-16", "quotes", "spaces"],
+    ids=[
+        "plain",
+        "semicolons",
+        "tabs and old lines",
+        "UTF-16",
+        "quotes",
+        "quotes after spaces",
+        "spaces",
+    ],
 )
 def test_spellings_of_a_table(tmp_path, content):
     assert read(tmp_path, content) == [(2, "a.ply", "Anna", "wave")]

@@ -395,7 +395,7 @@ def test_trusted_vertices_of_ply_files(mesh, tmp_path):
     save_mesh(tmp_path / "body.obj", *mesh, trusted)
     assert load_trusted(tmp_path / "body.obj") is None
     assert not is_registered_scan(tmp_path / "body.obj")
-    (tmp_path / "body.ply").write_bytes(b"ply\n")
+    (tmp_path / "body.ply").write_bytes(b"plyfile\n")
     with pytest.raises(FileFormatError, match=r"body\.ply: not a PLY file"):
         load_trusted(tmp_path / "body.ply")
 
@@ -509,6 +509,7 @@ VARIANTS = {
     "joined.off": lambda files: files["a.off"].replace(b"OFF\n", b"OFF"),
     "small.off": lambda files: files["a.off"].replace(b"OFF\n", b"# a mesh\noff "),
     "bare.off": lambda files: files["a.off"].replace(b"OFF\n", b"\n"),
+    "utf16.off": lambda files: files["a.off"].decode().encode("utf-16"),
     "normals.off": lambda files: files["a.off"].replace(b"OFF\n", b"NCOFF\n"),
 }
 
@@ -545,6 +546,7 @@ def test_reasons_and_how_to_mend_a_file(mesh, tmp_path):
     binary = ply(elements_of(*mesh), "binary_little_endian")
     n_faces = b"element face %d" % len(mesh[1])
     stl = trimesh.exchange.stl.export_stl(trimesh.creation.box())
+    facet = "vertex 0 0 0\nvertex 0,5 0 0\nvertex 0 1 0\n"
     for name, content, message in (
         (
             "a.ply",
@@ -564,6 +566,18 @@ def test_reasons_and_how_to_mend_a_file(mesh, tmp_path):
         ("a.stl", stl[:80] + b"\5\0\0\0" + stl[84:], "declares 5 triangles, and 12 follow"),
         ("a.stl", stl[:-60], "truncated: its header declares 12 triangles, and 10 follow"),
         ("a.stl", "solid a\nfacet\nvertex 0 0 0\nendfacet\n", "ends with 'endsolid'"),
+        (
+            "a.ply",
+            text.replace(n_faces, b"element face 99"),
+            "truncated: its header declares 143 l",
+        ),
+        ("a.ply", text.replace(b"end_header", b""), "ends with a line 'end_header'"),
+        (
+            "a.stl",
+            f"solid a\n{facet}endfacet\nendsolid\n",
+            "not all numbers; decimals need a point",
+        ),
+        ("a.off", "OFF\n4\n4\n0\n", "numbers of vertices and faces on one line"),
         ("a.off", "OFF BINARY\n4 4 0\n", "a binary OFF file; save it as text"),
         ("a.off", "4OFF\n1 0 0\n0 0 0 1\n", "four or more coordinates"),
     ):

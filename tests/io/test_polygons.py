@@ -70,7 +70,9 @@ def test_orientation_is_kept():
 
 def test_bent_polygons_are_split_alike_from_every_corner():
     rng = np.random.default_rng(1)
-    for name, places in CONCAVE.items():
+    angles = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
+    hexagon = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    for name, places in {**CONCAVE, "a hexagon": hexagon}.items():
         bent = places + rng.normal(scale=0.02, size=places.shape)
         splits = {
             frozenset(
@@ -84,7 +86,7 @@ def test_bent_polygons_are_split_alike_from_every_corner():
 
 def test_convex_polygons_are_split_from_their_first_corner():
     angles = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
-    hexagon = np.stack([np.cos(angles), np.sin(angles), 0.1 * np.cos(3 * angles)], axis=1)
+    hexagon = np.stack([np.cos(angles), np.sin(angles), 0.5 * np.cos(angles)], axis=1)
     places = np.vstack([hexagon, CONCAVE["a quad"]])
     faces = split(places, [0, 1, 2], [2, 3, 4, 5, 0], [7, 8, 9, 6], [5, 3, 1, 0])
     expected = [[0, 1, 2], [2, 3, 4], [2, 4, 5], [2, 5, 0]]
