@@ -168,7 +168,7 @@ def write_amass(file: Path, person: PosedPerson) -> None:
     }
     if not smpl:
         names = np.array(person.model.joint_names)
-        others = person.poses[:, _other_joints(person.model)]
+        others = person.poses[:, other_joints(person.model)]
         digests = frame_digests(fields["poses"])
         values = (names, person.betas, person.joints, digests, others)
         fields |= dict(zip(SAVED_FIELDS, values, strict=True))
@@ -182,7 +182,7 @@ def frame_digests(poses: Array) -> Integers:
     return np.frombuffer(b"".join(digests), dtype="<u8")
 
 
-def _other_joints(model: BodyModel) -> list[int]:
+def other_joints(model: BodyModel) -> list[int]:
     """Return the numbers of the joints that SMPL lacks."""
     names = usual_joint_names(model)
     return [number for number, name in enumerate(names) if name not in SMPL_JOINTS]
@@ -246,12 +246,12 @@ def poses_from_smpl(poses: Array, model: BodyModel, joints: Array, others: Array
     placed = placed @ transpose(_smpl_starts(names, joints))
     in_space = np.empty((n_frames, len(names), 3, 3))
     local = np.empty_like(in_space)
-    other_joints = _other_joints(model)
+    lacking = other_joints(model)
     for joint in model.joint_order:
         parent = model.parents[joint]
         above = in_space[:, parent] if parent >= 0 else np.eye(3)
-        if joint in other_joints:
-            rotations = others[:, other_joints.index(joint)]
+        if joint in lacking:
+            rotations = others[:, lacking.index(joint)]
             unknown = np.isnan(rotations).any(axis=1)
             local[:, joint] = Rotation.from_rotvec(np.nan_to_num(rotations)).as_matrix()
             local[unknown, joint] = local[unknown, parent]

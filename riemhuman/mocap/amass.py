@@ -21,7 +21,7 @@ from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.mocap._body_size import model_of_size
 from riemhuman.mocap._joint_names import model_joints
-from riemhuman.mocap._motion_files import SAVED_FIELDS, frame_digests, poses_from_smpl
+from riemhuman.mocap._motion_files import SAVED_FIELDS, frame_digests, other_joints, poses_from_smpl
 from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
     check_units,
@@ -238,23 +238,28 @@ def _saved_motion(
 ) -> ArrayMotion | None:
     """Return the motion of this model that `Motion.save` wrote as poses of SMPL."""
     fields = load_arrays(source.path, (), SAVED_FIELDS)
-    if not set(SAVED_FIELDS) <= fields.keys():
+    if not set(SAVED_FIELDS[:3]) <= fields.keys():
         return None
-    joints, betas, rest, digests, others = (fields[name] for name in SAVED_FIELDS)
+    joints, betas, rest = (fields[name] for name in SAVED_FIELDS[:3])
+    # Files of older versions have neither.
+    n_others = len(other_joints(model))
+    digests = fields.get(SAVED_FIELDS[3], np.zeros(0, dtype=np.uint64))
+    others = fields.get(SAVED_FIELDS[4], np.zeros((0, n_others, 3)))
     if tuple(joints.tolist()) != model.joint_names or betas.shape != (model.n_betas,):
         return None
     with format_errors(source.path, "a motion"):
         betas = real_array(betas, SAVED_FIELDS[1])
         rest = real_array(rest, SAVED_FIELDS[2], (model.n_joints, 3), batched=False)
-        others = real_array(others, SAVED_FIELDS[4], ("n_frames", "K", 3), batched=False)
+        others = real_array(others, SAVED_FIELDS[4], ("n_frames", n_others, 3), batched=False)
         check_shape(digests, SAVED_FIELDS[3], (len(others),), batched=False)
     recording = source.read()
     poses = recording.poses[frames]
     rows = dict(zip(digests.tolist(), range(len(digests)), strict=True))
     keys = frame_digests(poses.reshape(len(poses), -1)).tolist()
-    known_rows = [rows.get(key, -1) for key in keys]
-    known = np.array(known_rows) >= 0
-    rotations = np.where(known[:, None, None], others[known_rows], np.nan)
+    known_rows = np.array([rows.get(key, -1) for key in keys])
+    known = known_rows >= 0
+    rotations = np.full((len(keys), n_others, 3), np.nan)
+    rotations[known] = others[known_rows[known]]
     if up is None:
         # Other programs may have turned frames that are not as they were written.
         up = "z" if known.all() else source.upward_axis()

@@ -192,9 +192,9 @@ def _leaves(content: object, depth: int = 0) -> set[str]:
 # More than eight arguments: each keyword states a fact that some kinds of files omit.
 @reads(
     FileKind(
-        "skeletons, markers, and people in videos",
+        "skeletons, markers, joints, and people in videos",
         "datasets.load_recording",
-        RECORDING_ENDINGS,
+        (*RECORDING_ENDINGS, *POSITION_ENDINGS, ".glb"),
         registered=YES,
         measured=YES,
         is_motion=True,
