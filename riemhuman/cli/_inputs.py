@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -199,8 +199,9 @@ def metric_options(
         preset("srnf", "square root normal fields, for comparison"),
     ]
     if default == _PRESETS["shape"]:  # the command computes distances, not paths
-        name = "--area for bodies of riemhuman register, else --shape"
-        presets.insert(1, preset("area", "compares people who were scanned: AreaMetric"))
+        name = "--person for bodies of riemhuman register, else --shape"
+        presets.insert(1, preset("person", "compares people who were scanned: PersonMetric"))
+        presets.insert(2, preset("area", "the same, with any triangles: AreaMetric"))
     extension = cli.option(
         "--metric",
         "metric of another package, see riemhuman.extensions",
@@ -222,7 +223,7 @@ def metric_options(
 def chosen_metric(
     options: argparse.Namespace, template: Template, *, are_scans: bool = False
 ) -> RiemannianMetric:
-    """Return the metric that the options choose; by default that of areas for scanned people."""
+    """Return the metric that the options choose; by default that of people if they were scanned."""
     # Surfaces share a unit: this is checked when they are read.
     space = rh.AlignedSurfaces(template, equip=False, scale=None)
     weights = {"-a": options.a, "-l": options.lam, "-c": options.c}
@@ -236,7 +237,13 @@ def chosen_metric(
         return added
     if options.metric == "srnf":
         return rh.SRNFMetric(space)
-    if options.metric == "area" or (are_scans and not (options.metric or flags)):
+    if options.metric == "person":
+        return rh.PersonMetric(space)
+    by_default = are_scans and not (options.metric or flags)
+    if by_default:
+        with suppress(ArgumentError):  # of bodies with other triangles than the open model's
+            return rh.PersonMetric(space)
+    if options.metric == "area" or by_default:
         return rh.AreaMetric(space)
     a, lam, c = _PRESETS.get(options.metric, options.default_metric)
     if options.a is not None:
@@ -251,11 +258,13 @@ def chosen_metric(
 def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> RiemannianMetric:
     """Return the metric that the options choose for surfaces; report a choice made for scans."""
     metric = chosen_metric(options, surfaces.template, are_scans=surfaces.are_scans)
-    if isinstance(metric, rh.AreaMetric) and options.metric != "area" and not options.quiet:
-        note(
-            "these are registered scans, so people are compared by smoothed areas (AreaMetric, "
-            "--area), which hardly depend on noise; --shape uses the paper's metric"
-        )
+    chosen: dict[str, type[RiemannianMetric]] = {"person": rh.PersonMetric, "area": rh.AreaMetric}
+    for name, cls in chosen.items():
+        if isinstance(metric, cls) and options.metric != name and not options.quiet:
+            note(
+                f"these are registered scans, so people are compared by {cls.__name__} "
+                f"(--{name}), which hardly depends on noise; --shape uses the paper's metric"
+            )
     return metric
 
 

@@ -18,6 +18,7 @@ from riemhuman.io import save_mesh
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.retrieval import scores
 from riemhuman.solvers import BasisPath, path_distances
+from riemhuman.statistics import PersonMetric
 from riemhuman.surfaces import DeformationBasis, Template, procrustes
 
 NAMES = [f"body_{number}.ply" for number in (0, 1, 2, 20, 21, 22)]
@@ -59,21 +60,21 @@ def registered(bodies, tmp_path):
     return tmp_path
 
 
-def test_scanned_people_are_compared_by_areas(run, registered, bodies):
+def test_scanned_people_are_compared_in_any_pose(run, registered, bodies):
     """Unless another metric is asked for: it is chosen, said and recorded."""
     template = Template(bodies.points[0], bodies.template.faces)
-    areas = AreaMetric(AlignedSurfaces(template, equip=False))
-    expected = areas.dist(*bodies.points[[0, 20]])
+    person = PersonMetric(AlignedSurfaces(template, equip=False))
+    expected = person.dist(*bodies.points[[0, 20]])
     pair = registered / "body_0.ply", registered / "body_20.ply"
     finished = run("dist", *pair)
     assert float(finished.out) == pytest.approx(expected, rel=1e-9)
-    assert "registered scans, so people are compared by smoothed areas" in finished.err
+    assert "registered scans, so people are compared by PersonMetric (--person)" in finished.err
     assert "the unit is the metre" in finished.err
-    assert "for comparison: same person, another pose ≈ 0.024; another person" in finished.err
+    assert "for comparison: same person, another pose ≈ 0.005; another person" in finished.err
     assert "the unit is that of the files" in run("dist", *pair, "--any-scale").err
     record = json.loads(run("dist", *pair, "--json").out)
     assert record["unit"] == "m"
-    assert record["metric"] == {"name": "AreaMetric", "time": areas.time}
+    assert record["metric"] == {"name": "PersonMetric"}
     for options, weights in ((["--shape"], (1, 1e-4, 0)), (["-l", "1"], (1, 1, 0))):
         finished = run("dist", *pair, *options)
         paper = metric_of(template, *weights).dist(*bodies.points[[0, 20]])
@@ -82,15 +83,17 @@ def test_scanned_people_are_compared_by_areas(run, registered, bodies):
     matrix = run("matrix", registered, "--csv", "-")
     assert "registered scans" in matrix.err
     nearest = json.loads(run("retrieve", registered / "body_1.ply", registered, "--json").out)
-    assert nearest["metric"]["name"] == "AreaMetric"
+    assert nearest["metric"]["name"] == "PersonMetric"
 
 
-def test_areas_can_be_asked_for(run, scans, bodies):
-    finished = run("dist", scans / NAMES[0], scans / NAMES[3], "--area", "--quiet")
+def test_metrics_of_scans_can_be_asked_for(run, scans, bodies):
     template = Template(bodies.points[0], bodies.template.faces)
-    areas = AreaMetric(AlignedSurfaces(template, equip=False))
-    assert float(finished.out) == pytest.approx(areas.dist(*bodies.points[[0, 20]]), rel=1e-9)
-    assert finished.err == ""
+    for option, cls in {"--area": AreaMetric, "--person": PersonMetric}.items():
+        finished = run("dist", scans / NAMES[0], scans / NAMES[3], option, "--quiet")
+        metric = cls(AlignedSurfaces(template, equip=False))
+        expected = metric.dist(*bodies.points[[0, 20]])
+        assert float(finished.out) == pytest.approx(expected, rel=1e-9)
+        assert finished.err == ""
     assert "--area sets all weights" in run("dist", *[scans / NAMES[0]] * 2, "--area", "-c", 1).err
 
 
