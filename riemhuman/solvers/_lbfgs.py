@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Required, TypedDict, Unpack
 
 import numpy as np
 from autograd.core import make_vjp
+from scipy.linalg.blas import daxpy as add_multiple  # y += a x, in place
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Callback, TangentVectors
@@ -289,47 +289,64 @@ def _line_search(
     return best
 
 
-class _Pair(NamedTuple):
-    """A step s, the change y of the gradient along it, its image P y, and s·y and y·P y."""
-
-    step: Array
-    change: Array
-    image: Array
-    along: float
-    square: float
-
-
 class _Memory:
-    """The last steps with an operator P, and the changes of the gradient along them."""
+    """The last steps s with an operator P, and of the changes y of the gradient their images P y.
+
+    L-BFGS's two loops need only their inner products, which are kept: vectors of millions of
+    numbers are read once for all products and once for the sum, not twice in either loop.
+    """
 
     def __init__(self) -> None:
-        self._pairs: deque[_Pair] = deque(maxlen=_MEMORY)
+        self._steps: list[Array] = []
+        self._images: list[Array] = []
+        # Entry [i, j]: s_i·y_j, and y_i·P y_j.
+        self._along = self._squares = np.zeros((0, 0))
 
     def add(self, step: Array, change: Array, image: Array) -> None:
         along, square = float(step @ change), float(change @ image)
-        if along > 0.0 and square > 0.0:
-            self._pairs.append(_Pair(step, change, image, along, square))
+        if not (along > 0.0 and square > 0.0):
+            return
+        last = slice(max(0, len(self._steps) - _MEMORY + 1), None)
+        self._steps = [*self._steps[last], step]
+        self._images = [*self._images[last], image]
+        self._along = _bordered(self._along[last, last], [s @ change for s in self._steps])
+        self._squares = _bordered(self._squares[last, last], [p @ change for p in self._images])
 
     @property
     def scales(self) -> Array:
         """The factors by which P is nearest to the inverse Hessian along each step."""
-        if not self._pairs:
+        if not self._steps:
             return np.ones(1)
-        return np.array([pair.along / pair.square for pair in self._pairs])
+        scales: Array = np.diag(self._along) / np.diag(self._squares)
+        return scales
 
     def direction(self, gradient: Array, image: Array) -> Array:
         """Return −H g, given g and P g, by L-BFGS's two loops."""
-        shares = []
-        for pair in reversed(self._pairs):
-            share = float(pair.step @ gradient) / pair.along
-            gradient = gradient - share * pair.change
-            image = image - share * pair.image
-            shares.append(share)
-        direction = self.scales[-1] * image
-        for pair, share in zip(self._pairs, reversed(shares), strict=True):
-            direction += (share - float(pair.change @ direction) / pair.along) * pair.step
-        step_down: Array = -direction
+        n, scale = len(self._steps), self.scales[-1]
+        along, squares = self._along, self._squares
+        by_steps = np.array([step @ gradient for step in self._steps])
+        by_changes = np.array([image_of @ gradient for image_of in self._images])
+        # H g = γ (P g − Σ a_i P y_i) + Σ (a_i − b_i) s_i.
+        a, rest = np.zeros(n), np.zeros(n)
+        for i in reversed(range(n)):
+            a[i] = (by_steps[i] - along[i, i + 1 :] @ a[i + 1 :]) / along[i, i]
+        for i in range(n):
+            b = scale * (by_changes[i] - squares[i] @ a) + along[:i, i] @ rest[:i]
+            rest[i] = a[i] - b / along[i, i]
+        step_down: Array = -scale * image
+        for i in range(n):
+            add_multiple(self._images[i], step_down, a=scale * a[i])
+            add_multiple(self._steps[i], step_down, a=-rest[i])
         return step_down
+
+
+def _bordered(matrix: Array, column: list[float]) -> Array:
+    """Return a matrix with one more column, and the same numbers as one more row."""
+    n = len(column)
+    larger = np.empty((n, n))
+    larger[: n - 1, : n - 1] = matrix
+    larger[:, -1] = larger[-1] = column
+    return larger
 
 
 class DescentSettings(TypedDict, total=False):

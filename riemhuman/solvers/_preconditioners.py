@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Iterator
 
 import numpy as np
 from scipy import linalg, sparse
 
-from riemhuman.arrays import Array, Points, TangentVectors
+from riemhuman.arrays import Array, Integers, Points, TangentVectors
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
@@ -148,52 +148,56 @@ class SparseCholeskyFactor(CholeskyFactor):
         self._scale = np.sqrt(self._squared_scale)
 
     def inverse(self, columns: Array) -> Array:
-        def both(x: Array) -> Array:
-            x = self._solve_lower(x)
+        solutions = np.empty(columns.shape)
+        for part, x in self._parts(columns, self._order):
+            self._solve_lower(x)
             x /= self._squared_scale
-            return self._solve_upper(x)
-
-        return _many_together(both, columns)
+            self._solve_upper(x)
+            solutions[self._order, part] = x[:, : part.stop - part.start]
+        return solutions
 
     def solve(self, columns: Array) -> Array:
-        return _many_together(self._solve_lower, columns) / self._scale
+        solutions = np.empty(columns.shape)
+        for part, x in self._parts(columns, self._order):
+            self._solve_lower(x)
+            x /= self._scale
+            solutions[:, part] = x[:, : part.stop - part.start]
+        return solutions
 
     def solve_transposed(self, columns: Array) -> Array:
-        return _many_together(self._solve_upper, columns / self._scale)
+        solutions = np.empty(columns.shape)
+        for part, x in self._parts(columns, slice(None)):
+            x /= self._scale
+            self._solve_upper(x)
+            solutions[self._order, part] = x[:, : part.stop - part.start]
+        return solutions
 
-    def _solve_lower(self, columns: Array) -> Array:
-        """Return the solution in the order of elimination, for a diagonal of 1."""
-        x: Array = columns[self._order]
+    def _parts(
+        self, columns: Array, order: Integers | slice[None, None, None]
+    ) -> Iterator[tuple[slice[int, int, None], Array]]:
+        """Yield `WIDTH` columns at a time, in an order, with zeros for those that are missing.
+
+        A few columns are not filled up: the loops take less time for them.
+        """
+        n = columns.shape[1]
+        for part in slices(n, WIDTH):
+            n_columns = part.stop - part.start
+            x = np.zeros((len(columns), n if n <= _FEW else WIDTH))
+            x[:, :n_columns] = columns[order, part]
+            yield part, x
+
+    def _solve_lower(self, x: Array) -> None:
         blocks = x.reshape(len(x) // _BLOCK, -1)
         solve_lower(self._ends, self._rows, self._lower, blocks, _lanes(x))
-        return x
 
-    def _solve_upper(self, x: Array) -> Array:
-        """Overwrite x; return the solution, back in the order of columns."""
+    def _solve_upper(self, x: Array) -> None:
         blocks = x.reshape(len(x) // _BLOCK, -1)
         solve_upper(self._ends, self._rows, self._lower, blocks, _lanes(x))
-        columns = np.empty_like(x)
-        columns[self._order] = x
-        return columns
 
 
 def _lanes(x: Array) -> tuple[int, ...] | None:
     """Return a tuple whose length tells compiled loops the number of columns, None for few."""
     return (0,) * WIDTH if x.shape[1] == WIDTH else None
-
-
-def _many_together(solve: Callable[[Array], Array], columns: Array) -> Array:
-    """Solve for `WIDTH` right-hand sides at a time, padded with zeros unless there are few."""
-    n = columns.shape[1]
-    if n <= _FEW:
-        return solve(np.ascontiguousarray(columns))
-    solutions = np.empty(columns.shape)
-    for part in slices(n, WIDTH):
-        width = part.stop - part.start
-        padded = np.zeros((len(columns), WIDTH))
-        padded[:, :width] = columns[:, part]
-        solutions[:, part] = solve(padded)[:, :width]
-    return solutions
 
 
 class BlockCholeskyFactor(CholeskyFactor):

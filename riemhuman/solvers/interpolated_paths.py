@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, Points
-from riemhuman.checks import check_function, real_array, whole_number
+from riemhuman.checks import a_function, checked, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.kernels.threads import check_interrupt
-from riemhuman.solvers._alignment import align_ends, ends_as_given
+from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers.paths import (
     PathSolver,
     SegmentEnergy,
@@ -23,7 +23,7 @@ from riemhuman.solvers.paths import (
     known_path,
     linear_path,
 )
-from riemhuman.solvers.results import PathResult, Result, interruptible
+from riemhuman.solvers.results import PathResult
 
 # A part with this share of the area is a limb. Up to this many of the largest limbs are tried both
 # ways, each at the cost of one path; smaller parts, mostly a few triangles, are tried together.
@@ -34,6 +34,7 @@ _MOST_LIMBS = 8
 _CLOSE = 1.1
 
 
+@checked(n_nodes=whole(minimum=2))
 @dataclass(frozen=True)
 class PoissonPath(PathSolver):
     """The path of surfaces whose triangles rotate and stretch uniformly: limbs do not collapse.
@@ -59,24 +60,12 @@ class PoissonPath(PathSolver):
 
     n_nodes: int = 11
 
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        ends = ends_as_given(start, end)
-        candidates: list[Array] = []
-
-        def best_so_far(inner: Result | None) -> PathResult:
-            paths = [linear_path(start, end, self.n_nodes), *map(ends.turned_back, candidates)]
-            return min((known_path(metric, path, "") for path in paths), key=lambda r: r.energy)
-
-        with interruptible(best_so_far):
-            ends = align_ends(metric, start, end)
-            energy, n_nodes = SegmentEnergy(), self.n_nodes
-            best = rotating_paths(metric, energy, start, ends.end, n_nodes, candidates)[0]
-            path = ends.turned_back(best.path)
-            return known_path(metric, path, "interpolated deformation gradients")
+        ends = align_ends(metric, start, end)
+        best = rotating_paths(metric, SegmentEnergy(), start, ends.end, self.n_nodes)[0]
+        path = ends.turned_back(best.path)
+        return known_path(metric, path, "interpolated deformation gradients")
 
 
 class RotatingPath(NamedTuple):
@@ -93,12 +82,8 @@ def rotating_paths(
     start: Points,
     end: Points,
     n_nodes: int,
-    candidates: list[Array] | None = None,
 ) -> list[RotatingPath]:
-    """Return the best path whose triangles rotate, then others that may become better.
-
-    All paths that are computed on the way are added to `candidates`.
-    """
+    """Return the best path whose triangles rotate, then others that may become better."""
     space = surface_space(metric.space)
     space.check_immersed(start, "start")
     space.check_immersed(end, "end")
@@ -120,8 +105,6 @@ def rotating_paths(
                 rotations[part] = alike[part]
         path = linear_path(start, end, n_nodes)
         path[1:-1] = interpolator.interpolate(start, end, times, rotations)
-        if candidates is not None:
-            candidates.append(path)
         check_interrupt()
         known[follows] = RotatingPath(path, energy.value(metric, path), follows)
         return known[follows]
@@ -180,6 +163,7 @@ class ModelParameters(NamedTuple):
         return f"ModelParameters({', '.join(shapes)})"
 
 
+@checked(model=a_function, n_nodes=whole(minimum=2), parameters=a_function)
 @dataclass(frozen=True)
 class ModelPath(PathSolver):
     """The path of a body model whose parameters change evenly from one body to another.
@@ -212,18 +196,8 @@ class ModelPath(PathSolver):
     n_nodes: int = 11
     parameters: Callable[[Array], ModelParameters] = field(kw_only=True)
 
-    def __post_init__(self) -> None:
-        check_function(self.model, "model")
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-        check_function(self.parameters, "parameters")
-
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
-        straight = linear_path(start, end, self.n_nodes)
-        with interruptible(lambda inner: known_path(metric, straight, "")):
-            return self._between(metric, start, end)
-
-    def _between(self, metric: RiemannianMetric, start: Array, end: Array) -> PathResult:
         of_start = self._parameters(start, "start")
         of_end = self._parameters(end, "end")
         _check_same_shape("betas", of_start.betas, of_end.betas)

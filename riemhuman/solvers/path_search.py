@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -11,20 +10,21 @@ import numpy as np
 
 from riemhuman.arrays import Array, Callback, Points
 from riemhuman.checks import (
-    check_basis,
-    check_function,
-    check_methods,
-    check_strategy,
+    a_basis,
+    a_function,
+    a_solver,
+    checked,
     flag,
-    real_number,
-    whole_number,
+    having,
+    positive,
+    whole,
 )
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._alignment import AlignedEnds, align_ends, ends_as_given
+from riemhuman.solvers._alignment import AlignedEnds, align_ends
 from riemhuman.solvers._lbfgs import Operator, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
@@ -38,7 +38,7 @@ from riemhuman.solvers.paths import (
     lower_bound,
     rounding_energy,
 )
-from riemhuman.solvers.results import PathResult, Result, Status, finish, interruptible
+from riemhuman.solvers.results import PathResult, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # Tolerance of the first runs from several starts, of which the best goes on to the end.
@@ -52,11 +52,30 @@ _STIFFNESS = 0.2
 # energy, as where a triangle loses its area and its normal jumps.
 _SHORT = 1e-3
 
+# A search over all vertices that has not ended after so many iterations starts again with fewer
+# segments, whose path replaces its own if, after so many further iterations, it costs less.
+_PATIENCE = 30
+_TRIAL = 10
+_FEWEST_NODES = 5
+# Then its last iterations may gain this share of what those of another search may: they go on
+# where the search from few segments came close to the minimum, and gain less than they could.
+_RECENT_SHARE = 0.5
+
 # Least and largest ridge; the tolerance lies between. A ridge hides how softly whole limbs move,
 # increasingly so on finer meshes. What such motions still gain matters only to narrow tolerances.
 _LEAST_RIDGE, _LARGEST_RIDGE = 1e-6, 1e-4
 
 
+@checked(
+    n_nodes=whole(minimum=2),
+    energy=having("an energy such as SegmentEnergy()", "value", "value_and_gradient"),
+    initial=a_solver,
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+    remove_drift=flag,
+    callback=a_function,
+    progress=flag,
+)
 @dataclass(frozen=True)
 class PathSearch(PathSolver):
     """What searches for paths of least energy have in common."""
@@ -75,24 +94,6 @@ class PathSearch(PathSolver):
     _recent_decrease: ClassVar[float]
     _recent_tolerances: ClassVar[float]
 
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-        flag(self.remove_drift, "remove_drift")
-        flag(self.progress, "progress")
-        check_methods(
-            self.energy,
-            "energy",
-            "an energy such as SegmentEnergy()",
-            "value",
-            "value_and_gradient",
-        )
-        if self.initial is not None:
-            check_strategy(self.initial, "initial")
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        if self.callback is not None:
-            check_function(self.callback, "callback")
-
     def solve(
         self,
         metric: RiemannianMetric,
@@ -110,9 +111,7 @@ class PathSearch(PathSolver):
             Path to start from, between the same ends.
         """
         start, end = check_end_points(metric, start, end)
-        with interruptible(lambda inner: self._best_known(metric, ends_as_given(start, end), [])):
-            ends = align_ends(metric, start, end)
-        return self._between(metric, ends, initial_path)
+        return self._between(metric, align_ends(metric, start, end), initial_path)
 
     def _between(
         self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: Points | None = None
@@ -120,47 +119,19 @@ class PathSearch(PathSolver):
         """Find a path between ends that are aligned, or that are used as given."""
         start, end = ends.start, ends.given_end
         self._check_search(metric, start, end)
-        candidates: list[Array] = []
-        results: list[PathResult] = []
-
-        def best(inner: Result | None) -> PathResult:
-            if isinstance(inner, PathResult) and len(inner.path) == self.n_nodes:
-                candidates.append(inner.path)
-            return self._best_known(metric, ends, candidates, results)
-
-        with interruptible(best), single_threaded_libraries():
+        search = self._reporting(ends)
+        with single_threaded_libraries():
             if self.n_nodes == 2:
                 path = linear_path(start, end, 2)
                 return known_path(metric, path, "a single segment", 0.0, self.energy)
             if initial_path is None:
-                paths = self._starts(metric, start, ends.end, candidates)
+                result = search._best_of(metric, self._starts(metric, start, ends.end))
             else:
                 path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
-                paths = [ends.aligned(path)]
-                candidates += paths
-            result = self._reporting(ends)._best_of(metric, paths, results)
+                result = search._descend(metric, ends.aligned(path))
             path = ends.turned_back(result.path)
             result = replace(result, path=path, lower_bound=lower_bound(metric, path))
         return finish(self, result)
-
-    def _best_known(
-        self,
-        metric: RiemannianMetric,
-        ends: AlignedEnds,
-        candidates: list[Array],
-        results: Sequence[PathResult] = (),
-    ) -> PathResult:
-        """Return the best path of an interrupted search, at worst the straight path."""
-        if results:
-            best = min(results, key=lambda result: result.energy)
-        else:
-            paths = [linear_path(ends.start, ends.end, self.n_nodes), *candidates]
-            paths = [_on_manifold(metric, path) for path in paths]
-            energies = [_energy(metric, self.energy, path) for path in paths]
-            path, energy = paths[int(np.argmin(energies))], min(energies)
-            best = PathResult(path, energy, np.array([energy]), n_evaluations=len(paths))
-        path = ends.turned_back(best.path)
-        return replace(best, path=path, lower_bound=lower_bound(metric, path))
 
     def _reporting(self, ends: AlignedEnds) -> Self:
         """Return the search with a callback that receives paths between the ends as given."""
@@ -186,19 +157,16 @@ class PathSearch(PathSolver):
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         """Return a factor of the metric's matrix in the coordinates of the interior points."""
 
-    def _starts(
-        self, metric: RiemannianMetric, start: Points, end: Points, candidates: list[Array]
-    ) -> list[Array]:
+    def _starts(self, metric: RiemannianMetric, start: Points, end: Points) -> list[Array]:
         """Return the start of least energy, and starts in which a limb rotates the other way."""
         starts = [linear_path(start, end, self.n_nodes)]
         alternatives: list[Array] = []
         if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
-            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes, candidates)
+            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes)
             starts.append(rotating[0].path)
             alternatives = [rival.path for rival in rotating[1:]]
         if self.initial is not None:
             starts.append(self._initial_path(self.initial, metric, start, end))
-            candidates.append(starts[-1])
             alternatives = []
         starts = [_on_manifold(metric, path) for path in starts]
         best = min(starts, key=lambda path: _energy(metric, self.energy, path))
@@ -210,19 +178,15 @@ class PathSearch(PathSolver):
         path = solver.solve(metric, start, end).path
         return check_initial_path(metric, start, end, self.n_nodes, path)
 
-    def _best_of(
-        self, metric: RiemannianMetric, paths: list[Array], results: list[PathResult]
-    ) -> PathResult:
-        """Descend from the start that reaches the least energy in a short run.
-
-        The results of short runs are added to `results`.
-        """
+    def _best_of(self, metric: RiemannianMetric, paths: list[Array]) -> PathResult:
+        """Search from the start that reaches the least energy in a short run."""
         if len(paths) == 1:
-            return self._descend(metric, paths[0])
+            return self._search_from(metric, paths[0])
         tolerance = max(_FIRST_TOLERANCE, self.tolerance)
         short = replace(self, tolerance=tolerance, callback=None)
+        results: list[PathResult] = []
         for path in paths:
-            results.append(short._descend(metric, path))
+            results.append(short._search_from(metric, path))
             if results[-1].status is Status.INTERRUPTED:
                 break
         best = min(results, key=lambda result: result.energy)
@@ -232,8 +196,20 @@ class PathSearch(PathSolver):
         n_evaluations = result.n_evaluations + sum(candidate.n_evaluations for candidate in results)
         return replace(result, n_evaluations=n_evaluations)
 
+    def _search_from(self, metric: RiemannianMetric, path: Array) -> PathResult:
+        """Search from one start."""
+        return self._descend(metric, path)
+
+    @property
+    def _largest_recent_decrease(self) -> float:
+        return max(self._recent_decrease, self._recent_tolerances * self.tolerance)
+
     def _descend(
-        self, metric: RiemannianMetric, path: Points, earlier: Array | tuple[()] = ()
+        self,
+        metric: RiemannianMetric,
+        path: Points,
+        earlier: Array | tuple[()] = (),
+        recent_decrease: float | None = None,
     ) -> PathResult:
         """Minimise over the interior points of a path."""
         path = _on_manifold(metric, path)
@@ -265,7 +241,7 @@ class PathSearch(PathSolver):
             report if self.callback else None,
             tolerance=self.tolerance,
             max_iter=self.max_iter,
-            recent_decrease=max(self._recent_decrease, self._recent_tolerances * self.tolerance),
+            recent_decrease=recent_decrease or self._largest_recent_decrease,
             shortest=_SHORT if over_all and metric.space.is_surface_space else 0.0,
             floor=(len(path) - 1) ** 2 * rounding,
             earlier=earlier,
@@ -297,6 +273,7 @@ class _OverBasis:
     basis: DeformationBasis
 
 
+@checked(basis=a_basis)
 @dataclass(frozen=True)
 class BasisPath(PathSearch, _OverBasis):
     r"""Paths of least energy over a basis, without exponential map: Algorithm 1 of the paper.
@@ -348,10 +325,6 @@ class BasisPath(PathSearch, _OverBasis):
     _recent_decrease = 1e-3
     _recent_tolerances = 10.0
 
-    def __post_init__(self) -> None:
-        check_basis(self.basis, "basis")
-        super().__post_init__()
-
     @property
     def _directions(self) -> Array:
         return self.basis.flat
@@ -359,12 +332,10 @@ class BasisPath(PathSearch, _OverBasis):
     def _check_search(self, metric: RiemannianMetric, start: Points, end: Points) -> None:
         self.basis.check_fits(start.shape[0])
 
-    def _starts(
-        self, metric: RiemannianMetric, start: Points, end: Points, candidates: list[Array]
-    ) -> list[Array]:
+    def _starts(self, metric: RiemannianMetric, start: Points, end: Points) -> list[Array]:
         if self.initial is not None:
             return [self._initial_path(self.initial, metric, start, end)]
-        return super()._starts(metric, start, end, candidates)
+        return super()._starts(metric, start, end)
 
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         nodes = path[[1, -2]]
@@ -374,6 +345,7 @@ class BasisPath(PathSearch, _OverBasis):
         return metric_factor(metric, nodes, directions=self.basis.flat)
 
 
+@checked()
 @dataclass(frozen=True)
 class PathStraightening(PathSearch):
     """Paths of least energy in all coordinates of all interior points, on any manifold.
@@ -382,7 +354,9 @@ class PathStraightening(PathSearch):
     steps that leave it (`belongs`) are rejected. Ends are aligned as by `BasisPath`. The
     minimisation is L-BFGS with the inverse of the metric's matrix, averaged over the path, as its
     first inverse Hessian; it starts as `BasisPath` does, and tries both directions if a limb may
-    rotate in either. Its energies are never higher than those of `BasisPath` with
+    rotate in either. A search that has not ended after 30 iterations starts again with 2 segments,
+    then 5, then 10 of 10, say, and goes on from the better of both paths; the result's energies
+    are those of the last run. Its energies are never higher than those of `BasisPath` with
     ``initial=BasisPath(...)``.
 
     If surfaces can slide along themselves at no cost, their meshes crumple; a
@@ -425,9 +399,56 @@ class PathStraightening(PathSearch):
                 ReparametrizationInvarianceWarning,
             )
 
+    def _search_from(self, metric: RiemannianMetric, path: Array) -> PathResult:
+        """Search from one start; if that is slow, from a path of few segments as well."""
+        if self.max_iter <= _PATIENCE or self.n_nodes < _FEWEST_NODES:
+            return self._descend(metric, path)
+        direct = replace(self, max_iter=_PATIENCE)._descend(metric, path)
+        if direct.status is not Status.MAX_ITER:
+            return direct
+        runs = [direct, *self._coarse_to_fine(metric, path)]
+        last = runs[-1]
+        if last.status is Status.INTERRUPTED:
+            result = replace(direct, status=last.status, message=last.message)
+        else:
+            best = min(direct, last, key=lambda run: run.energy)
+            rest = replace(self, max_iter=self.max_iter - best.n_iterations)
+            result = rest._descend(
+                metric, best.path, best.energies[:-1], _RECENT_SHARE * self._largest_recent_decrease
+            )
+        n_evaluations = result.n_evaluations + sum(run.n_evaluations for run in runs)
+        return replace(result, n_evaluations=n_evaluations)
+
+    def _coarse_to_fine(self, metric: RiemannianMetric, path: Array) -> list[PathResult]:
+        """Return searches with few segments, each from the one before, and a short one with all."""
+        runs: list[PathResult] = []
+        silent = replace(self, callback=None, remove_drift=True)
+        for n_segments in _fewer_segments(self.n_nodes - 1):
+            coarse = _on_manifold(metric, refine_path(path, n_segments))
+            if np.isfinite(_energy(metric, self.energy, coarse)):
+                runs.append(silent._descend(metric, coarse))
+                if runs[-1].status is Status.INTERRUPTED:
+                    return runs
+                path = runs[-1].path
+        fine = _on_manifold(metric, refine_path(path, self.n_nodes - 1))
+        if np.isfinite(_energy(metric, self.energy, fine)):
+            runs.append(replace(silent, max_iter=_TRIAL)._descend(metric, fine))
+        return runs
+
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         ridge = float(np.clip(self.tolerance, _LEAST_RIDGE, _LARGEST_RIDGE))
-        return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
+        # Three surfaces tell as much as all of them, and cost less.
+        nodes = path[np.unique([1, len(path) // 2, len(path) - 2])]
+        return metric_factor(metric, nodes, stiffness=_STIFFNESS, ridge=ridge)
+
+
+def _fewer_segments(n_segments: int) -> list[int]:
+    """Return numbers of segments, from two, each about half the next, the last half the given."""
+    numbers: list[int] = []
+    while n_segments > 2:
+        n_segments = max(2, n_segments // 2)
+        numbers.insert(0, n_segments)
+    return numbers
 
 
 def refine_path(path: Points, n_segments: int) -> Array:

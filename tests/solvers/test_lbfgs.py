@@ -74,6 +74,13 @@ def test_a_step_too_far_is_followed_by_the_least_of_a_parabola(least, second):
     np.testing.assert_allclose(tried[:2], [1.0, second])
 
 
+def test_a_step_that_gains_next_to_nothing_is_shortened():
+    """Half of what Wolfe's first condition asks for: 1e-4 of what the slope promises."""
+    tried, step = steps_tried(lambda t: (1.0 - 5e-5) * t**2 - t, lambda t: 2.0 * t - 1.0)
+    assert tried[0] == 1.0
+    assert step == pytest.approx(0.5, rel=1e-4)
+
+
 def test_steps_double_while_the_slope_is_steep():
     tried, step = steps_tried(lambda t: 0.5 * (t - 30.0) ** 2, lambda t: t - 30.0)
     assert (tried, step) == ([1.0, 2.0, 4.0], 4.0)
@@ -214,6 +221,7 @@ def test_a_search_ends_where_the_value_no_longer_changes():
     function, _ = problem()
     earlier, start = np.full(1000, 1e6), np.zeros(60)
     settings = {"max_iter": 500, "tolerance": 1e-4, "recent_decrease": 1e-3, "earlier": earlier}
+    settings["refresh"] = 1000
     found = minimize(function, start, lambda x: lambda g: 1e-4 * g, **settings)
     assert found.message == "the value no longer changes"
     gains = -np.diff(found.values)

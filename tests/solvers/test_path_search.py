@@ -277,7 +277,7 @@ def test_a_start_that_costs_more_may_end_lower():
     assert metric.energy(smooth) < metric.energy(rough)
     solver = PathStraightening()
     one_way = solver.solve(metric, smooth[0], smooth[-1], initial_path=smooth)
-    result = solver._best_of(metric, [smooth, rough], [])
+    result = solver._best_of(metric, [smooth, rough])
     assert result.converged
     assert result.energy < 0.9 * one_way.energy
     assert result.path[5, 1] < 0.0 < one_way.path[5, 1]
@@ -324,7 +324,7 @@ def test_a_solver_gives_another_start():
     """It is taken where its path costs less than the others."""
     metric, ends = elastic(1.0, 0.1, 0.1), bodies.swung_arms(4)
     found = over_basis(5).solve(metric, *ends)
-    settings = {"n_nodes": 5, "remove_drift": False}
+    settings = {"n_nodes": 5, "tolerance": 1e-2, "remove_drift": False}
     result = PathStraightening(initial=over_basis(5), **settings).solve(metric, *ends)
     assert result.energies[0] == pytest.approx(found.energy, rel=1e-12)
     assert result.energy < found.energy
@@ -464,7 +464,7 @@ def test_starts_off_the_manifold_are_refused():
 def test_no_search_starts_on_a_surface_without_area(n_nodes):
     """Square-root normals of flat surfaces are zero: the straight path costs less than the turn."""
     metric, start = SRNFMetric(bodies.space()), bodies.body("resting")
-    for path in over_basis(n_nodes)._starts(metric, start, start * [-1.0, 1.0, -1.0], []):
+    for path in over_basis(n_nodes)._starts(metric, start, start * [-1.0, 1.0, -1.0]):
         assert np.all(metric.space.belongs(path))
 
 
