@@ -309,8 +309,10 @@ class _Memory:
         last = slice(max(0, len(self._steps) - _MEMORY + 1), None)
         self._steps = [*self._steps[last], step]
         self._images = [*self._images[last], image]
-        self._along = _bordered(self._along[last, last], [s @ change for s in self._steps])
-        self._squares = _bordered(self._squares[last, last], [p @ change for p in self._images])
+        self._along = _bordered(self._along[last, last], [float(s @ change) for s in self._steps])
+        self._squares = _bordered(
+            self._squares[last, last], [float(p @ change) for p in self._images]
+        )
 
     @property
     def scales(self) -> Array:

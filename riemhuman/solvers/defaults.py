@@ -19,11 +19,11 @@ from riemhuman.geometry.strategies import LogSolver
 from riemhuman.solvers._alignment import end_of_logarithm, ends_as_given
 from riemhuman.solvers._geodesic_equation import has_long_step
 from riemhuman.solvers.exponential import DiscreteExponential
-from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult, best_logarithm
+from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.parallel_transport import PoleLadder
 from riemhuman.solvers.path_search import BasisPath, PathStraightening
 from riemhuman.solvers.paths import LinearPath, linear_path
-from riemhuman.solvers.results import Result, finish, interruptible
+from riemhuman.solvers.results import finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template
 
@@ -75,21 +75,6 @@ class _Logarithm(LogSolver):
     basis: DeformationBasis
 
     def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> LogarithmResult:
-        known: list[Result | None] = []
-        with interruptible(
-            lambda inner: best_logarithm(metric, base_point, point, [*known, inner])
-        ):
-            solver, result = self._find(metric, point, base_point, known)
-        return finish(solver, result)
-
-    def _find(
-        self,
-        metric: RiemannianMetric,
-        point: Points,
-        base_point: Points,
-        known: list[Result | None],
-    ) -> tuple[DiscreteLogarithm, LogarithmResult]:
-        """Return the logarithm and the solver that finds it; add results to `known`."""
         point = end_of_logarithm(metric, base_point, point)
         basis = self.basis.extend((point - base_point)[None])
         for doubling in range(_N_DOUBLINGS + 1):
@@ -108,12 +93,10 @@ class _Logarithm(LogSolver):
             with catch_warnings():
                 simplefilter("ignore", ConvergenceWarning)
                 path_between = search._between(metric, ends_as_given(base_point, point))
-            known.append(path_between)
             result = solver._logarithm(metric, path_between, point, exp_solver(metric))
-            known.append(result)
             if result.converged:
                 break
-        return solver, result
+        return finish(solver, result)
 
 
 def log_solver(metric: RiemannianMetric) -> LogSolver:

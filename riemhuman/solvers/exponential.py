@@ -13,12 +13,13 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 
 from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.checks import (
-    check_basis,
+    a_basis,
+    checked,
     path_array,
+    positive,
     real_array,
-    real_number,
     values_of,
-    whole_number,
+    whole,
 )
 from riemhuman.errors import ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
@@ -34,7 +35,7 @@ from riemhuman.solvers._geodesic_equation import (
 )
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.paths import vector_of
-from riemhuman.solvers.results import Result, Status, finish, interruptible
+from riemhuman.solvers.results import Result, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -93,6 +94,13 @@ class ExponentialResult(Result):
         return float(self.energies.mean()) if len(self.energies) else 0.0
 
 
+@checked(
+    basis=a_basis,
+    n_steps=whole(minimum=1),
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+    n_doublings=whole(minimum=0),
+)
 @dataclass(frozen=True)
 class DiscreteExponential(ExpSolver):
     """exp in n steps, by the discrete geodesic equation.
@@ -130,43 +138,26 @@ class DiscreteExponential(ExpSolver):
     max_iter: int = 50
     n_doublings: int = 2
 
-    def __post_init__(self) -> None:
-        if self.basis is not None:
-            check_basis(self.basis, "basis")
-        whole_number(self.n_steps, "n_steps", minimum=1)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.n_doublings, "n_doublings", minimum=0)
-
     def solve(
         self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
     ) -> ExponentialResult:
         check_metric(metric)
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = vector_of(tangent_vec, "tangent_vec", metric)
-        walks = [_Walk([base_point], self.n_steps)]
-        with interruptible(lambda inner: walks[-1].result(metric)):
-            result = self._follow(metric, velocity, base_point, walks)
-        return finish(self, result)
+        return finish(self, self._follow(metric, velocity, base_point))
 
     def _follow(
         self,
         metric: RiemannianMetric,
         velocity: TangentVectors,
         base_point: Points,
-        walks: list[_Walk] | None = None,
     ) -> ExponentialResult:
-        """Return the geodesic with the fewest steps that suffice, without a warning.
-
-        What is walked on the way is added to `walks`.
-        """
+        """Return the geodesic with the fewest steps that suffice, without a warning."""
         n_iterations = n_evaluations = 0
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             may_double = doubling < self.n_doublings
             walk = _Walk([base_point], n_steps)
-            if walks is not None:
-                walks.append(walk)
             result, is_fine = self._walk(metric, walk, n_steps, velocity, may_double)
             n_iterations += result.n_iterations
             n_evaluations += result.n_evaluations
@@ -174,6 +165,7 @@ class DiscreteExponential(ExpSolver):
                 break
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
 
+    @checked(n_steps=whole(minimum=1))
     def extend(self, metric: RiemannianMetric, path: Points, n_steps: int) -> ExponentialResult:
         r"""Continue a discrete geodesic beyond its end, with the same time step.
 
@@ -186,12 +178,11 @@ class DiscreteExponential(ExpSolver):
             Number of points to add.
         """
         path = path_array(path, metric.space, batched=False)
-        n_steps = whole_number(n_steps, "n_steps", minimum=1)
         walk = _Walk(list(path), len(path) - 1)
-        with interruptible(lambda inner: walk.result(metric)):
-            result, _ = self._walk(metric, walk, n_steps)
+        result, _ = self._walk(metric, walk, n_steps)
         return finish(self, result)
 
+    @checked(max_iter=whole(minimum=1))
     def derivatives(
         self,
         metric: RiemannianMetric,
@@ -221,7 +212,6 @@ class DiscreteExponential(ExpSolver):
             Largest number of iterations of each linear equation.
         """
         check_metric(metric)
-        max_iter = whole_number(max_iter, "max_iter", minimum=1)
         if self.basis is not None or not metric.space.is_surface_space:
             raise NotDefinedError(
                 "derivatives of the discrete exponential exist only for surfaces with all "

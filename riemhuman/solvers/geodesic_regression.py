@@ -17,8 +17,8 @@ from riemhuman.kernels.threads import slices
 from riemhuman.solvers._lbfgs import Descent, Minimum
 from riemhuman.solvers._preconditioners import metric_factor
 from riemhuman.solvers.nearest_surface import NearestSurface
-from riemhuman.solvers.results import MeanResult, finish, interruptible
-from riemhuman.solvers.tangent_pca import ImageEstimator, known_mean
+from riemhuman.solvers.results import MeanResult, finish
+from riemhuman.solvers.tangent_pca import ImageEstimator
 
 # Number of points whose misfits are differentiated together, which bounds memory.
 _BLOCK = 8
@@ -123,17 +123,12 @@ class GeodesicRegression(ImageEstimator):
                 "the refinement needs its derivative"
             )
         self.mean_ = self._mean_point(self.mean, points)
-        known = [self.mean_]
-        with interruptible(lambda inner: known_mean(known[-1])):
-            images, base = self._embed(points), self._embed(self.mean_[None])[0]
-            point, velocity = _tangent_regression(metric, base, times, images)
-            known.append(point)
-            spread = float(np.mean(metric.squared_dist(base, images))) if self.max_iter else 0.0
-            minimum = None
-            if spread > 0:
-                point, velocity, minimum = self._refine(
-                    metric, times, images, spread, point, velocity
-                )
+        images, base = self._embed(points), self._embed(self.mean_[None])[0]
+        point, velocity = _tangent_regression(metric, base, times, images)
+        spread = float(np.mean(metric.squared_dist(base, images))) if self.max_iter else 0.0
+        minimum = None
+        if spread > 0:
+            point, velocity, minimum = self._refine(metric, times, images, spread, point, velocity)
         self.intercept_, self.velocity_ = point, velocity / unit
         self.n_iter_ = 0
         if minimum is not None:

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from riemhuman.arrays import Points, TangentVectors
-from riemhuman.checks import (
-    check_basis,
-    check_strategy,
-    real_number,
-    whole_number,
-)
+from riemhuman.checks import a_basis, a_solver, checked, positive, whole
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
@@ -36,7 +30,6 @@ from riemhuman.solvers.results import (
     Status,
     complete_path,
     finish,
-    interruptible,
 )
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.procrustes import procrustes
@@ -90,24 +83,15 @@ class LogarithmResult(Result):
         return self.path
 
 
-def best_logarithm(
-    metric: RiemannianMetric, start: Points, end: Points, known: Sequence[Result | None]
-) -> LogarithmResult:
-    """Return what an interrupted search for a logarithm knows, at worst by the straight path."""
-    logarithms = [result for result in known if isinstance(result, LogarithmResult)]
-    if logarithms:
-        return logarithms[-1]
-    paths = [result for result in known if isinstance(result, PathResult)]
-    if paths:
-        best = min(paths, key=lambda result: result.energy)
-        path, energy = best.path, best.energy
-    else:
-        path = linear_path(start, end, 2)
-        energy = float(metric.energy(path))
-    # Of first order in the time step, where the logarithm is of second.
-    return LogarithmResult((len(path) - 1) * (path[1] - path[0]), path, energy)
-
-
+@checked(
+    basis=a_basis,
+    n_steps=whole(minimum=1),
+    geodesic_solver=a_solver,
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+    n_doublings=whole(minimum=0),
+    end_tolerance=positive,
+)
 @dataclass(frozen=True)
 class DiscreteLogarithm(LogSolver):
     """log from the first step of a geodesic x₀, x₁, …, xₙ: v = n (x₁ − x₋₁)/2.
@@ -152,31 +136,16 @@ class DiscreteLogarithm(LogSolver):
     n_doublings: int = 2
     end_tolerance: float = 1e-4
 
-    def __post_init__(self) -> None:
-        if self.basis is not None:
-            check_basis(self.basis, "basis")
-        whole_number(self.n_steps, "n_steps", minimum=1)
-        if self.geodesic_solver is not None:
-            check_strategy(self.geodesic_solver, "geodesic_solver")
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.n_doublings, "n_doublings", minimum=0)
-        real_number(self.end_tolerance, "end_tolerance", minimum=0.0, strict=True)
-
     def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> LogarithmResult:
         start, end = check_end_points(metric, base_point, point)
-        known: list[PathResult | LogarithmResult] = []
-        with interruptible(lambda inner: best_logarithm(metric, start, end, [*known, inner])):
-            end = end_of_logarithm(metric, start, end)
-            if self.geodesic_solver is not None:
-                path = complete_path(self.geodesic_solver.solve(metric, start, end))
-                known.append(path)
-                result = self._logarithm(metric, path, end)
-            else:
-                with catch_warnings():
-                    # The exponential decides whether a path is good enough.
-                    simplefilter("ignore", ConvergenceWarning)
-                    result = self._by_doubling(metric, start, end, known)
+        end = end_of_logarithm(metric, start, end)
+        if self.geodesic_solver is not None:
+            path = complete_path(self.geodesic_solver.solve(metric, start, end))
+            return finish(self, self._logarithm(metric, path, end))
+        with catch_warnings():
+            # The exponential decides whether a path is good enough.
+            simplefilter("ignore", ConvergenceWarning)
+            result = self._by_doubling(metric, start, end)
         return finish(self, result)
 
     def inverse(self, result: LogarithmResult) -> DiscreteExponential:
@@ -207,21 +176,17 @@ class DiscreteLogarithm(LogSolver):
         metric: RiemannianMetric,
         start: Points,
         end: Points,
-        known: list[PathResult | LogarithmResult],
     ) -> LogarithmResult:
-        """Return the logarithm with the fewest steps that suffice; add results to `known`."""
+        """Return the logarithm with the fewest steps that suffice."""
         n_evaluations, initial_path = 0, None
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             is_last = doubling == self.n_doublings
             path, exact = self._search(metric, start, end, n_steps, initial_path)
-            known.append(path)
             n_evaluations += path.n_evaluations
             if is_last or not self._has_long_steps(metric, path.path):
                 path = exact._between(metric, ends_as_given(start, end), path.path)
-                known.append(path)
                 result = self._logarithm(metric, path, end)
-                known.append(result)
                 n_evaluations += result.n_evaluations
                 if is_last or result.converged:
                     break

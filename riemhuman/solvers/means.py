@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self, TypedDict
 
@@ -10,14 +9,16 @@ import numpy as np
 
 from riemhuman.arrays import Array, Callback, Points, PointsOrBatches
 from riemhuman.checks import (
-    check_basis,
-    check_function,
-    check_strategy,
+    a_basis,
+    a_function,
+    a_solver,
+    checked,
+    choice,
     flag,
-    one_of,
-    real_number,
+    positive,
+    real,
     values_of,
-    whole_number,
+    whole,
 )
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.estimator import Estimator
@@ -33,11 +34,9 @@ from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import (
     INTERRUPTED_MESSAGE,
     MeanResult,
-    Result,
     Status,
     complete_mean,
     finish,
-    interruptible,
 )
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -71,6 +70,16 @@ _SMALLEST_STEP = 1e-6
 _ROUNDING = 1e-12
 
 
+@checked(
+    basis=a_basis,
+    with_differences=flag,
+    companion_weight=real(minimum=0.0),
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+    sample_size=whole(minimum=1),
+    callback=a_function,
+    progress=flag,
+)
 @dataclass(frozen=True)
 class BasisMean(MeanSolver):
     """The point x̄ = x₀ + Σ_j β_j D_j of least mean squared distance, over a basis or over all.
@@ -125,19 +134,7 @@ class BasisMean(MeanSolver):
     callback: Callback | None = None
     progress: bool = False
 
-    def __post_init__(self) -> None:
-        if self.basis is not None:
-            check_basis(self.basis, "basis")
-        flag(self.with_differences, "with_differences")
-        flag(self.progress, "progress")
-        real_number(self.companion_weight, "companion_weight", minimum=0.0)
-        if self.tolerance is not None:
-            real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        whole_number(self.sample_size, "sample_size", minimum=1)
-        if self.callback is not None:
-            check_function(self.callback, "callback")
-
+    @checked(exponent=choice(1, 2))
     def solve(
         self,
         metric: RiemannianMetric,
@@ -168,7 +165,6 @@ class BasisMean(MeanSolver):
             the companion metric; for medians they are mean distances.
         """
         check_metric(metric)
-        one_of(exponent, "exponent", (1, 2))
         of_search = metric_of_search(metric, self.companion_weight)
         dispersion = Dispersion(of_search, points, weights, self.sample_size)
         is_given = initial_point is not None
@@ -176,39 +172,27 @@ class BasisMean(MeanSolver):
             model = dispersion.points[np.argmax(dispersion.weights > 0)]
         else:
             model = metric.check_points(values_of(initial_point, "initial_point")[None])[0]
-        known = [model]
-
-        def best(inner: Result | None) -> MeanResult:
-            return _best_known(dispersion.variance_by(metric), known)
-
-        with interruptible(best):
-            result = self._find(metric, dispersion, known, is_given, exponent)
-        return finish(self, result)
+        return finish(self, self._find(metric, dispersion, model, is_given, exponent))
 
     def _find(
         self,
         metric: RiemannianMetric,
         dispersion: Dispersion,
-        known: list[Array],
+        model: Array,
         is_given: bool,
         exponent: int,
     ) -> MeanResult:
-        """Return the mean; add points found on the way to those known."""
-        of_search, model = dispersion.metric, known[0]
+        """Return the mean, which stands as a model does."""
+        of_search = dispersion.metric
         members = align_members(of_search, dispersion.points, dispersion.weights, model)
         dispersion = dispersion.with_points(members.points)
         point = members.aligned(model) if is_given else self._origin(dispersion.sample)
-
-        def keep(point: Points) -> None:
-            known.append(members.turned_back(point))
-
-        keep(point)
-        minimum, dispersion = self._reporting(members)._minimum(dispersion, point, exponent, keep)
-        keep(minimum.x)
+        minimum, dispersion = self._reporting(members)._minimum(dispersion, point, exponent)
         variance = minimum.value
         if of_search is not metric or dispersion.smoothing is not None:
             variance = dispersion.variance_by(metric).value(minimum.x)
-        return MeanResult(known[-1], variance, minimum.values, **minimum.outcome)
+        mean = members.turned_back(minimum.x)
+        return MeanResult(mean, variance, minimum.values, **minimum.outcome)
 
     def _reporting(self, members: AlignedMembers) -> Self:
         """Return the solver whose callback is given points that stand as the mean should."""
@@ -222,18 +206,13 @@ class BasisMean(MeanSolver):
         return replace(self, callback=report)
 
     def _minimum(
-        self,
-        dispersion: Dispersion,
-        point: Points,
-        exponent: int,
-        keep: Callable[[Array], None],
+        self, dispersion: Dispersion, point: Points, exponent: int
     ) -> tuple[Minimum, Dispersion]:
         """Return the best point, after rough searches if they pay off, and its functional."""
         if dispersion.in_batches or exponent == 1:
             tolerance = max(self.tolerance or 0.0, _ROUGH_TOLERANCE)
             rough = replace(self, tolerance=tolerance, callback=None, progress=False)
             start = rough._search(dispersion.sample, point)
-            keep(start.x)
             if exponent == 1 and start.value > 0.0 and start.status is not Status.INTERRUPTED:
                 dispersion = dispersion.smoothed(_SMOOTHING * np.sqrt(start.value))
                 if dispersion.in_batches:
@@ -314,6 +293,7 @@ class BasisMean(MeanSolver):
         return replace(minimum, message=message)
 
 
+@checked(tolerance=positive, max_iter=whole(minimum=1))
 @dataclass(frozen=True)
 class GradientDescentMean(MeanSolver):
     """x ← exp_x(Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
@@ -339,10 +319,7 @@ class GradientDescentMean(MeanSolver):
     tolerance: float = 1e-8
     max_iter: int = 2000
 
-    def __post_init__(self) -> None:
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-
+    @checked(exponent=choice(1, 2))
     def solve(
         self,
         metric: RiemannianMetric,
@@ -357,7 +334,6 @@ class GradientDescentMean(MeanSolver):
         iterate, an OutsideManifoldError is raised.
         """
         check_metric(metric)
-        one_of(exponent, "exponent", (1, 2))
         if metric.log_solver is None and not metric.has_closed_form_geodesic:
             raise NotDefinedError(
                 "GradientDescentMean needs a closed form of log, or a log_solver; "
@@ -369,15 +345,12 @@ class GradientDescentMean(MeanSolver):
             point = first_points[0]
         else:
             point = metric.space.check_point(initial_point)
-        known = [point]
-        with interruptible(lambda inner: _best_known(dispersion, known)):
-            result = self._descend(dispersion, point)
-            known.append(result.point)
-            # Points that coincide are their median.
-            is_spread = result.variance > 0.0
-            if exponent == 1 and is_spread and result.status is not Status.INTERRUPTED:
-                smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
-                result = self._descend(dispersion.smoothed(smoothing), result.point)
+        result = self._descend(dispersion, point)
+        # Points that coincide are their median.
+        is_spread = result.variance > 0.0
+        if exponent == 1 and is_spread and result.status is not Status.INTERRUPTED:
+            smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
+            result = self._descend(dispersion.smoothed(smoothing), result.point)
         return finish(self, result)
 
     def _descend(self, dispersion: Dispersion, point: Points) -> MeanResult:
@@ -426,13 +399,6 @@ class GradientDescentMean(MeanSolver):
             status=status,
             message=message,
         )
-
-
-def _best_known(dispersion: Dispersion, known: list[Array]) -> MeanResult:
-    """Return the best of some points for a search that is interrupted."""
-    variances = np.array([dispersion.value(point) for point in known])
-    best = int(np.argmin(variances))
-    return MeanResult(known[best], float(variances[best]), variances[best : best + 1])
 
 
 def _mean_of_logarithms(dispersion: Dispersion, point: Points) -> Array:
@@ -516,7 +482,7 @@ class FrechetMean(Estimator):
             # Logarithms found by strategies belong to geodesics, whose lengths are not the
             # distances of pull-backs: their mean is no descent direction.
             solver = GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
-        check_strategy(solver, "solver")
+        a_solver(solver, "solver")
         result = complete_mean(solver.solve(metric, X, weights, **self._settings))
         self.result_ = result
         self.estimate_ = result.point

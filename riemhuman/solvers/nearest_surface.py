@@ -11,7 +11,7 @@ from autograd import value_and_grad
 from scipy.sparse import csr_array
 
 from riemhuman.arrays import Array, Booleans, Points, Triangles
-from riemhuman.checks import flag, real_array, real_number, weight_shares, whole_number
+from riemhuman.checks import checked, flag, positive, real, real_array, weight_shares, whole
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import ElasticMetric, ProductManifold, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -26,7 +26,7 @@ from riemhuman.kernels.surface import (
 from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import MeanResult, Result, finish, interruptible
+from riemhuman.solvers.results import MeanResult, finish
 from riemhuman.surfaces import Template
 from riemhuman.terms._sums import SumOfTerms
 
@@ -48,6 +48,9 @@ _WORTH_A_ROUND = 0.8
 _SMALLEST = 1e-6
 
 
+@checked(
+    companion_weight=real(minimum=0.0), tolerance=positive, max_iter=whole(minimum=1), progress=flag
+)
 @dataclass(frozen=True)
 class NearestSurface:
     """The surface f that minimises the mean of d(Φ(f), y_i)² over all its vertices.
@@ -86,12 +89,6 @@ class NearestSurface:
     max_iter: int = 500
     progress: bool = False
 
-    def __post_init__(self) -> None:
-        real_number(self.companion_weight, "companion_weight", minimum=0.0)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        flag(self.progress, "progress")
-
     def solve(
         self,
         metric: RiemannianMetric,
@@ -119,16 +116,8 @@ class NearestSurface:
             raise ArgumentError("images must hold at least one target; found none")
         start = real_array(start, "start", metric.space.shape, batched=False)
         distances = image_distances(metric, images)
-        known = [start]
-
-        def best(inner: Result | None) -> MeanResult:
-            value, _ = distances.value_and_gradient(known[-1])
-            return MeanResult(known[-1], value, np.array([value]))
-
-        with interruptible(best):
-            minimum = self._minimum(metric, distances, start, known)
-            known.append(minimum.x)
-            variance, _ = distances.value_and_gradient(minimum.x)
+        minimum = self._minimum(metric, distances, start)
+        variance, _ = distances.value_and_gradient(minimum.x)
         return finish(self, MeanResult(minimum.x, variance, minimum.values, **minimum.outcome))
 
     def _minimum(
@@ -136,9 +125,8 @@ class NearestSurface:
         metric: RiemannianMetric,
         distances: _ByDefinition | _OfElasticMetric,
         start: Points,
-        known: list[Array],
     ) -> Minimum:
-        """Return the surface found, with the companion's part; add a guess to those known."""
+        """Return the surface found, with the companion's part."""
         companion = metric.complementary_metric if self.companion_weight else None
 
         def function(f: Points) -> tuple[float, Array]:
@@ -159,11 +147,10 @@ class NearestSurface:
         if not np.isfinite(first_value):
             raise DegenerateSurfaceError("every triangle of start must have an area")
         guess = distances.nearby(start)
-        if function(guess)[0] < _NEARBY * first_value:
-            known.append(guess)
+        is_near = function(guess)[0] < _NEARBY * first_value
         rounding = max(min(_ROUNDING, self.tolerance) * first_value, rounding_energy(metric, start))
         return minimize_from(
-            known[-1],
+            guess if is_near else start,
             metric.space,
             None,
             function,

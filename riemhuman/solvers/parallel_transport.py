@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.arrays import Array, Points, TangentVectors
-from riemhuman.checks import check_basis, check_strategy, real_number, whole_number
+from riemhuman.checks import a_basis, a_solver, checked, positive, whole
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -17,7 +17,7 @@ from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers._geodesic_equation import GeodesicEquation, Triple
 from riemhuman.solvers.paths import check_end_points, check_path_from, rounding_energy, vector_of
-from riemhuman.solvers.results import Result, Status, finish, interruptible
+from riemhuman.solvers.results import Result, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -50,6 +50,13 @@ class TransportResult(Result):
         return self.path
 
 
+@checked(
+    n_rungs=whole(minimum=1),
+    basis=a_basis,
+    geodesic_solver=a_solver,
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+)
 @dataclass(frozen=True)
 class PoleLadder(TransportSolver):
     r"""Parallel transport along the diagonals of geodesic parallelograms.
@@ -87,15 +94,6 @@ class PoleLadder(TransportSolver):
     geodesic_solver: GeodesicSolver | None = None
     tolerance: float = 1e-10
     max_iter: int = 50
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_rungs, "n_rungs", minimum=1)
-        if self.basis is not None:
-            check_basis(self.basis, "basis")
-        if self.geodesic_solver is not None:
-            check_strategy(self.geodesic_solver, "geodesic_solver")
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,
@@ -146,9 +144,8 @@ class PoleLadder(TransportSolver):
             return TransportResult(transported, vectors, ends, message="closed form")
         if path is not None:
             return self._climb(metric, vector, path)
-        with interruptible(lambda inner: TransportResult(vector, vector[None], start[None])):
-            aligned = align_ends(metric, start, end)
-            path = self._geodesic(metric, start, aligned.end)
+        aligned = align_ends(metric, start, end)
+        path = self._geodesic(metric, start, aligned.end)
         result = self._climb(metric, vector, path)
         vectors = aligned.vectors_turned_back(result.tangent_vecs)
         path = aligned.turned_back(result.path)
@@ -168,20 +165,13 @@ class PoleLadder(TransportSolver):
     def _climb(
         self, metric: RiemannianMetric, vector: TangentVectors, path: Points
     ) -> TransportResult:
-        vectors = [vector]
-
-        def so_far(inner: Result | None) -> TransportResult:
-            return TransportResult(vectors[-1], np.stack(vectors), path[: len(vectors)])
-
-        with interruptible(so_far):
-            result = self._transported(metric, vectors, path)
-        return finish(self, result)
+        return finish(self, self._transported(metric, vector, path))
 
     def _transported(
-        self, metric: RiemannianMetric, vectors: list[Array], path: Points
+        self, metric: RiemannianMetric, vector: TangentVectors, path: Points
     ) -> TransportResult:
-        """Return a vector transported along a path; vectors on the way are added to the first."""
-        vector = vectors[0]
+        """Return a vector transported along a path."""
+        vectors = [vector]
         equation: _ClosedForms | GeodesicEquation = _ClosedForms(metric)
         if not metric.has_closed_form_geodesic:
             basis = self.basis
@@ -229,6 +219,7 @@ class PoleLadder(TransportSolver):
         return [halves, sides, before, after]
 
 
+@checked()
 @dataclass(frozen=True)
 class SchildLadder(PoleLadder):
     r"""Parallel transport along the sides of geodesic parallelograms.

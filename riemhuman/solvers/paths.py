@@ -14,13 +14,14 @@ from tqdm import tqdm
 
 from riemhuman.arrays import Array, ArrayLike, PairsLike, Points
 from riemhuman.checks import (
-    check_strategy,
+    a_solver,
+    checked,
     flag,
     length_of,
     path_array,
     real_array,
     values_of,
-    whole_number,
+    whole,
 )
 from riemhuman.errors import (
     ArgumentError,
@@ -125,6 +126,7 @@ class PathSolver(GeodesicSolver, ABC):
         return solve_pairs(self, metric, pairs, n_jobs=n_jobs, progress=progress)
 
 
+@checked(solver=a_solver, progress=flag)
 def solve_pairs(
     solver: GeodesicSolver,
     metric: RiemannianMetric,
@@ -138,12 +140,9 @@ def solve_pairs(
 
     `name_of` names the pair of a number in messages.
     """
-    check_strategy(solver, "solver")
     check_metric(metric)
     length_of(pairs, "pairs")
-    bar = tqdm(
-        total=len(pairs), desc="Geodesics", disable=not flag(progress, "progress"), unit=" paths"
-    )
+    bar = tqdm(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
     results: list[PathResult] = []
     with warnings.catch_warnings(), single_threaded_libraries(), bar:
         warnings.simplefilter("ignore", ConvergenceWarning)
@@ -177,6 +176,7 @@ def _solve_pair(
         raise type(error)(f"{name}: {error}") from error
 
 
+@checked(n_nodes=whole(minimum=2))
 @dataclass(frozen=True)
 class LinearPath(PathSolver):
     """The straight path (1 − t) x₀ + t x₁, projected to the manifold: the simplest of all.
@@ -195,9 +195,6 @@ class LinearPath(PathSolver):
 
     n_nodes: int = 11
 
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
@@ -205,6 +202,7 @@ class LinearPath(PathSolver):
         return known_path(metric, path, "the straight path")
 
 
+@checked(n_nodes=whole(minimum=2))
 @dataclass(frozen=True)
 class ClosedFormGeodesic(PathSolver):
     """The geodesic of a metric that has it in closed form; others raise a NotDefinedError.
@@ -222,9 +220,6 @@ class ClosedFormGeodesic(PathSolver):
     """
 
     n_nodes: int = 11
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> PathResult:
         start, end = check_end_points(metric, start, end)

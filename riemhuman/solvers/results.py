@@ -13,7 +13,6 @@ from typing import Self, TypedDict, TypeVar
 import numpy as np
 
 from riemhuman.arrays import Array, Points
-from riemhuman.checks import check_instance
 from riemhuman.errors import (
     ConvergenceWarning,
     FileFormatError,
@@ -239,19 +238,15 @@ class Interrupted(KeyboardInterrupt):
     """
 
     def __init__(self, result: Result) -> None:
-        check_instance(result, "result", Result)
         super().__init__(f"{result.message}; the best so far is the `result` of this exception")
         self.result = result
 
 
 @contextmanager
-def interruptible(
-    best: Callable[[Result | None], Result], task: str = "this search"
-) -> Iterator[None]:
+def interruptible(best: Callable[[Result | None], Result]) -> Iterator[None]:
     """Raise `Interrupted` where the block is stopped from the keyboard, with the best so far.
 
-    `best` is given the result of a solver that the block called, if that was what was stopped. A
-    lack of memory is raised as an error that names the task.
+    `best` is given the result of a solver that the block called, if that was what was stopped.
     """
     try:
         yield

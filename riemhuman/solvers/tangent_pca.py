@@ -10,8 +10,9 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Points
 from riemhuman.checks import (
     Rng,
-    check_function,
-    check_strategy,
+    a_function,
+    a_solver,
+    checked,
     generator,
     one_of,
     real_array,
@@ -28,7 +29,6 @@ from riemhuman.kernels.surface import joined_axes
 from riemhuman.solvers._mixed_poses import warn_of_mixed_poses
 from riemhuman.solvers.means import BasisMean, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
-from riemhuman.solvers.results import MeanResult, interruptible
 
 # Squared singular values below this share of the first are rounding errors.
 _ROUNDING = 1e-13
@@ -89,25 +89,16 @@ class ImageEstimator(Estimator):
 
     def _mean_point(self, mean: MeanSolver | ArrayLike | None, points: Points) -> Array:
         """Return the point of tangency: a point, what a solver finds, or the Karcher mean."""
-        with interruptible(lambda inner: inner or known_mean(points[0])):
-            return self._point_of_tangency(mean, points)
-
-    def _point_of_tangency(self, mean: MeanSolver | ArrayLike | None, points: Points) -> Array:
         metric, nearest = self._metric, self._nearest
         if mean is None and self._takes_fields:
             mean = BasisMean(companion_weight=nearest.companion_weight, progress=nearest.progress)
         elif mean is None:
             mean = GradientDescentMean()
         if isinstance(mean, type) or hasattr(mean, "solve"):
-            check_strategy(mean, "mean")
+            a_solver(mean, "mean")
             return mean.solve(metric, points).point
         point = real_array(mean, "mean", metric.space.shape, batched=False)
         return metric.space.check_point(point, "mean")
-
-
-def known_mean(point: Points) -> MeanResult:
-    """Return the mean of an estimator that is interrupted later, whose variance is not known."""
-    return MeanResult(point, np.nan, np.array([np.nan]))
 
 
 class TangentPCA(ImageEstimator, Transformer):
@@ -218,10 +209,6 @@ class TangentPCA(ImageEstimator, Transformer):
         if self.n_components is not None:
             whole_number(self.n_components, "n_components", minimum=1)
         self.mean_ = self._mean_point(self.mean if base_point is None else base_point, points)
-        with interruptible(lambda inner: known_mean(self.mean_)):
-            return self._fit_at_mean(points)
-
-    def _fit_at_mean(self, points: Points) -> Self:
         metric = self._image_metric
         self._base = self._embed(self.mean_[None])[0]
         logs = metric.log(self._embed(points), self._base)
@@ -297,6 +284,7 @@ class TangentPCA(ImageEstimator, Transformer):
         vectors = self.offset_ + np.tensordot(scores, directions, axes=1)
         return self._restore(self._image_metric.exp(vectors, self._base), self.mean_)
 
+    @checked(accept=a_function)
     def sample(
         self,
         n_samples: int = 1,
@@ -323,7 +311,6 @@ class TangentPCA(ImageEstimator, Transformer):
         rng = generator(rng)
         if accept is None:
             accept = self._is_sound
-        check_function(accept, "accept")
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[Array] = []
         n_drawn = 0

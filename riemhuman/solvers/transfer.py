@@ -26,13 +26,14 @@ from scipy.sparse.linalg import LinearOperator
 
 from riemhuman.arrays import Array, ArrayLike, Points
 from riemhuman.checks import (
-    check_basis,
+    a_basis,
     check_methods,
+    checked,
+    choice,
     flag,
-    one_of,
-    real_number,
+    positive,
     refuse_type,
-    whole_number,
+    whole,
 )
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import SurfaceMetric
@@ -43,7 +44,7 @@ from riemhuman.kernels.surface import deformation_gradients, stacked_derivatives
 from riemhuman.solvers._lbfgs import minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.solvers.results import Result, finish, interruptible
+from riemhuman.solvers.results import Result, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -73,6 +74,7 @@ _BONE_SMOOTHING = 10.0
 _STRAIN_OF_BENDS = 0.37
 
 
+@checked(axes=choice(*AXES), transfer=choice(*TRANSFERS))
 @dataclass(frozen=True)
 class MotionTransfer:
     """A motion of one body replayed on another.
@@ -106,8 +108,7 @@ class MotionTransfer:
     transfer: str = "change"
 
     def __post_init__(self) -> None:
-        one_of(self.axes, "axes", AXES)
-        if one_of(self.transfer, "transfer", TRANSFERS) == "pose" and self.axes == "body":
+        if self.transfer == "pose" and self.axes == "body":
             raise ArgumentError(
                 'axes must be "world" if transfer="pose"; found "body", which is for transferring '
                 "changes"
@@ -245,6 +246,14 @@ class DisentanglingResult(Result):
         return self.surface
 
 
+@checked(
+    basis=a_basis,
+    pose_weight=positive,
+    bone_smoothing=positive,
+    tolerance=positive,
+    max_iter=whole(minimum=1),
+    progress=flag,
+)
 @dataclass(frozen=True)
 class Disentangling:
     r"""A body A in the pose of a body B, with all details of A.
@@ -293,15 +302,6 @@ class Disentangling:
     max_iter: int = 300
     progress: bool = False
 
-    def __post_init__(self) -> None:
-        if self.basis is not None:
-            check_basis(self.basis, "basis")
-        real_number(self.pose_weight, "pose_weight", minimum=0.0, strict=True)
-        real_number(self.bone_smoothing, "bone_smoothing", minimum=0.0, strict=True)
-        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iter, "max_iter", minimum=1)
-        flag(self.progress, "progress")
-
     def solve(
         self, shape_metric: SurfaceMetric, pose_metric: SurfaceMetric, shape: Array, pose: Array
     ) -> DisentanglingResult:
@@ -328,18 +328,8 @@ class Disentangling:
         pose = _one_surface(space, pose, "pose")
         if self.basis is not None:
             self.basis.check_fits(len(shape))
-        known: list[Array] = []
-
-        def best(inner: Result | None) -> DisentanglingResult:
-            # At worst A as it is.
-            surface = known[-1] if known else shape
-            return _disentangled(shape_metric, pose_metric, shape, pose, surface)
-
-        with interruptible(best):
-            posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
-            known.append(posed)
-            result = self._search(shape_metric, pose_metric, shape, pose, posed)
-        return finish(self, result)
+        posed = PoseTransfer(space, self.bone_smoothing).solve(shape, pose)
+        return finish(self, self._search(shape_metric, pose_metric, shape, pose, posed))
 
     def _search(
         self,
@@ -430,22 +420,6 @@ def _in_span(basis: DeformationBasis, origin: Points, surface: Points) -> Points
     difference = surface - origin
     difference -= difference.mean(axis=0)
     return origin + basis.project(difference)
-
-
-def _disentangled(
-    shape_metric: SurfaceMetric,
-    pose_metric: SurfaceMetric,
-    shape: Array,
-    pose: Array,
-    surface: Points,
-) -> DisentanglingResult:
-    """Return the start of a search that was interrupted before it began."""
-    shape_dist = float(shape_metric.dist(shape, surface))
-    pose_dist = float(pose_metric.dist(pose, surface))
-    # The other part of the value is the distance of the surface from itself.
-    value = shape_dist**2
-    placed = surface + np.mean(pose - surface, axis=0)
-    return DisentanglingResult(placed, surface, value, np.array([value]), shape_dist, pose_dist)
 
 
 class _ChangeTransfer:

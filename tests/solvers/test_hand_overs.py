@@ -11,7 +11,7 @@ from riemhuman.surfaces import DeformationBasis
 
 
 @pytest.mark.slow
-def test_the_start_of_a_geodesic_enters_at_most_ten_files():
+def test_the_start_of_a_geodesic_enters_at_most_eleven_files():
     template = open_template()
     start, end = surfaces(template, 2, rng=1)
     metric = ElasticMetric(AlignedSurfaces(template), 1.0, 0.1, 0.3)
@@ -24,4 +24,4 @@ def test_the_start_of_a_geodesic_enters_at_most_ten_files():
         return np.shares_memory(value, start) or np.array_equal(value, start)
 
     files = files_entered(lambda: solver.solve(metric, start, end), is_start)
-    assert len(set(files)) <= 10, files
+    assert len(set(files)) <= 11, files

@@ -75,7 +75,7 @@ def test_a_slow_search_that_starts_again_keeps_its_path(monkeypatch):
 
 
 @pytest.mark.parametrize("number", [2, 4])
-def test_a_descent_to_a_median_ends_with_the_best_so_far(number):
+def test_a_descent_to_a_median_ends_with_the_best_so_far(monkeypatch, number):
     metric = FlatMetric(VectorSpace((2,)))
     log, calls = metric.log, iter(range(1, 10**6))
 
@@ -84,15 +84,15 @@ def test_a_descent_to_a_median_ends_with_the_best_so_far(number):
             raise KeyboardInterrupt
         return log(*arguments)
 
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(Interrupted) as caught:
-        patch.setattr(metric, "log", interrupted)
+    monkeypatch.setattr(metric, "log", interrupted)
+    with pytest.raises(Interrupted) as caught:
         GradientDescentMean().solve(metric, SQUARE, exponent=1)
     result = caught.value.result
     assert result.status is Status.INTERRUPTED
     assert result.variance == pytest.approx(np.mean(metric.squared_dist(result.point, SQUARE)))
 
 
-def test_no_search_of_a_median_in_batches_swallows_an_interrupt():
+def test_no_search_of_a_median_in_batches_swallows_an_interrupt(monkeypatch):
     """Each of its searches, from a mean of a sample to a median of all, ends all of them."""
     metric, minimize = VectorSpace((2,)).metric, Descent.minimize
     for number in range(1, 4):
@@ -102,8 +102,8 @@ def test_no_search_of_a_median_in_batches_swallows_an_interrupt():
             minimum = minimize(minimizer)
             return replace(minimum, status=Status.INTERRUPTED) if next(calls) == number else minimum
 
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(Interrupted):
-            patch.setattr(Descent, "minimize", interrupted)
+        monkeypatch.setattr(Descent, "minimize", interrupted)
+        with pytest.raises(Interrupted):
             BasisMean().solve(metric, [SQUARE[:2], SQUARE[2:]], exponent=1)
 
 
