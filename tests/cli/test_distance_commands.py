@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shutil
+import sys
 from dataclasses import asdict
 
 import h5py
@@ -318,6 +319,16 @@ def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, mat
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps working folders")
+def test_a_report_in_a_working_folder_that_is_gone(refused, scans, tmp_path, monkeypatch):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    said = refused("report", "--bodies", scans, "-o", "report")
+    assert said.startswith("riemhuman: report cannot be written: the working folder exists no lon")
+
+
 def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
     asked = {}
 

@@ -211,3 +211,14 @@ def test_compiled_functions_assign_no_arrays_to_slices():
                 and not isinstance(node.value, (ast.Constant, ast.Name, ast.Attribute))
             ]
     assert slow == []
+
+
+def test_a_number_of_threads_that_numba_refuses():
+    done = subprocess.run(
+        [sys.executable, "-c", COMPUTE],
+        env=os.environ | {"NUMBA_NUM_THREADS": "0"},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert "NUMBA_NUM_THREADS must be a whole number of at least 1; found '0'" in done.stderr

@@ -149,6 +149,9 @@ def test_wrong_calls():
     with pytest.raises(ArgumentError, match="X.* must have shape"):
         neighbors.fit(points[:, :-1])
     neighbors.fit(points)
+    for call in (neighbors.kneighbors, neighbors.fit):
+        with pytest.raises(ArgumentError, match=r"found one, of shape .*: pass X\[np.newaxis\]"):
+            call(points[0])
     for k in (0, 8, -1):
         with pytest.raises(ArgumentError, match=f"at most 7, .* found {k}"):
             neighbors.kneighbors(n_neighbors=k)
