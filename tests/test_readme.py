@@ -14,7 +14,7 @@ README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
 TUTORIALS = sorted((ROOT / "tutorials").glob("*.ipynb"))
 # They register a model to a mesh, and make films and maps, in seconds.
-SLOW = {"bring_your_data", "recipes"}
+SLOW = {"other_topologies", "recipes"}
 
 every = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 

@@ -32,7 +32,8 @@ _COMPONENT_FILES = (
 
 @cli.command(
     "geodesic",
-    "Finds a path of least energy between two meshes over a basis of deformations.\n"
+    "Finds the geodesic (minimum-energy path) between two meshes over a basis of deformations.\n"
+    "The metric does not see translations: surfaces are moved to stand on the ground.\n"
     "Writes a folder with the meshes time_0000.ply, ..., path.glb, path.npz, path.png, path.html\n"
     "and summary.json, or one file.",
     "  riemhuman geodesic sit.ply stand.ply -o path/\n"
@@ -83,11 +84,9 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "mean",
-    "Writes the body with the least mean squared distance from the meshes. The search is over "
-    "a\n"
-    "basis of deformations and the differences between the meshes. A metric of normals alone\n"
-    "does not measure lengths, so with --pose the metric (1, 1, 0) is added to what is\n"
-    "minimised.",
+    "Writes the body with the least mean squared distance from the meshes. The search is over a "
+    "basis of deformations and the differences between the meshes. A metric of normals alone does "
+    "not measure lengths, so with --pose the metric (1, 1, 0) is added to what is minimised.",
     "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
     "  riemhuman mean bodies/ -o mean.obj --pose --picture mean.html\n"
     "  riemhuman mean bodies/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",
@@ -123,14 +122,12 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "components",
-    "Finds the directions in which meshes differ most, by principal component analysis of "
-    "their\n"
-    "logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the bodies two\n"
-    "standard deviations from it along each component (component_1_minus.ply,\n"
-    "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page with a slider "
-    "for\n"
-    "each component (components.html), and summary.json. If the bodies are in different poses,\n"
-    "use --standard-pose, which fits a body model to them: otherwise components tear the\n"
+    "Finds the directions in which meshes differ most, by principal component analysis of their "
+    "logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the bodies two "
+    "standard deviations from it along each component (component_1_minus.ply, "
+    "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page with a slider for "
+    "each component (components.html), and summary.json. If the bodies are in different poses, "
+    "use --standard-pose, which fits a body model to them: otherwise components tear the "
     "shoulders.",
     "  riemhuman components bodies/ -o components/\n"
     "  riemhuman components bodies/ -o builds/ --standard-pose\n"
@@ -262,9 +259,8 @@ def _kept(
 
 @cli.command(
     "disentangle",
-    "Brings the first mesh into the pose of the second with a smooth field of rotations, which\n"
-    "keeps its detail. Then finds and writes the body nearest to the first mesh under the "
-    "shape\n"
+    "Brings the first mesh into the pose of the second with a smooth field of rotations, which "
+    "keeps its detail. Then finds and writes the body nearest to the first mesh under the shape "
     "metric, (a, λ, c) = (1, 1, 0), and to the posed mesh under the pose metric, (0, 0, 1).",
     "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
     "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"

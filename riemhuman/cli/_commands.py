@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, NoReturn, TypeAlias, TypedDict, Unpack
 
 from riemhuman.cli._one_line import one_line
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 # or an unknown choice.
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 
+_HELP_WIDTH = 92  # letters
 UNITS = ("metres", "centimetres", "millimetres", "inches")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MESH_ENDINGS = (".ply", ".obj", ".off")
@@ -136,7 +138,8 @@ def command(
 ) -> Callable[[Run], Run]:
     """Return the declaration of a verb of the table."""
     (summary,) = [verbs[name] for verbs in VERBS.values() if name in verbs]
-    texts = {"help": summary, "description": description, "epilog": f"examples:\n{examples}"}
+    paragraph = fill(" ".join(description.split()), _HELP_WIDTH)
+    texts = {"help": summary, "description": paragraph, "epilog": f"examples:\n{examples}"}
 
     def declare(run: Run) -> Run:
         COMMANDS[name] = texts, arguments, run

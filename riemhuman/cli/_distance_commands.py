@@ -191,7 +191,7 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
     "matrix",
     "Writes all distances between the meshes of a folder, with their names: an .npz file with\n"
     "the arrays distances (n, n), names (n,) and metric, a table (.csv), or both. With\n"
-    "--paths, it also finds a path of least energy over a basis for every pair; the file\n"
+    "--paths, it also finds the geodesic over a basis for every pair; the file\n"
     "then also has the array lengths (n, n), and the table shows lengths. The geodesic\n"
     "distance lies between the distance and the length.",
     "  riemhuman matrix bodies/ -o D.npz\n"
@@ -390,13 +390,13 @@ def _scores(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "plot",
-    "Draws the meshes of a distance matrix (see riemhuman matrix) as points in the plane, by\n"
-    "multidimensional scaling, which keeps distances as well as a plane can, or by t-SNE, which\n"
-    "keeps neighbours. Bodies differ in more than two ways, so the picture says how far its\n"
-    "distances are off, and how many nearest neighbours it keeps. If both are lost, nothing is\n"
-    "drawn. Points show the names of their files, or have the colours of their labels. With\n"
-    "--bodies, one body of each label is drawn next to its points, and on a page (.html),\n"
-    "pointing at a point shows its body.",
+    "Draws the meshes of a distance matrix (see riemhuman matrix) as points in the plane, by "
+    "multidimensional scaling, the best approximation of the distances in a plane, or by t-SNE, "
+    "which preserves neighbourhoods. Bodies differ in more than two ways, so the picture says how "
+    "far its distances are off, and how many nearest neighbours it keeps. Refuses to draw if "
+    "neither distances nor neighbours survive. Points show the names of their files, or have the "
+    "colours of their labels. With --bodies, one body of each label is drawn next to its points, "
+    "and on a page (.html), pointing at a point shows its body.",
     "  riemhuman plot D.csv\n"
     "  riemhuman plot D.npz --labels labels.csv --bodies bodies/ -o map.html\n"
     "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"

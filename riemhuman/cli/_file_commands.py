@@ -55,14 +55,13 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
 
 @cli.command(
     "view",
-    "Writes a page that works in any browser without a network connection, a picture, or a "
-    "film\n"
-    "(GIF, or MP4 with the extra video) in which still bodies turn once. It shows registered\n"
-    "meshes side by side, or one after the other with --motion; a raw scan over the body\n"
-    "registered to it, with distances; the path in an .npz file or in the folder written by\n"
-    "riemhuman geodesic; or a motion capture recording (.bvh, .amc, .trc, .c3d, .npz of AMASS,\n"
-    "or .npz, .pkl and .pt of methods that track people in videos), performed by a body with\n"
-    "its proportions.",
+    "Writes a page that works in any browser without a network connection, a picture, or a film "
+    "(GIF, or MP4 with the extra video) in which still bodies turn once. It shows registered "
+    "meshes side by side, or one after the other with --motion; a raw scan over the body "
+    "registered to it, with distances; the path in an .npz file or in the folder written by "
+    "riemhuman geodesic; or a motion capture recording (.bvh, .amc, .trc, .c3d, .npz of AMASS, or "
+    ".npz, .pkl and .pt of methods that track people in videos), performed by a body with its "
+    "proportions.",
     "  riemhuman view anna.ply ben.ply                # opens in the browser\n"
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view scan.ply body.ply               # a scan over its registered body\n"

@@ -124,12 +124,12 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
 
 @cli.command(
     "compare",
-    "Brings two registered meshes of one person into the standard pose and prints how their\n"
-    "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
-    "deviations of a difference between scans of one unchanged person, which grow with the\n"
-    "difference of their poses. Scan people in the same pose. Measurements that a scan did not\n"
-    "cover are nan. Warns if the bodies hardly belong to one person. With --view, a page shows\n"
-    "both side by side, where the second lies outside or inside the first, and the line of each\n"
+    "Brings two registered meshes of one person into the standard pose and prints how their "
+    "measurements changed. A change is marked if it exceeds its threshold: two standard "
+    "deviations of a difference between scans of one unchanged person, which grow with the "
+    "difference of their poses. Scan people in the same pose. Measurements the scan did not cover "
+    "are NaN. Warns if the two bodies are probably different people. With --view, a page shows "
+    "both side by side, where the second lies outside or inside the first, and the line of each "
     "measurement.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare anna.ply ben.ply --view differences.html\n"
@@ -156,7 +156,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
     if options.view is not None:
         _view_differences(files, measurements, result, options)
-    with options.task("Whether this is one person"):
+    with options.task("Checking that both show the same person"):
         faces = measurements.definitions.faces
         people = rh.measurements.person_distance(points[0], points[1], faces)
     if people.is_hardly_one_person:

@@ -36,7 +36,7 @@ _UP = cli.option(
 @cli.command(
     "register",
     "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, STL, GLB, XYZ, NPY),\n"
-    "with or without landmarks, and writes the body in the model's triangulation. For a "
+    "with or without landmarks, and writes the fitted body with the model's mesh. For a "
     "folder,\n"
     "it registers every scan, and index.html shows the results, the worst first. If a body is\n"
     "not trusted, it is not written, and the exit code is 1; for a folder, such bodies go to\n"
@@ -64,7 +64,7 @@ _UP = cli.option(
     ),
     cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
     cli.flag("--untrusted", "also write a body that is not trusted"),
-    cli.flag("--keep-axes", "leave bodies where the scans are (default: on the ground, facing z)"),
+    cli.flag("--keep-axes", "keep the scan's coordinates (default: on the ground, facing z)"),
     cli.flag("--sheet", "also write a sheet for each person: measurements, percentiles, pictures"),
     cli.option("--sex", "sex of the person, for the sheet of one scan", choices=("woman", "man")),
     cli.option("--stature", "stature by hand, metres, for the sheet of one scan", type=float),
@@ -254,12 +254,11 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
 
 @cli.command(
     "match",
-    "Registers two scans with a body model, without landmarks, and writes where every vertex "
-    "of\n"
-    "A is on B. The CSV file has a line for each vertex, numbered from 0, with the nearest\n"
-    "vertex of B, the triangle of B and the weights of its corners, and the position in the\n"
-    "unit of B. Fields are empty where either scan does not show the place; the fields of the\n"
-    "triangle are empty if B is a point cloud. With --registered, scans that `riemhuman\n"
+    "Registers two scans with a body model, without landmarks, and writes, for every vertex of A, "
+    "the corresponding place on B. The CSV file has a line for each vertex, numbered from 0, with "
+    "the nearest vertex of B, the triangle of B and the weights of its corners, and the position "
+    "in the unit of B. Fields are empty where either scan does not show the place; the fields of "
+    "the triangle are empty if B is a point cloud. With --registered, scans that `riemhuman "
     "register` has registered are not registered again.",
     "  riemhuman match a.ply b.ply -o map.csv\n"
     "  riemhuman match a.ply b.ply -o map.csv --picture map.png\n"
