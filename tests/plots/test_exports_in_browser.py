@@ -78,6 +78,7 @@ def test_a_picture_is_twice_as_fine_transparent_and_labelled(browser, opened):
     assert picture[top:bottom, left:right, 3].max() > 200
 
 
+@pytest.mark.slow
 def test_surfaces_leave_in_metres_with_their_colours(browser, opened):
     opened(two_bodies())
     kind, data = exported(browser, "glb")

@@ -39,6 +39,7 @@ def test_names_of_items_must_fit():
         )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_pointer_on_a_dot_shows_its_body(browser, tmp_path):
     view().save(tmp_path / "map.html")
     browser.open(tmp_path / "map.html", 1000, 700)

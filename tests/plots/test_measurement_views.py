@@ -62,6 +62,7 @@ def test_numbers_of_a_picture_are_those_of_its_table():
     assert inches.axes[2].texts[2].get_text().endswith(" in")
 
 
+@pytest.mark.slow
 def test_rows_and_lines_light_each_other(browser, page):
     browser.open(page, 1000, 700)
     browser.wait_for("return document.querySelector('.viewer').dataset.ready")
@@ -97,6 +98,7 @@ def test_rows_and_lines_light_each_other(browser, page):
     assert browser.console() == []
 
 
+@pytest.mark.slow
 def test_measurements_are_found_by_name(browser, page):
     browser.open(page, 390, 800, dark=True)
     browser.wait_for("return document.querySelector('.viewer').dataset.ready")

@@ -57,6 +57,7 @@ def test_what_does_not_fit_is_refused():
         view_motions(KNEES, slower, WARP)
 
 
+@pytest.mark.slow
 def test_the_page_draws_the_curve_and_where_it_is(browser, tmp_path):
     rh.view((KNEES, OTHER, WARP)).save(tmp_path / "both.html")
     browser.open(tmp_path / "both.html", 1000, 700)

@@ -112,6 +112,7 @@ def test_a_page_in_inches_has_no_millimetres(browser, over, tmp_path):
     assert " in" in hint
 
 
+@pytest.mark.slow
 def test_a_scan_is_seen_through_and_cut(browser, over, tmp_path):
     page = tmp_path / "over.html"
     rh.plots.view_scan(over.scan_points, BODY, FACES).save(page)

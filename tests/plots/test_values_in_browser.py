@@ -69,6 +69,7 @@ def test_values_that_are_all_zero_keep_their_colour(browser, opened):
     np.testing.assert_allclose(browser.run(COLORS), before, atol=0.01)
 
 
+@pytest.mark.slow
 def test_keys_move_the_ends_of_the_bar_and_the_colours_with_them(browser, opened):
     opened(HEIGHTS)
     low, high = numbers(browser)
@@ -101,6 +102,7 @@ def test_a_bar_with_a_sign_stays_symmetric_and_like_bars_move_together(browser, 
     assert after[4:] == before[4:]
 
 
+@pytest.mark.slow
 def test_lines_of_equal_value_are_drawn_on_demand(browser, opened):
     opened(HEIGHTS)
     plain = shot(browser)

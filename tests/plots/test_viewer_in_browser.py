@@ -126,6 +126,7 @@ def belly(browser):
     return tuple(browser.run(BELLY))
 
 
+@pytest.mark.slow
 def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     canvas = opened("bodies")
     hint_is_shown = "return !document.querySelector('[data-part=hint]').hidden"
@@ -156,6 +157,7 @@ def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     assert state(browser, "zoom") == before
 
 
+@pytest.mark.slow
 def test_bodies_in_one_row_take_the_room_that_they_need(browser, opened):
     """Turning, they never touch, and the row is in the middle of the stage."""
     opened("bodies")
@@ -168,6 +170,7 @@ def test_bodies_in_one_row_take_the_room_that_they_need(browser, opened):
     assert first["x"] - first["radius"] == pytest.approx(-second["x"] - second["radius"])
 
 
+@pytest.mark.slow
 def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
     canvas = opened("signed", 600, 700)
     scale = [part.text for part in browser.driver.find_elements("css selector", ".scale span")]
@@ -181,6 +184,7 @@ def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
         assert " m (" in text
 
 
+@pytest.mark.slow
 def test_values_of_vertices_are_said_under_the_pointer(browser, opened):
     canvas = opened("vertices", 600, 700)
     found = []
@@ -242,6 +246,7 @@ def test_bodies_stand_on_a_ground_with_their_shadow(browser, pages, dark):
     assert not differs[:, :2].any()
 
 
+@pytest.mark.slow
 def test_fingers_turn_zoom_move_and_frame(browser, opened):
     opened("bodies", 400, 760)
     left_edge, top, right_edge, bottom = boxes(browser, "canvas")[0]
@@ -270,6 +275,7 @@ def test_fingers_turn_zoom_move_and_frame(browser, opened):
     browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 3")
 
 
+@pytest.mark.slow
 def test_keys_turn_move_zoom_and_frame(browser, opened):
     canvas = opened("bodies")
     browser.press("\ue004")  # Tab: the view is the first thing the keyboard comes to
@@ -285,6 +291,7 @@ def test_keys_turn_move_zoom_and_frame(browser, opened):
     assert (state(browser, "zoom"), state(browser, "panX"), state(browser, "yaw")) == (1, 0, yaw)
 
 
+@pytest.mark.slow
 def test_paths_play_by_key_slider_speed_and_loop(browser, opened):
     opened("paths")
     browser.find("[data-part=loop]").click()  # it plays until it is paused
@@ -310,6 +317,7 @@ def test_paths_play_by_key_slider_speed_and_loop(browser, opened):
     browser.wait_for("return document.querySelector('[data-part=play]').textContent === 'Play'")
 
 
+@pytest.mark.slow
 def test_the_last_choice_is_shown(browser, opened):
     """Though an earlier one takes longer, because its bodies are built first."""
     opened("paths")
@@ -321,6 +329,7 @@ def test_the_last_choice_is_shown(browser, opened):
     assert browser.run("return document.querySelector('.viewer').dataset.choice") == "there"
 
 
+@pytest.mark.slow
 def test_time_of_a_path_is_a_share_and_of_a_recording_seconds_and_frames(browser, opened):
     opened("paths")
     assert text_of(browser, "moment") == "t = 0.00"
@@ -335,6 +344,7 @@ def test_time_of_a_path_is_a_share_and_of_a_recording_seconds_and_frames(browser
     assert text_of(browser, "moment") == "2.00 s of 2.00 s, frame 5 of 5"
 
 
+@pytest.mark.slow
 def test_the_ground_follows_a_change_of_theme(browser, pages):
     shots = []
     for first in (True, False):
@@ -347,6 +357,7 @@ def test_the_ground_follows_a_change_of_theme(browser, pages):
     assert np.abs(shots[0] - shots[1]).max() < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 1000])
 def test_labels_stay_inside_the_stage(browser, opened, width):
     opened("many", width)
@@ -365,6 +376,7 @@ def test_labels_stay_inside_the_stage(browser, opened, width):
             assert top - 0.5 <= label[1] <= label[3] <= bottom + 0.5
 
 
+@pytest.mark.slow
 def test_stills_stand_in_where_there_is_no_webgl(browser, pages):
     added = browser.devtools("Page.addScriptToEvaluateOnNewDocument", source=WITHOUT_WEBGL)
     browser.open(pages / "paths.html", *SIZE)
