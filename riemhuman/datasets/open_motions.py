@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
-from riemhuman.checks import checked_rate
+from riemhuman.checks import checked, checked_rate
 from riemhuman.datasets.open_poses import Curve, pose_vectors, read_table, with_both_sides
 from riemhuman.mocap.motions import ModelMotion, Motions, choose_names
 
@@ -100,6 +100,7 @@ class OpenMotion(ModelMotion):
         return rotations
 
 
+@checked(frames_per_second=checked_rate)
 def load_open_motions(
     resolution: str = "full",
     subjects: Sequence[str] | str | None = None,
@@ -131,9 +132,10 @@ def load_open_motions(
     table = read_table("open_motions")
     people = choose_names(subjects, "subjects", tuple(table["people"]))
     names = choose_names(sequences, "sequences", tuple(table["motions"]))
-    rate = checked_rate(frames_per_second)
     model = load_open_model(resolution)
-    return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
+    return Motions(
+        OpenMotion(person, name, model, frames_per_second) for person in people for name in names
+    )
 
 
 def _values(curve: Curve, phases: Array) -> Array:

@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import LIMBS
-from riemhuman.checks import check_instance, real_array
+from riemhuman.checks import checked, instance, real_array
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.kernels.rotations import log, shortest_rotations
 from riemhuman.kernels.surface import unit_vectors
@@ -53,6 +53,10 @@ def read_table(name: str) -> JSONRecord:
 _EXPECTED = "must be axes and one number of degrees for each, such as ('xz', 30, -70)"
 
 
+_ANGLES = instance(Mapping, "a mapping of joints to axes and degrees")
+
+
+@checked(angles=_ANGLES, model=instance(BodyModel))
 def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     """Return the rotations of all joints from the T-pose, shape (J, 3, 3), in the body's axes.
 
@@ -71,8 +75,6 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     >>> rh.datasets.joint_rotations({"shoulder": ("z", 90)}, model).shape
     (23, 3, 3)
     """
-    check_instance(model, "model", BodyModel)
-    check_instance(angles, "angles", Mapping, "a mapping of joints to axes and degrees")
     rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
     for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
         try:
@@ -114,6 +116,7 @@ def mirror_angles(angles: Angles) -> Angles:
     return axes, *mirrored
 
 
+@checked(model=instance(BodyModel))
 def pose_vectors(rotations: ArrayLike, model: BodyModel) -> Array:
     """Return the model's pose vectors, shape (..., J, 3), for rotations from the T-pose.
 
@@ -135,7 +138,6 @@ def pose_vectors(rotations: ArrayLike, model: BodyModel) -> Array:
     >>> model(pose=t_pose).shape
     (1202, 3)
     """
-    check_instance(model, "model", BodyModel)
     straight = _rest_to_t_pose(model)
     parent = np.where(model.parents[:, None, None] < 0, np.eye(3), straight[model.parents])
     rotations = real_array(rotations, "rotations", (model.n_joints, 3, 3))

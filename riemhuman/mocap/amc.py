@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
-from riemhuman.checks import checked_rate
+from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import (
@@ -73,6 +73,7 @@ class _Skeleton:
     metres: float
 
 
+@checked(frames_per_second=checked_rate)
 def load_amc(
     path: str | os.PathLike[str],
     skeleton: str | os.PathLike[str] | None = None,
@@ -108,12 +109,11 @@ def load_amc(
     """
     file = file_path(path)
     suffix_of(file, (".amc",))
-    rate = checked_rate(frames_per_second)
     content = read_bytes(file)
     skeleton_file = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
     bones = _SkeletonReader(skeleton_file).read()
     values = _read_frames(file, content, bones)
-    return _skeleton_motion(bones, values, rate, file.stem)
+    return _skeleton_motion(bones, values, frames_per_second, file.stem)
 
 
 def _skeleton_beside(file: Path) -> Path:

@@ -9,11 +9,11 @@ from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import (
-    check_instance,
+    checked,
     checked_rate,
-    one_of,
+    choice,
+    instance,
     real_array,
-    refuse_type,
     values_of,
     weight_shares,
 )
@@ -41,6 +41,12 @@ _SAME_PERSON = 1e-4
 _LARGEST = 1e9
 
 
+@checked(
+    frames_per_second=checked_rate,
+    up=choice(*AXES),
+    model=instance(BodyModel),
+    name=instance(str, "a text"),
+)
 def motion_from_arrays(
     poses: ArrayLike,
     translations: ArrayLike,
@@ -99,9 +105,8 @@ def motion_from_arrays(
     >>> rh.datasets.motion_from_arrays(poses, translations, 30.0, up="y")
     <RetargetedMotion '' of '', 10 frames at 30 a second>
     """
-    check_instance(name, "name", str, "a text")
     vectors = _pose_vectors(poses)
-    rate = checked_rate(frames_per_second)
+    rate = frames_per_second
     places = real_array(
         translations, "translations", (len(vectors), 3), batched=False, maximum=_LARGEST
     )
@@ -110,11 +115,8 @@ def motion_from_arrays(
         axes = smpl_upward_axes(vectors, places, VIDEO)
         warn_of_doubt(name, axes)
         up = axes[0]
-    one_of(up, "up", AXES)
     person, spread = one_person(betas, weights, len(vectors))
     model = load_open_model("coarse") if model is None else model
-    if not isinstance(model, BodyModel):
-        refuse_type(model, "model", "a BodyModel")
     if is_smpl(model):
         warn_of_varying_betas(spread, name)
         model_betas = person[: model.n_betas]

@@ -13,12 +13,13 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import (
-    check_instance,
+    checked,
     checked_rate,
-    items_of,
+    each,
+    instance,
     numbers_at,
     real_array,
-    whole_number,
+    whole,
 )
 from riemhuman.checks.labels import text_or_number, texts_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, NotDefinedError, shown
@@ -72,6 +73,12 @@ class Motion:
     ((1202, 3), (2, 1202, 3))
     """
 
+    @checked(
+        subject=text_or_number,
+        sequence=text_or_number,
+        frames_per_second=checked_rate,
+        n_frames=whole(minimum=0, maximum=_MOST_FRAMES),
+    )
     def __init__(
         self,
         subject: str,
@@ -80,10 +87,10 @@ class Motion:
         n_frames: int,
         faces: Triangles,
     ) -> None:
-        self.subject = text_or_number(subject, "subject")
-        self.sequence = text_or_number(sequence, "sequence")
-        self.frames_per_second = checked_rate(frames_per_second)
-        self.n_frames = whole_number(n_frames, "n_frames", minimum=0, maximum=_MOST_FRAMES)
+        self.subject = subject
+        self.sequence = sequence
+        self.frames_per_second = frames_per_second
+        self.n_frames = n_frames
         checked = check_triangles(faces)
         # Motions of a model share its triangles.
         self.faces = faces if getattr(faces, "dtype", None) == checked.dtype else checked
@@ -160,10 +167,10 @@ class Motion:
 class ModelMotion(Motion, ABC):
     """A motion whose frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
+    @checked(model=instance(BodyModel))
     def __init__(
         self, subject: str, sequence: str, frames_per_second: float, n_frames: int, model: BodyModel
     ) -> None:
-        check_instance(model, "model", BodyModel)
         super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
         self.model = model
 
@@ -256,6 +263,7 @@ class ArrayMotion(ModelMotion):
     <ArrayMotion 'still' of 'ann', 10 frames at 30 a second>
     """
 
+    @checked(model=instance(BodyModel))
     def __init__(
         self,
         names: tuple[str, str],
@@ -266,7 +274,6 @@ class ArrayMotion(ModelMotion):
         translations: Array,
     ) -> None:
         subject, sequence = pair_of_names(names)
-        check_instance(model, "model", BodyModel)
         self._betas = real_array(betas, "betas", (model.n_betas,), batched=False)
         shape = ("n_frames", model.n_joints, 3)
         self._poses = real_array(pose_vectors, "pose_vectors", shape, batched=False)
@@ -282,6 +289,9 @@ class ArrayMotion(ModelMotion):
         return self._poses[numbers], self._translations[numbers]
 
 
+_each_motion = each(instance(Motion), "a list of motions")
+
+
 class Motions(tuple[M, ...]):
     """A tuple of motions with a one-line representation.
 
@@ -292,10 +302,7 @@ class Motions(tuple[M, ...]):
     """
 
     def __new__(cls, motions: Iterable[M] = ()) -> Self:
-        items = items_of(motions, "motions", "a list of motions")
-        for number, motion in enumerate(items):
-            check_instance(motion, f"motions[{number}]", Motion)
-        return super().__new__(cls, items)
+        return super().__new__(cls, _each_motion(motions, "motions"))
 
     def __repr__(self) -> str:
         people = {motion.subject for motion in self}

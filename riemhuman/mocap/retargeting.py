@@ -12,14 +12,7 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
-from riemhuman.checks import (
-    check_instance,
-    checked_rate,
-    one_of,
-    real_array,
-    real_number,
-    refuse_type,
-)
+from riemhuman.checks import checked, checked_rate, choice, instance, one_of, positive, real_array
 from riemhuman.errors import warn
 from riemhuman.mocap._body_size import own_person, recorded_person, scaled_model
 from riemhuman.mocap._joint_axes import make_figure
@@ -38,6 +31,16 @@ ASK_FOR_FEWER = "ask for fewer frames_per_second"
 _UNLIKE = 0.10
 _RECORDED = "recorded"
 _SCALES = ("adult", _RECORDED)
+
+
+def _recording(value: object, name: str) -> object:
+    """Check a recording, or a function that returns one."""
+    return value if callable(value) else instance(SkeletonMotion)(value, name)
+
+
+def _upward(value: str | Callable[[], str], name: str) -> object:
+    """Check an axis that points up, or a function that finds it."""
+    return value if callable(value) else choice(*AXES)(value, name)
 
 
 class RetargetedMotion(ModelMotion):
@@ -76,6 +79,13 @@ class RetargetedMotion(ModelMotion):
     """
 
     # More than eight arguments: the recording, and what readers know about its file.
+    @checked(
+        recording=_recording,
+        model=instance(BodyModel),
+        names=lambda names, _: pair_of_names(names),
+        up=_upward,
+        size=positive,
+    )
     def __init__(
         self,
         recording: SkeletonMotion | Callable[[], SkeletonMotion],
@@ -89,14 +99,8 @@ class RetargetedMotion(ModelMotion):
         up: str | Callable[[], str] | None = None,
         size: float = 1.0,
     ) -> None:
-        check_instance(model, "model", BodyModel)
-        size = real_number(size, "size", minimum=0.0, strict=True)
         performer = model if size == 1.0 else scaled_model(model, size)
-        super().__init__(*pair_of_names(names), frames_per_second, n_frames, performer)
-        if not callable(recording):
-            check_instance(recording, "recording", SkeletonMotion)
-        if up is not None and not callable(up):
-            one_of(up, "up", AXES)
+        super().__init__(*names, frames_per_second, n_frames, performer)
         if betas is not None:
             betas = real_array(betas, "betas", (model.n_betas,), batched=False)
         self._recording = recording
@@ -168,6 +172,13 @@ class RetargetedMotion(ModelMotion):
         return perform(self.recording, self.model, self._betas, self._joints, up)
 
 
+@checked(
+    recording=instance(SkeletonMotion),
+    model=instance(BodyModel),
+    up=choice(*AXES),
+    scale=choice(*_SCALES),
+    frames_per_second=checked_rate,
+)
 def retarget(
     recording: SkeletonMotion,
     model: BodyModel | None = None,
@@ -225,26 +236,18 @@ def retarget(
     --------
     >>> jump = rh.datasets.retarget(rh.datasets.load_bvh("jump.bvh"))  # doctest: +SKIP
     """
-    if not isinstance(recording, SkeletonMotion):
-        refuse_type(recording, "recording", "a SkeletonMotion")
     model = load_open_model("coarse") if model is None else model
-    if not isinstance(model, BodyModel):
-        refuse_type(model, "model", "a BodyModel")
     if not (betas is None or isinstance(betas, str)):
         betas = real_array(betas, "betas", (model.n_betas,), batched=False)
     elif betas is not None:
         one_of(betas, "betas", (_RECORDED,))
-    if up is not None:
-        one_of(up, "up", AXES)
-    if scale is not None:
-        one_of(scale, "scale", _SCALES)
     if unit is not None:
         recording = replace(recording, unit=unit)
     metres = None if recording.unit is None else metres_in(recording.unit)
     model_joints(model)
     rate = recording.frames_per_second
     if frames_per_second is not None:
-        rate = checked_rate(frames_per_second)
+        rate = frames_per_second
         recording = _thinned(recording, rate)
     joint_numbers = find_joints(
         recording.joint_names, recording.parents, joints, recording.positions

@@ -9,8 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Integers
-from riemhuman.checks import flag, real_number, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import checked, flag, share, whole
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.motions._frames import FrameDistances, Motion, frame_count, frame_runs
@@ -26,6 +25,12 @@ class Occurrence:
     dist: float
 
 
+def _a_metric(metric: RiemannianMetric, name: str) -> RiemannianMetric:
+    check_metric(metric)
+    return metric
+
+
+@checked(metric=_a_metric, progress=flag, heading=flag, shortest=share)
 @dataclass(frozen=True)
 class MotionSearch:
     """Dynamic time warping of a query to any part of a motion, at any speed.
@@ -61,13 +66,7 @@ class MotionSearch:
     heading: bool = False
     shortest: float = 0.5
 
-    def __post_init__(self) -> None:
-        check_metric(self.metric)
-        flag(self.progress, "progress")
-        flag(self.heading, "heading")
-        if real_number(self.shortest, "shortest", minimum=0.0) > 1.0:
-            raise ArgumentError(f"shortest must be at most 1; found {self.shortest:g}")
-
+    @checked(n_occurrences=whole(minimum=1))
     def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
         """Return the parts of a motion that are most similar to a query.
 
@@ -83,7 +82,6 @@ class MotionSearch:
         list of Occurrence
             The nearest first. No two overlap.
         """
-        whole_number(n_occurrences, "n_occurrences", minimum=1)
         n_query = frame_count(query, "query", 2)
         n_frames = frame_count(motion, "motion", 2)
         frames = FrameDistances(self.metric, heading=self.heading)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
-from riemhuman.checks import Rng, check_instance, generator, real_array, whole_number
+from riemhuman.checks import Rng, checked, flag, generator, instance, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import SurfaceSpace, metric_of, sample_count, stack_samples
@@ -50,11 +50,14 @@ class MotionSpace(Manifold):
     (5, 1202, 3)
     """
 
+    @checked(
+        frames=instance(SurfaceSpace, "a space of surfaces, such as AlignedSurfaces(template)"),
+        n_times=whole(minimum=2),
+        equip=flag,
+    )
     def __init__(self, frames: AlignedSurfaces, n_times: int = 50, equip: bool = True) -> None:
-        expected = "a space of surfaces, such as AlignedSurfaces(template)"
-        check_instance(frames, "frames", SurfaceSpace, expected)
         self.frames = frames
-        self.n_times = whole_number(n_times, "n_times", minimum=2)
+        self.n_times = n_times
         super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -78,6 +81,7 @@ class MotionSpace(Manifold):
     def check_point(self, point: object, name: str = "point") -> Array:
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
+    @checked(n_times=whole(minimum=2))
     def resample(
         self,
         motion: Motion,
@@ -106,7 +110,7 @@ class MotionSpace(Manifold):
         n_frames = frame_count(motion, name, 2)
         if at is None:
             count = self.n_times if n_times is None else n_times
-            places = np.linspace(0.0, n_frames - 1.0, whole_number(count, "n_times", minimum=2))
+            places = np.linspace(0.0, n_frames - 1.0, count)
         else:
             places = _times_within(at, n_frames - 1)
         segments = np.minimum(places.astype(int), n_frames - 2)
@@ -177,13 +181,13 @@ class RateDependentMetric(RiemannianMetric):
 
     space: SurfaceSpace
 
+    @checked(space=instance(MotionSpace, "a MotionSpace(...)"))
     def __init__(
         self,
         space: MotionSpace,
         metric: RiemannianMetric | None = None,
         geodesic_solver: GeodesicSolver | None = None,
     ) -> None:
-        check_instance(space, "space", MotionSpace, "a MotionSpace(...)")
         super().__init__(space, geodesic_solver)
         self.metric = frame_metric(space, metric)
         weights = np.full(space.n_times, 1.0 / (space.n_times - 1))

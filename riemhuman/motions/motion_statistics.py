@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_instance, flag, real_array, whole_number
+from riemhuman.checks import checked, flag, instance, real_array, whole, whole_number
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError, shown
 from riemhuman.estimator import Estimator
@@ -42,6 +42,11 @@ def _even_times(warp: Warp, n_times: int) -> Array:
     return increasing
 
 
+an_alignment = instance(MotionDistance, "an alignment such as DynamicTimeWarping(metric)")
+"""The check of what can align motions."""
+
+
+@checked(space=instance(MotionSpace, "a MotionSpace(...)"), alignment=an_alignment)
 def align_motions(
     space: MotionSpace,
     m1: Motion,
@@ -77,21 +82,12 @@ def align_motions(
     >>> first.shape == second.shape == (4, 1202, 3)
     True
     """
-    check_instance(space, "space", MotionSpace, "a MotionSpace(...)")
-    check_alignment(alignment)
     texts = texts_of(names, "names")
     if len(texts) != 2:
         raise ArgumentError(f"names must be those of two motions; found {shown(names)}")
     warp = (alignment or _default_alignment(space)).warp(m1, m2)
     first = space.resample(m1, name=texts[0])
     return first, _at_shares(space, m2, _even_times(warp, space.n_times), texts[1]), warp
-
-
-def check_alignment(alignment: MotionDistance | None) -> None:
-    """Raise an ArgumentTypeError for what cannot align motions."""
-    if alignment is not None:
-        expected = "an alignment such as DynamicTimeWarping(metric)"
-        check_instance(alignment, "alignment", MotionDistance, expected)
 
 
 def _default_alignment(space: MotionSpace) -> MotionDistance:
@@ -112,6 +108,7 @@ class MotionPath:
     times: Array
 
 
+@checked(n_nodes=whole(minimum=2), alignment=an_alignment)
 @dataclass(frozen=True)
 class MotionGeodesic:
     """The geodesic of the L² metric between a motion and the best re-timing of another.
@@ -137,9 +134,6 @@ class MotionGeodesic:
 
     n_nodes: int = 5
     alignment: MotionDistance | None = None
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, space: MotionSpace, m1: Motion, m2: Motion) -> MotionPath:
         """Return the path.
@@ -207,6 +201,7 @@ class MotionMean(Estimator):
     aligned_: Array
     variance_: float
 
+    @checked(alignment=an_alignment)
     def __init__(
         self,
         space: MotionSpace,
@@ -218,7 +213,6 @@ class MotionMean(Estimator):
     ) -> None:
         self.space = space
         self.metric = metric
-        check_alignment(alignment)
         self.alignment = alignment
         self.n_iterations = n_iterations
         self.progress = progress

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import refuse_type
+from riemhuman.checks import checked, instance
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import Motion, frame_count, frame_runs, sampled_rows
@@ -76,6 +76,7 @@ class RateInvariantMetric(MotionDistance):
     True
     """
 
+    @checked(space=instance(MotionSpace, "a MotionSpace(...), whose frames have the metric"))
     def __init__(
         self,
         space: MotionSpace,
@@ -85,8 +86,6 @@ class RateInvariantMetric(MotionDistance):
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        if not isinstance(space, MotionSpace):
-            refuse_type(space, "space", "a MotionSpace(...), whose frames have the metric")
         metric = frame_metric(space, metric)
         super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
         self.space = space

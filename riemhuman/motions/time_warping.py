@@ -12,7 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from riemhuman.arrays import Array
-from riemhuman.checks import checked_rate, flag, real_array, real_number, whole_number
+from riemhuman.checks import checked, checked_rate, flag, real, real_array, whole
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
@@ -76,6 +76,7 @@ Prepared: TypeAlias = Any  # type: ignore[explicit-any]  # each distance has cla
 class MotionDistance(ABC):
     """Base of distances of motions by their best re-timing."""
 
+    @checked(heading=flag, n_components=whole(minimum=1))
     def __init__(
         self,
         metric: RiemannianMetric,
@@ -86,11 +87,9 @@ class MotionDistance(ABC):
     ) -> None:
         check_metric(metric)
         self.metric = metric
-        self.heading = flag(heading, "heading")
+        self.heading = heading
         self.n_components = n_components
         self.n_jobs = n_jobs
-        if n_components is not None:
-            whole_number(n_components, "n_components", minimum=1)
         thread_count(n_jobs)
 
     def __repr__(self) -> str:
@@ -116,6 +115,7 @@ class MotionDistance(ABC):
         basis = self._basis()
         return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
 
+    @checked(progress=flag)
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> Array:
         """Return all distances within a set of motions, shape (n, n).
 
@@ -142,7 +142,7 @@ class MotionDistance(ABC):
         bar = tqdm(
             total=n * (n - 1) // 2,
             desc="Distances",
-            disable=not flag(progress, "progress"),
+            disable=not progress,
             unit=" pairs",
         )
         with bar, single_threaded_libraries():
@@ -175,6 +175,7 @@ class FrameWarping(MotionDistance):
     def _precision(self) -> str:
         """The precision that differences of squared distances need."""
 
+    @checked(travel_weight=real(minimum=0.0), frames_per_second=checked_rate)
     def __init__(
         self,
         metric: RiemannianMetric,
@@ -186,10 +187,8 @@ class FrameWarping(MotionDistance):
         n_jobs: int | None = None,
     ) -> None:
         super().__init__(metric, heading=heading, n_components=n_components, n_jobs=n_jobs)
-        self.travel_weight = real_number(travel_weight, "travel_weight", minimum=0.0)
+        self.travel_weight = travel_weight
         self.frames_per_second = frames_per_second
-        if frames_per_second is not None:
-            checked_rate(frames_per_second)
 
     def _basis(self, motions: Sequence[Motion] = ()) -> FrameDistances:
         return FrameDistances(
@@ -261,6 +260,7 @@ class DynamicTimeWarping(FrameWarping):
     10.0
     """
 
+    @checked(centered=flag, between_frames=flag)
     def __init__(
         self,
         metric: RiemannianMetric,
@@ -281,8 +281,8 @@ class DynamicTimeWarping(FrameWarping):
             n_components=n_components,
             n_jobs=n_jobs,
         )
-        self.centered = flag(centered, "centered")
-        self.between_frames = flag(between_frames, "between_frames")
+        self.centered = centered
+        self.between_frames = between_frames
 
     @property
     def _precision(self) -> str:

@@ -198,7 +198,7 @@ def test_rates(tmp_path, smpl):
         ("a.pkl", pickled({"a": Call("os system", ("true",))}), r"asks for os\.system"),
         ("a.pkl", zlib.compress(pickle.dumps({"p": ROWS}))[:-20], "ends too early"),
         ("a.pt", pickle.dumps(1), "save it again with torch.save"),
-        ("a.mp4", b"", r"\.bvh, .*\.pth; found '\.mp4'"),
+        ("a.mp4", b"", r"\.bvh, .*\.glb; found '\.mp4'"),
     ],
 )
 def test_refused_files(tmp_path, name, content, message):

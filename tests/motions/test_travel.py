@@ -90,5 +90,5 @@ def test_other_points_do_not_travel():
         DynamicTimeWarping(metric, travel_weight=1.0, frames_per_second=1.0).dist(a, a)
     with pytest.raises(rh.RiemhumanError, match="travel_weight must be a finite number"):
         DynamicTimeWarping(metric, travel_weight=-1.0)
-    with pytest.raises(rh.RiemhumanError, match="frames_per_second must be a finite number above"):
+    with pytest.raises(rh.RiemhumanError, match="frames_per_second must be a finite number"):
         DynamicTimeWarping(metric, frames_per_second=0.0)
