@@ -398,8 +398,8 @@ def read_labels(
     file = file_path(table, "labels")
     rows = []
     for row in read_label_rows(file, _COLUMNS):
-        empty = [column for column, text in {"file": row.file, **row.texts}.items() if not text]
-        if empty and allow_missing and row.file:
+        empty = [column for column, text in row.texts.items() if not text]
+        if empty and allow_missing:
             continue
         if empty:
             raise FileFormatError(f"{file}, line {row.line}: no {' and no '.join(empty)} given")

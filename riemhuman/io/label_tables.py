@@ -68,7 +68,9 @@ def read_label_rows(
             )
         texts = {name: cells[number] for name, number in columns.items()}
         texts = {name: "" if is_missing_label(text) else text for name, text in texts.items()}
-        file = cells[columns["file"]]  # a file may be called NA
+        file = cells[columns["file"]]  # which may be called NA
+        if not file:
+            raise FileFormatError(f"{table}, line {line}: no file given")
         if file in labels:
             raise FileFormatError(
                 f"{table}, line {line}: {file[:_SHOWN]} already has a label, on line "

@@ -110,9 +110,9 @@ def _without_repetitions(polygons: Polygons) -> Polygons:
 
 
 def _on_planes(rings: Array) -> tuple[Array, Booleans]:
-    """Return places of polygons (P, n, 3) on their mean planes, and which any corner can split.
+    """Return places of polygons (P, n, 3) on their mean planes, and which to split from a corner.
 
-    Their corners run anticlockwise.
+    These are convex. On its plane, each polygon runs anticlockwise.
     """
     around = rings - rings.mean(axis=1, keepdims=True)
     # Twice the mean area of the polygon, in the direction of its normal.

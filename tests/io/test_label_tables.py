@@ -59,6 +59,7 @@ def test_tables_that_are_refused(tmp_path):
         ("file;subject;pose\na;b,c\n", "line 2: 2 fields found, 3 expected"),
         ("file,pose,Subject,subject\n", "has the column subject more than once"),
         ("file,who,pose\n", "lacks the columns subject"),
+        ("file,subject,pose\n,b,c\n", "line 2: no file given"),
         ("file,subject,pose\na,b,c\na,b,d\n", "line 3: a already has a label, on line 2"),
         (f"file,subject,pose\n{ZOE},b,c\n{DECOMPOSED},b,c\n", "already has a label, on line 2"),
         ("file,subject,pose\na,Zoë,c\n".encode("latin-1"), "is not text in UTF-8.*CSV UTF-8"),
