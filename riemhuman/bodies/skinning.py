@@ -21,8 +21,6 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.surfaces.template import Template
 
-# Joints of a cycle that are named in an error.
-_MOST_SHOWN = 10
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
 
@@ -462,10 +460,7 @@ def parents_first(parents: Integers, name: str = "kintree_table") -> tuple[int, 
         order.extend(by_parent[ends[joint] : ends[joint + 1]].tolist())
     if len(order) != len(parents):
         cycle = sorted(set(range(len(parents))) - set(order))
-        more = f" and {len(cycle) - _MOST_SHOWN} more" if len(cycle) > _MOST_SHOWN else ""
-        raise ArgumentError(
-            f"{name} has a cycle: joints {cycle[:_MOST_SHOWN]}{more} never reach the root"
-        )
+        raise ArgumentError(f"{name} has a cycle: joints {cycle} never reach the root")
     return tuple(order)
 
 
