@@ -5,6 +5,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.checks import UNITS, check_same_scale, likely_units
+from riemhuman.checks.sizes import longest_side
 from riemhuman.errors import ArgumentError, FileFormatError
 
 
@@ -30,10 +31,12 @@ def bodies():
 
 
 def test_bodies_of_one_unit_pass(bodies):
-    check_same_scale(bodies.points, bodies.template.vertices, "points", "template")
+    check_same_scale(bodies.points, longest_side(bodies.template.vertices), "points", "template")
     for factor in (0.3, 1.9):  # a child, and a giant with raised arms
-        check_same_scale(factor * bodies[0], bodies.template.vertices, "points", "template")
-    check_same_scale(0.0 * bodies[0], bodies.template.vertices, "points", "template")
+        check_same_scale(
+            factor * bodies[0], longest_side(bodies.template.vertices), "points", "template"
+        )
+    check_same_scale(0.0 * bodies[0], longest_side(bodies.template.vertices), "points", "template")
 
 
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
@@ -42,15 +45,15 @@ def test_other_units_are_named(unit, person, bodies):
     points = UNITS[unit] * bodies.points[person : person + 10]
     reference = bodies.points[55]
     with pytest.raises(ArgumentError, match=rf"f\[0\] is .* large as T, as if one were in {unit}"):
-        check_same_scale(points, reference, "f", "T")
+        check_same_scale(points, longest_side(reference), "f", "T")
     with pytest.raises(ArgumentError, match="as small as T, as if one were in metres"):
-        check_same_scale(reference, points[0], "f", "T")
+        check_same_scale(reference, longest_side(points[0]), "f", "T")
 
 
 def test_sizes_of_no_unit_are_refused_without_one():
     surface = np.random.default_rng(0).normal(size=(30, 3))
     with pytest.raises(FileFormatError, match="f is 300 times as large as T; bring both"):
-        check_same_scale(300 * surface, surface, "f", "T", error=FileFormatError)
+        check_same_scale(300 * surface, longest_side(surface), "f", "T", error=FileFormatError)
 
 
 def meetings(bodies, space, far):
