@@ -337,8 +337,7 @@ class Measurements:
             shares = weights[:, ~trusted[number]].sum(axis=1) / weights.sum(axis=1)
             for which in np.flatnonzero(shares > _MOST_UNSEEN):
                 reasons[number, self.names[which]] = (
-                    f"{100 * shares[which]:.0f} % of it lie on parts that the registration does "
-                    "not trust"
+                    f"{100 * shares[which]:.0f} % of its path lies on untrusted parts"
                 )
         return reasons
 
