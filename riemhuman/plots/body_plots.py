@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +55,8 @@ from riemhuman.plots.windows import (
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.terms import EbinTerm, NormalTerm
+
+_LETTER_INCHES = 0.07  # of small text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -224,6 +227,9 @@ def plot_path(
         middles = widths[0] / 2 + spacing * np.arange(len(numbers))
     tints, low, limit = _tints(surfaces, triangles, values, largest, colors)
     ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / windows[0].height), 2.4)
+    across = float(np.diff(middles).min(initial=widths.max()))
+    shown_inches = ax.get_position().width * ax.figure.get_figwidth()
+    letters = int(shown_inches * across / (middles[-1] + widths[-1] / 2) / _LETTER_INCHES)
     for order, (index, frame, floor) in enumerate(zip(numbers, windows, floors, strict=True)):
         picture = drawn(surfaces[index], triangles, height, view, frame, tints[index], floor)
         left = middles[order] - frame.width / 2
@@ -236,7 +242,12 @@ def plot_path(
         )
         if titles is not None:
             ax.text(
-                middles[order], 0.0, plain(titles[index]), ha="center", va="top", fontsize="small"
+                middles[order],
+                0.0,
+                _wrapped(plain(titles[index]), letters),
+                ha="center",
+                va="top",
+                fontsize="small",
             )
     ax.set_xlim(0.0, middles[-1] + widths[-1] / 2)
     ax.set_ylim(0.0, windows[0].height)
@@ -244,6 +255,12 @@ def plot_path(
     if values is not None and label is not None:
         draw_bar(ax, low, limit, label)
     return ax
+
+
+def _wrapped(title: str, letters: int) -> str:
+    """Return a title in lines of at most some letters, if its words are not longer."""
+    lines = (fill(line, max(letters, 1), break_long_words=False) for line in title.splitlines())
+    return "\n".join(lines)
 
 
 def _tints(
