@@ -103,6 +103,8 @@ def plain_text(text: str) -> str:
 
     macOS writes é as two characters, and spreadsheets copy spaces and marks of other kinds.
     """
+    if text.isascii():
+        return text.strip()
     visible = _INVISIBLE.sub("", unicodedata.normalize("NFC", text))
     return "".join(" " if unicodedata.category(c) == "Zs" else c for c in visible).strip()
 

@@ -30,7 +30,7 @@ from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import convert_errors, file_path, natural_key, visible_files
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
-from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files
+from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files, without_ending
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, a_seam_choice, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh, load_split_mesh
@@ -402,7 +402,10 @@ def read_labels(
         if empty and allow_missing:
             continue
         if empty:
-            raise FileFormatError(f"{file}, line {row.line}: no {' and no '.join(empty)} given")
+            raise FileFormatError(
+                f"{file}, line {row.line}: no {' and no '.join(empty)} given (NA, NaN, None and "
+                "null count as empty)"
+            )
         rows.append(row)
     row_of_file, others = rows_of_files(file, rows, names)
     numbers = sorted(row_of_file)
@@ -485,7 +488,7 @@ def _load(
     points = np.stack([meshes[number] for number in bar])
     if align:
         points = procrustes(points, to=template.vertices, scale=None)
-    ids = tuple(file.stem for file in files)
+    ids = tuple(without_ending(file.name) for file in files)
     return Bodies(points=points, template=template, ids=ids, **labels)
 
 

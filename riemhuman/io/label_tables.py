@@ -35,7 +35,7 @@ _SHOWN = 60  # characters of a name or a line in messages
 
 @dataclass(frozen=True)
 class LabelRow:
-    """What a table says about one file; `texts` are empty where a label is missing."""
+    """What a table says about one file; `texts` are empty where a label is missing, such as NA."""
 
     file: str
     line: int

@@ -264,6 +264,9 @@ def test_names_in_two_unicode_forms_are_one_person(folder):
     bodies = load_bodies(folder)
     assert bodies.subject_names == ("Anna", "Zo\u00e9")
     assert bodies.select(subject="Zoe\u0301").ids == ("b2", "b11")
+    (folder / "b2.ply").rename(folder / "be\u0301.v2.ply")
+    (folder / "labels.csv").write_text(rows.replace("b2.ply", "b\u00e9.v2"), encoding="utf-8")
+    assert "b\u00e9.v2" in load_bodies(folder).ids
 
 
 def test_tables_that_cannot_be_read(folder):
