@@ -43,6 +43,7 @@ def installed(tmp_path_factory, monkeypatch):
     return folder
 
 
+@pytest.mark.slow
 def test_tables_know_a_metric_of_another_package(installed, capsys):
     assert main(["tables", "--reader", "crowd", "20", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -65,6 +65,7 @@ def test_unknown_name_is_refused():
         riemhuman.no_such_name  # noqa: B018
 
 
+@pytest.mark.slow
 def test_commands_import_what_they_use():
     """Parts of SciPy that take long to import are imported when something needs them."""
     late = {f"scipy.{name}" for name in ("interpolate", "ndimage", "optimize", "signal", "stats")}
@@ -78,6 +79,7 @@ def test_commands_import_what_they_use():
     assert result.stdout.split() == []
 
 
+@pytest.mark.slow
 def test_facts_of_a_mesh_need_no_registration(tmp_path):
     """`riemhuman info` answers a tenth sooner without the subpackage of scans."""
     result = run(

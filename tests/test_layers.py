@@ -179,6 +179,7 @@ def circles(package):
     return [sorted(component) for component in components.values() if len(component) > 1]
 
 
+@pytest.mark.slow
 def test_no_modules_import_each_other():
     assert circles(ROOT / "riemhuman") == []
 

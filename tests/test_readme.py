@@ -55,7 +55,7 @@ def test_the_worked_change_of_contributing_runs():
     assert metric.is_rotation_invariant
 
 
-@pytest.mark.everyday(*(page.stem for page in PAGES if page.stem not in SLOW))
+@pytest.mark.slow
 @every
 def test_python_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

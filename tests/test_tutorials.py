@@ -1,7 +1,7 @@
 """Tutorials run unedited in fresh processes, show what is stored, and are easy to read.
 
-Every day the first runs, in the process of the tests; what all show is compared with what is stored
-where the documentation is built, in `python .ci/jobs.py docs`, and among all tests.
+What they show is compared with what is stored where the documentation is built, in
+`python .ci/jobs.py docs`, and among all tests.
 """
 
 import base64
@@ -47,11 +47,6 @@ def code_cells(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def python(cell):
-    """Return the Python of a cell, its magics made into comments."""
-    return re.sub(r"^%", "#", cell.source, flags=re.M)
-
-
 def warnings_of(notebook):
     """Return all that was written to standard error."""
     outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
@@ -68,12 +63,6 @@ def test_they_are_numbered():
     numbers = list(map(number, NOTEBOOKS))
     assert numbers[:8] == list(range(1, 9))
     assert len(set(numbers)) == len(numbers)
-
-
-def test_the_first_runs():
-    namespace = {}
-    for cell in code_cells(read(NOTEBOOKS[0])):
-        exec(python(cell), namespace)
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ def smpl_map(tmp_path_factory):
     return folder / "map.npz"
 
 
+@pytest.mark.slow
 def test_bodies_change_their_topology_and_return(smpl_map, bodies, run, tmp_path):
     there, back = tmp_path / "there.ply", tmp_path / "back.obj"
     rh.save_mesh(tmp_path / "body.ply", bodies[1], bodies.template.faces)

@@ -62,6 +62,7 @@ def test_registered_bodies_share_a_triangulation_and_have_labels(people):
         assert np.array_equal(rh.load_mesh(people / f"{name}.ply")[1], faces)
 
 
+@pytest.mark.slow
 def test_bodies_stand_on_the_floor_and_one_sits(people):
     heights = {}
     for name in ("sit", "stand"):

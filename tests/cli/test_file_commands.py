@@ -289,6 +289,7 @@ def test_sizes_of_meshes_have_units(run, scans, bodies, tmp_path):
     assert "none: no human body has this size; the file names none" in said
 
 
+@pytest.mark.slow
 def test_view_lays_a_scan_over_its_body_in_either_order(run, refused, bodies, tmp_path):
     faces = bodies.template.faces
     scan = simulated_scan(bodies.points[0], faces, rng=0, n_points=3000)

@@ -126,6 +126,7 @@ def test_two_visits(run, scans, bodies, measurements, tmp_path):
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
 
 
+@pytest.mark.slow
 def test_the_page_of_two_bodies(run, scans, tmp_path):
     page = tmp_path / "differences.html"
     files = scans / "body_0.ply", scans / "body_2.ply"
@@ -159,6 +160,7 @@ def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     assert record["area_distance"] > 0.5 * usual["two_people"]
 
 
+@pytest.mark.slow
 def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
     """An inch is 0.0254 m, a pound 0.45359237 kg; only the printed table is converted."""
     only = [word for name in ("stature", "volume", "body mass") for word in ("--only", name)]

@@ -49,6 +49,7 @@ def test_usual_distances_are_said(run, people):
     assert "≈" not in run("motions", "dist", *people[:2], "-q").err
 
 
+@pytest.mark.slow
 def test_rotations_and_travel(run, refused, people, tmp_path):
     rotations = json.loads(
         run("motions", "dist", *people[:2], "--metric", "rotation", "--json").out
@@ -115,6 +116,7 @@ def test_the_page_of_an_alignment_has_both_motions_and_the_warp(run, people, tmp
     assert [int(last) + 1 for last in lasts] == counts
 
 
+@pytest.mark.slow
 def test_an_alignment_opens_by_default(run, people, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -189,6 +191,7 @@ def test_recordings(run, tmp_path):
     assert "part.bvh" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:betas in the files")
 def test_recordings_of_amass(run, tmp_path):
     fields = {"poses": np.zeros((8, 156)), "trans": np.zeros((8, 3)), "betas": np.zeros(16)}
@@ -206,6 +209,7 @@ def test_recordings_of_amass(run, tmp_path):
     assert '"n_frames":8' in (tmp_path / "a.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_mean_that_did_not_converge_is_not_trusted(run, folder, tmp_path, monkeypatch):
     hasty = functools.partial(rh.solvers.NearestSurface, max_iter=1, tolerance=1e-300)
     monkeypatch.setattr("riemhuman.motions.motion_statistics.NearestSurface", hasty)

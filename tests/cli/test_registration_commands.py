@@ -184,6 +184,7 @@ def registered(bodies, monkeypatch):
     monkeypatch.setattr(rh.registration.ScanRegistration, "solve", solve)
 
 
+@pytest.mark.slow
 def test_a_sheet_of_one_scan(run, refused, scan, registered, tmp_path):
     command = ("register", scan, "-o", tmp_path / "body.ply", "--coarse")
     finished = run(*command, "--sheet", "--sex", "woman")

@@ -213,6 +213,7 @@ def test_jobs_and_learning(tmp_path):
     assert scores(found, bodies.subject[80:]).nn == 100.0
 
 
+@pytest.mark.slow
 def test_noise_on_people_nothing_was_tuned_on():
     """With a millimetre of noise the paper's metric loses people, and areas keep them."""
     bodies = rh.datasets.load_open_bodies("coarse", "natural", 12)
@@ -314,6 +315,7 @@ def test_gram_matrix_holds_inner_products(time):
         assert gram[j, k] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_poses_of_people_nothing_was_tuned_on():
     """One person's two similar poses are taken for each other less often than by normals."""
     bodies = load_open_bodies("coarse", "natural", 12)

@@ -194,6 +194,7 @@ def test_a_long_compilation_is_told_once(monkeypatch):
     assert (len(told), taken.seconds) == (1, 7.5)
 
 
+@pytest.mark.slow
 def test_compiled_functions_assign_no_arrays_to_slices():
     """Numba takes two seconds to compile the first such assignment: loops are written out."""
     slow = []

@@ -51,6 +51,7 @@ def test_poses_hide_changes(bodies):
     assert not in_same_pose.pose_advice()
 
 
+@pytest.mark.slow
 def test_as_many_measurements_are_marked_as_chance_marks():
     """Of natural people, who bulge at their joints, and who were not measured for the noise."""
     natural = load_open_bodies("coarse", "natural", people=5)

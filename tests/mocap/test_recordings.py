@@ -207,6 +207,7 @@ def test_refused_files(tmp_path, name, content, message):
         load_recording(tmp_path / name)
 
 
+@pytest.mark.slow
 def test_files_that_expand_without_end(tmp_path):
     (tmp_path / "a.pkl").write_bytes(zlib.compress(bytes(2**28)))
     with pytest.raises(FileFormatError, match="far more memory"):

@@ -23,7 +23,10 @@ def fitter(model):
     return RegistrationModel(model)
 
 
-@pytest.fixture(scope="module", params=["feet crossed", "wrists crossed"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param("feet crossed", marks=pytest.mark.slow), "wrists crossed"],
+)
 def crossed(model, fitter, request):
     """Return the joint above the crossing, the dense fit from the true pose, and the body."""
     rng = np.random.default_rng(5)

@@ -145,6 +145,7 @@ def test_damaged_records_are_refused(registered, folders, change):
         read_records(folders[1])
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_scan(registered, folders):
     page = rh.report.scan_page(folders[1])
     text = page.read_text(encoding="utf-8")

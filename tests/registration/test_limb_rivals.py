@@ -80,6 +80,7 @@ def test_clasped_hands_hide_each_others_fingers(clasped, fitter):
     assert fitter.parts.on_hands[doubt.vertices].all()
 
 
+@pytest.mark.slow
 def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(clasped, fitter):
     doubt, *_ = find_limb_doubts(replace(clasped, doubtful_arms={}))
     for arm, fits in clasped.hand_fits.items():

@@ -254,6 +254,7 @@ def test_floors_buns_and_far_points_are_background(result, bodies, squat):
     assert np.linalg.norm(result.points - body, axis=1)[head].mean() < 0.01
 
 
+@pytest.mark.slow
 def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(result, squat):
     moved = result.points @ result.transform[:3, :3].T + result.transform[:3, 3]
     np.testing.assert_allclose(result.upright_points, moved, atol=1e-12)

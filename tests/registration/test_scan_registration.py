@@ -46,6 +46,7 @@ def test_other_units_axes_and_normals_change_nothing(registration, result, scan)
     assert np.linalg.norm(other.points @ turn - result.points, axis=1).mean() < 0.002
 
 
+@pytest.mark.slow
 def test_a_sequence_starts_from_the_scan_before(registration, scan, result, frames, monkeypatch):
     rotation = np.linalg.lstsq(frames[0], scan.body)[0]
     faces = registration.model.faces
@@ -133,6 +134,7 @@ def test_offsets_are_removed_in_double_precision(registration, scan):
     np.testing.assert_allclose(far.upright_points, near.upright_points, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_trace_keeps_every_stage(registration, scan, result):
     found = registration.solve(scan.surface, trace=True)
     assert result.trace is None

@@ -20,6 +20,7 @@ def scan():
     return simulated_scan(BODY, FACES, rng=3, n_points=6000, missing=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("z up")
 @pytest.mark.parametrize(
     "rotation",

@@ -39,6 +39,7 @@ def test_the_figure_of_measurements_has_everyday_names(nine_bodies):
     assert not {"knee height (midpatella)", "waist girth (omphalion)", "stature"} & texts
 
 
+@pytest.mark.slow
 def test_people_have_their_measurements(report_page, nine_bodies):
     with (report_page.parent / "tables" / "measurements.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

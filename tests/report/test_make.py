@@ -81,6 +81,7 @@ def test_the_folder_is_whole(folder):
 TASKS = ("shape", "pose")
 
 
+@pytest.mark.slow
 def test_the_page_asks_for_nothing(page):
     for tag, attributes in page.elements:
         for name in ("src", "srcset", "poster", "action"):
@@ -91,6 +92,7 @@ def test_the_page_asks_for_nothing(page):
     assert "url(" not in text
 
 
+@pytest.mark.slow
 def test_links_lead_somewhere(page, folder):
     identifiers = [a["id"] for _, a in page.elements if "id" in a]
     assert len(identifiers) == len(set(identifiers))
@@ -101,6 +103,7 @@ def test_links_lead_somewhere(page, folder):
             assert (folder / link["href"]).is_file()
 
 
+@pytest.mark.slow
 def test_the_page_can_be_heard_and_driven_by_keys(page):
     assert page.headings[0] == 1
     assert page.headings.count(1) == 1
@@ -122,6 +125,7 @@ def test_the_page_can_be_heard_and_driven_by_keys(page):
             assert len(region["aria-label"].split()) > 2  # what it shows, not the name of a file
 
 
+@pytest.mark.slow
 def test_sentences_follow_from_the_numbers(folder):
     text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
     assert "No representation scores higher than the shape metric (1, 0.0001, 0)." in text
@@ -129,6 +133,7 @@ def test_sentences_follow_from_the_numbers(folder):
     assert "The best are people with a = 1, λ = 0.0001, c = 0" in text
 
 
+@pytest.mark.slow
 def test_every_number_is_that_of_its_table(page, folder):
     tables = {}
     assert len(page.data) > 100
@@ -146,6 +151,7 @@ def test_every_number_is_that_of_its_table(page, folder):
     assert {"retrieval-shape", "retrieval-pose", "comparison", "geodesics", "mean"} <= set(tables)
 
 
+@pytest.mark.slow
 def test_people_read_centimetres_and_tables_name_their_si_units(page, folder):
     """A stature is 100 times as many centimetres as metres, a spread 1000 times as many mm."""
     for table, column, scale, low, high in (
@@ -168,6 +174,7 @@ def test_people_read_centimetres_and_tables_name_their_si_units(page, folder):
         assert f">{heading}</th>" in text
 
 
+@pytest.mark.slow
 def test_results_are_those_of_the_library(folder, nine_bodies):
     records = benchmark(nine_bodies)
     for task in TASKS:
@@ -192,6 +199,7 @@ def test_results_are_those_of_the_library(folder, nine_bodies):
         assert float(row["energy"]) <= float(row["straight_energy"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("table", "start"),
     [("comparison", "rotating start"), ("comparison-from-straight", "linear")],
@@ -207,6 +215,7 @@ def test_paths_are_compared_fairly(folder, table, start):
         assert float(row[f"energy_{name}"]) <= (1 + 1e-9) * min(energies)
 
 
+@pytest.mark.slow
 def test_the_page_says_how_paths_are_found(folder):
     text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
     assert "Each search varies its start by 10 given deformations, has 7 surfaces per path" in text
@@ -214,6 +223,7 @@ def test_the_page_says_how_paths_are_found(folder):
     assert "all searches start from the same path, which rotates every triangle" in text
 
 
+@pytest.mark.slow
 def test_the_mean_has_least_of_what_is_minimised(folder):
     mean, *others = rows_of(folder, "mean-variances")
     assert mean["body"] == "Karcher mean"
@@ -227,6 +237,7 @@ def test_the_mean_has_least_of_what_is_minimised(folder):
     assert "least mean squared distance from" not in text
 
 
+@pytest.mark.slow
 def test_provenance(folder, nine_bodies):
     found = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
     assert found["status"] == "finished"
@@ -331,6 +342,7 @@ def test_without_labels_nothing_is_said_of_people_or_poses(undrawn, nine_bodies,
     assert "b0</th>" in text  # not "b0, "
 
 
+@pytest.mark.slow
 def test_maps_open_as_pages_with_bodies(page, folder):
     views = [a["href"] for a in page.all("a") if a["href"].startswith("views/")]
     names = [f"map-{task}-{method}" for method in ("t-sne", "mds") for task in ("shape", "pose")]

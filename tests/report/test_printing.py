@@ -25,6 +25,7 @@ def test_the_browser_prints_two_pages(bodies, record, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["sheet.pdf"]
 
 
+@pytest.mark.slow
 def test_the_printed_page_takes_the_place_of_no_other(bodies, tmp_path, monkeypatch):
     """The browser reads it from a file beside the PDF, which is removed afterwards."""
     printed = []

@@ -154,6 +154,7 @@ def test_table_marks_the_best_of_each_column():
 TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]
 
 
+@pytest.mark.slow
 def test_registered_bodies_have_all():
     everyone = load_open_bodies("coarse")
     names = list(representations(everyone))

@@ -105,6 +105,7 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
     np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
 
 
+@pytest.mark.slow
 def test_paths(client, tmp_path):
     solver, metric, points = LinearPath(), VectorSpace((2,)).metric, np.eye(4, 2)
     expected = path_distances(solver, metric, points)

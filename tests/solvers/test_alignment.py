@@ -212,6 +212,7 @@ def test_means_stand_as_their_start():
     assert found.variance == pytest.approx(upright.variance, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_logarithms_do_not_depend_on_headings():
     metric = shape_metric()
     start, end = bodies.body("resting"), bodies.body("arm raised")
@@ -227,6 +228,7 @@ def test_logarithms_do_not_depend_on_headings():
         assert metric.dist(arrived, end) < 1e-3
 
 
+@pytest.mark.slow
 def test_transport_turns_vectors_with_the_end():
     metric, basis = shape_metric(), bodies.basis()
     start, end = bodies.body("resting"), bodies.body("arm raised")

@@ -192,6 +192,7 @@ def test_refusals():
     np.testing.assert_allclose(still.velocity_, 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_stature_of_natural_bodies_converges_in_few_steps():
     """Of three people in two poses each."""
     bodies = rh.datasets.load_open_bodies("coarse", "natural", people=5)

@@ -152,6 +152,7 @@ def test_half_plane_against_the_known_transport():
     np.testing.assert_allclose(found.tangent_vec, 2.0 * vector, rtol=2e-2)
 
 
+@pytest.mark.slow
 def test_on_bodies_in_a_basis():
     metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
     basis = bodies.basis(12)

@@ -283,6 +283,7 @@ def test_a_start_that_costs_more_may_end_lower():
     assert result.path[5, 1] < 0.0 < one_way.path[5, 1]
 
 
+@pytest.mark.slow
 def test_what_the_first_runs_gained_counts_at_the_end():
     """Seen to end where they had, said to be 0.006 per cent above the minimum."""
     result = PathStraightening().solve(elastic(0.0, 0.0, 1.0), *bodies.swung_arms(1))

@@ -233,6 +233,7 @@ def test_the_person_is_kept_whoever_holds_the_pose():
     assert np.mean(ratios) < 0.5
 
 
+@pytest.mark.slow
 def test_heat_along_bones_keeps_the_torso():
     """By as much as in the documentation, on people of whom no setting was chosen."""
     people = natural_people("coarse", 171)

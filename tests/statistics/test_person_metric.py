@@ -48,6 +48,7 @@ def test_directions_of_poses_count_less_and_others_as_much(bodies, metric):
     )
 
 
+@pytest.mark.slow
 def test_both_resolutions_agree(bodies, metric):
     coarse, full = (rh.datasets.load_open_model(name) for name in ("coarse", "full"))
     shapes = np.clip(np.random.default_rng(2).standard_normal((4, full.n_betas)), -2.0, 2.0)

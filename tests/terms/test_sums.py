@@ -216,6 +216,7 @@ def test_rounding_is_little_more_than_the_distance_to_what_is_kept(term):
     assert np.all(rounding <= 2.0 * distances)
 
 
+@pytest.mark.everyday("normals")
 @pytest.mark.parametrize(
     ("term", "others"),
     [(NormalTerm(), ()), (ConeTerm(1.0, 0.0, 1.0, 1e-4), (0.0, 1.0, 1.0))],

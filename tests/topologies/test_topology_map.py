@@ -69,6 +69,7 @@ def on_hands(full):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("known")
 @pytest.mark.parametrize("name", ["known", "registered"])
 def test_other_people_in_other_poses_come_to_their_places(name, people, full, request):

@@ -27,6 +27,7 @@ def transferred(model, people):
         return transfer_model(model, rh.Template(bodies[0, 0], faces))
 
 
+@pytest.mark.slow
 def test_bodies_of_the_other_mesh_are_fitted(transferred, people):
     """The body itself closely, its other pose by skinning, another person by the shape space."""
     bodies, _ = people

@@ -118,6 +118,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, st
         shutil.rmtree(outputs)
 
 
+@pytest.mark.slow
 @each_operation
 def test_two_at_once(server, undisturbed, operation, tmp_path):
     answers = server.race(operation, tmp_path, 2)

@@ -41,6 +41,7 @@ def fuzz(tmp_path, names, count):
     return json.loads(*at_work)["ends"]
 
 
+@pytest.mark.slow
 @pytest.mark.everyday("meshes-100")
 @pytest.mark.parametrize("n_cases", [100, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("group", GROUPS)
