@@ -300,6 +300,7 @@ def test_bodies_in_any_axes_are_registered_upright(people, monkeypatch, up):
         np.testing.assert_allclose(seen[0], others[0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_files_hold_what_was_learned(to_coarse, people, tmp_path):
     _, others, *_ = people
     to_coarse.save(tmp_path / "coarse.npz")
@@ -315,6 +316,7 @@ def test_files_hold_what_was_learned(to_coarse, people, tmp_path):
         TopologyMap.load(tmp_path / "wrong.npz")
 
 
+@pytest.mark.slow
 def test_bodies_of_the_coarse_model_come_with_parameters(to_coarse, people):
     _, others, *_ = people
     coarse = to_coarse.model
@@ -324,6 +326,7 @@ def test_bodies_of_the_coarse_model_come_with_parameters(to_coarse, people):
     assert np.linalg.norm(coarse(fit.betas, fit.pose, fit.trans) - points, axis=-1).mean() < 0.005
 
 
+@pytest.mark.slow
 def test_frames_of_a_person_become_a_motion(to_coarse, full, tmp_path):
     coarse = to_coarse.model
     performed = rh.datasets.load_open_motions("coarse", sequences=["knees"])[0]
