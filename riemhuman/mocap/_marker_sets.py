@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from os.path import commonprefix
 
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.mocap._joint_names import SIDES
@@ -268,7 +269,10 @@ class MarkerNames:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._numbers: dict[tuple[str, str], int] = {}
-        for number, name in enumerate(names):
+        # A trial or a person before all names: "251112_KUO_LASI".
+        shared = re.match(r".{3,}[_.\s-]", commonprefix(list(names)))
+        start = len(shared[0]) if shared else 0
+        for number, name in enumerate(name[start:] for name in names):
             for side, text, is_skin in _readings(name):
                 spelling = text + _ON_SKIN if is_skin else text
                 self._numbers.setdefault((side, spelling), number)

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from riemhuman.arrays import Array, Booleans
 from riemhuman.bodies import BodyModel
@@ -25,6 +26,8 @@ from riemhuman.mocap._standing import Performance, stand
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.representation import Record
 
+# The recorded skeleton, its limbs, feet on the floor, and errors.
+_STAGES = 4
 # Lines across the body that are compared with the recorded ones, besides bones.
 _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
 _NECK = ("neck", "head")
@@ -95,8 +98,10 @@ def perform(
     betas: Array,
     joints: Mapping[str, int] | None,
     up: str | None,
+    progress: bool = False,
 ) -> Performed:
     """Return what a person of the model does in a recording, with a warning if it is far off."""
+    bar = tqdm(total=_STAGES, desc="Performing", disable=not progress, unit="stage")
     figure = make_figure(model, betas)
     person = own_person(recording, model) if up in (None, "y") else None
     if person is not None and np.allclose(person.betas, betas, rtol=0.0, atol=_SAME_BETAS):
@@ -109,11 +114,17 @@ def perform(
     else:
         source = read_skeleton(recording, joints, up)
         scale = figure.leg / source.leg
-        performance = stand(source, figure, follow(source, figure, scale), scale)
+        bar.update()
+        rotations = follow(source, figure, scale)
+        bar.update()
+        performance = stand(source, figure, rotations, scale)
+    bar.update()
     errors = _errors(source, figure, performance, scale)
     misplaced = _misplaced(source, figure, performance)
     _warn_of_errors(recording.name, source, errors, misplaced, _soles(source, figure, performance))
     poses, translations = _model_parameters(figure, performance)
+    bar.update()
+    bar.close()
     return Performed(poses, translations, errors)
 
 

@@ -213,6 +213,7 @@ def load_recording(
     unit: str | float | None = None,
     faces: ArrayLike | os.PathLike[str] | None = None,
     layout: str | None = None,
+    progress: bool = False,
 ) -> ModelMotion:
     """Read a recording of a person's motion, in any format that the library knows.
 
@@ -261,6 +262,8 @@ def load_recording(
         a warning says by how much they differ.
     layout : str, optional
         Order of joints whose positions the file holds, see `skeleton_from_positions`.
+    progress : bool
+        As for `retarget`.
 
     Raises
     ------
@@ -297,6 +300,7 @@ def load_recording(
             up=up,
             unit=unit,
             frames_per_second=frames_per_second,
+            progress=progress,
         )
     if suffix == ".glb":
         recording = load_animation(file)
@@ -307,16 +311,23 @@ def load_recording(
             up=up or "y",
             unit=unit,
             frames_per_second=frames_per_second,
+            progress=progress,
         )
     if suffix in (".trc", ".c3d"):
         load = load_trc if suffix == ".trc" else load_c3d
         recording = load(file, unit=unit, joints=joints, frames_per_second=frames_per_second)
-        return retarget(recording, model, frames_per_second=frames_per_second, betas=betas, up=up)
+        return retarget(
+            *(recording, model),
+            frames_per_second=frames_per_second,
+            betas=betas,
+            up=up,
+            progress=progress,
+        )
     if joints is not None:
         raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")
     if suffix in POSITION_ENDINGS or (suffix == ".npz" and _holds_positions(file)):
         recording = load_positions(file, frames_per_second, layout, unit)
-        return retarget(recording, model, betas=betas, up=up)
+        return retarget(recording, model, betas=betas, up=up, progress=progress)
     if layout is not None:
         raise ArgumentError(f"layout is for positions of joints; found {file.name}")
     if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):

@@ -12,7 +12,16 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
-from riemhuman.checks import checked, checked_rate, choice, instance, one_of, positive, real_array
+from riemhuman.checks import (
+    checked,
+    checked_rate,
+    choice,
+    flag,
+    instance,
+    one_of,
+    positive,
+    real_array,
+)
 from riemhuman.errors import warn
 from riemhuman.mocap._body_size import own_person, recorded_person, scaled_model
 from riemhuman.mocap._joint_axes import make_figure
@@ -66,6 +75,8 @@ class RetargetedMotion(ModelMotion):
         As for `retarget`.
     size : float
         Factor by which bodies of the model are enlarged.
+    progress : bool
+        As for `retarget`.
 
     Attributes
     ----------
@@ -98,6 +109,7 @@ class RetargetedMotion(ModelMotion):
         joints: Mapping[str, int] | None = None,
         up: str | Callable[[], str] | None = None,
         size: float = 1.0,
+        progress: bool = False,
     ) -> None:
         performer = model if size == 1.0 else scaled_model(model, size)
         super().__init__(*names, frames_per_second, n_frames, performer)
@@ -109,6 +121,7 @@ class RetargetedMotion(ModelMotion):
         self._betas = np.zeros(model.n_betas) if betas is None else betas
         self._unscaled = model
         self._size = size
+        self._progress = progress
 
     @property
     def recording(self) -> SkeletonMotion:
@@ -169,7 +182,7 @@ class RetargetedMotion(ModelMotion):
     @cached_property
     def _played(self) -> Performed:
         up = self._up() if callable(self._up) else self._up
-        return perform(self.recording, self.model, self._betas, self._joints, up)
+        return perform(self.recording, self.model, self._betas, self._joints, up, self._progress)
 
 
 @checked(
@@ -178,6 +191,7 @@ class RetargetedMotion(ModelMotion):
     up=choice(*AXES),
     scale=choice(*_SCALES),
     frames_per_second=checked_rate,
+    progress=flag,
 )
 def retarget(
     recording: SkeletonMotion,
@@ -189,6 +203,7 @@ def retarget(
     unit: str | float | None = None,
     scale: str | None = None,
     frames_per_second: float | None = None,
+    progress: bool = False,
 ) -> RetargetedMotion:
     """Return the motion of a body that moves as a recorded skeleton does.
 
@@ -231,6 +246,9 @@ def retarget(
         warning.
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
+    progress : bool
+        Whether to show a progress bar when frames are first asked for, which is when the whole
+        recording is performed.
 
     Examples
     --------
@@ -277,6 +295,7 @@ def retarget(
         joints=joint_numbers,
         up=up,
         size=size,
+        progress=progress,
     )
 
 

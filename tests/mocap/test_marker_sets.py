@@ -169,6 +169,12 @@ def test_what_is_lacking_is_said(standing, tmp_path):
         load_trc(write_trc(tmp_path / "b.trc", one_wrist))
 
 
+def test_what_all_names_begin_with_does_not_count():
+    names = MarkerNames(["251112_KUO_LASI", "251112_KUO_RASI", "251112_KUO_SACR"])
+    assert names.corners() == {"left_asis": 0, "right_asis": 1, "sacrum": 2}
+    assert MarkerNames(["R_IAS", "R_IPS"]).corners() == {"right_asis": 0, "right_psis": 1}
+
+
 def test_names_of_the_table_are_read():
     """No name is hidden by its side: "r" of "rsp" is not that of a right side."""
     for row in RECIPES:

@@ -201,3 +201,11 @@ def test_chests_do_not_pitch_where_joints_lean_at_rest(lean, tmp_path):
     truth = original[:, 0] @ original[:, 1] @ original[:, 2] @ original[:, 3] @ original[:, 4]
     true_pitch = np.degrees(np.arcsin(np.clip(-truth[:, 1, 2], -1.0, 1.0))).mean()
     assert abs(pitch - true_pitch) < 5.0
+
+
+def test_progress_is_shown_on_request(capsys):
+    recording = load_bvh(RECORDING)
+    retarget(recording, frames_per_second=5.0)[0]
+    assert capsys.readouterr().err == ""
+    retarget(recording, frames_per_second=5.0, progress=True)[0]
+    assert "Performing: 100%" in capsys.readouterr().err
