@@ -11,7 +11,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from os.path import commonprefix
 
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.mocap._joint_names import SIDES
@@ -270,8 +269,9 @@ class MarkerNames:
     def __init__(self, names: Sequence[str]) -> None:
         self._numbers: dict[tuple[str, str], int] = {}
         # A trial or a person before all names: "251112_KUO_LASI".
-        shared = re.match(r".{3,}[_.\s-]", commonprefix(list(names)))
-        start = len(shared[0]) if shared else 0
+        first = re.match(r".{3,}[_.\s-]", names[0]) if names else None
+        is_shared = first is not None and all(name.startswith(first[0]) for name in names)
+        start = len(first[0]) if first is not None and is_shared else 0
         for number, name in enumerate(name[start:] for name in names):
             for side, text, is_skin in _readings(name):
                 spelling = text + _ON_SKIN if is_skin else text
