@@ -104,7 +104,7 @@ def _counts(entries: Sequence[Entry]) -> list[str]:
     """Return how many bodies have each kind of badge, in words."""
     kinds = {
         "trusted": "trusted",
-        "partial": "partly seen",
+        "partial": "partly",
         "untrusted": "not trusted",
         "unknown": "without a scan",
     }

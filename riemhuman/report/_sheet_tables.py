@@ -77,6 +77,7 @@ def _people(sheets: Sheets) -> Rows:
     ]
     for subject, values in sheets:
         _, trust = badge(subject, values)
+        withheld = [f"{group.name} withheld: {group.reason}" for group in values.implausible]
         rows.append(
             [
                 subject.name,
@@ -85,7 +86,7 @@ def _people(sheets: Sheets) -> Rows:
                 subject.visit,
                 subject.file,
                 trust,
-                subject.message,
+                "; ".join(filter(None, [subject.message, *withheld])),
                 _number(subject.median_distance),
                 _number(subject.matched_share),
             ]

@@ -10,9 +10,10 @@ from urllib.parse import quote
 
 import numpy as np
 
+from riemhuman.checks import checked, choice
 from riemhuman.io.files import convert_errors, write_text
 from riemhuman.measurements import readable_gap
-from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
+from riemhuman.measurements.readable_units import READABLE_UNITS, ReadableUnit, gap_unit
 from riemhuman.plots.figures import SIGNED_COLORS
 from riemhuman.plots.rendering import image_source
 from riemhuman.plots.scan_views import colour_end, scan_pictures, view_scan
@@ -25,6 +26,7 @@ _HEIGHT = 300  # pixels
 _VIEWS = "views"  # folder of the pages of scans over their bodies
 
 
+@checked(units=choice(*READABLE_UNITS))
 def scan_page(folder: str | os.PathLike[str], *, units: str = "cm") -> Path:
     """Write a page, ``index.html``, that shows the registered scans of a folder.
 

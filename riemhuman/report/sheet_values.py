@@ -299,9 +299,7 @@ def _values(
         reasons = {name: reason for name, reason in reasons.items() if name != "stature"}
         if abs(measured_stature - stature) > _DEVIATIONS * deviations.get("stature", np.nan):
             remarks.append("the stature of the scan differs from the one typed in")
-    implausible = []
-    if standing is not None and is_of_adults(stature, subject.sex):
-        implausible = implausible_groups(named, deviations, subject.sex)
+    implausible = _implausible(named, deviations, subject) if standing is not None else []
     for group in implausible:
         for name in named.keys() & {*group.measurements}:
             named[name] = float("nan")
@@ -333,6 +331,15 @@ def _values(
         remarks=(*remarks, *said),
         implausible=tuple(implausible),
     )
+
+
+def _implausible(
+    named: Mapping[str, float], deviations: Mapping[str, float], subject: SheetSubject
+) -> list[ImplausibleGroup]:
+    """Return groups of measurements that no adult combines; none for children."""
+    if not is_of_adults(named.get("stature", float("nan")), subject.sex):
+        return []
+    return implausible_groups(named, deviations, subject.sex)
 
 
 def _is_sharp(name: str, value: float, deviation: float, sex: str) -> bool:
@@ -391,4 +398,17 @@ def with_changes(
     )
     people = person_distance(before.points, after.points, measurements.definitions.faces)
     doubt = people.text if people.is_hardly_one_person else ""
+    deviations = dict(zip(comparison.names, comparison.noise.tolist(), strict=True))
+    earlier = dict(zip(comparison.names, comparison.before.tolist(), strict=True))
+    withheld = {
+        name
+        for group in (*values.implausible, *_implausible(earlier, deviations, before))
+        for name in group.measurements
+    }
+    is_known = np.array([name not in withheld for name in comparison.names])
+    comparison = replace(
+        comparison,
+        before=np.where(is_known, comparison.before, np.nan),
+        after=np.where(is_known, comparison.after, np.nan),
+    )
     return replace(values, changes=comparison, since=since, doubt=doubt)

@@ -153,7 +153,7 @@ def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_bro
     )
     page = rh.report.make_sheets(place, tmp_path / "sheets")
     text = page.read_text(encoding="utf-8")
-    assert "1 partly seen, 1 not trusted" in text
+    assert "1 partly, 1 not trusted" in text
     assert "<strong>none</strong>: empty" in text
     one = (tmp_path / "sheets" / "half.html").read_text(encoding="utf-8")
     assert "The scan from three sides" in one

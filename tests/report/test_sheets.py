@@ -180,6 +180,12 @@ def test_values_that_hair_explains_are_withheld(bodies, measurements):
         assert np.isnan(values["head girth"]) == (size > 1.0)
         assert np.isfinite(values["hip girth"])
     assert "hair or a cap seems to cover the head" in sheet.html
+    # What was withheld at either visit did not change.
+    for before, after in ((bodies[0], person), (person, bodies[0])):
+        changes = rh.report.sheet(after, sex="woman", before=before).changes
+        known = dict(zip(changes.names, changes.changes, strict=True))
+        assert np.isnan(known["head girth"])
+        assert np.isfinite(known["hip girth"])
     assert "cover the hair with a tight cap" in sheet.html
 
 
