@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -215,16 +214,12 @@ def _left_sides(measurements: Measurements) -> Measurements | None:
         for definition in definitions.measurements
         if definition.name in LEFT_AND_RIGHT
     ]
-    known = [*definitions.landmarks, *definitions.parts]
-    places = (
-        place if isinstance(place, str) else list(place)
-        for definition in mirrored
-        for place in (*definition.places, *definition.part_names)
-    )
-    names = itertools.chain.from_iterable([p] if isinstance(p, str) else p for p in places)
-    if not mirrored or not all(name in known for name in names):
+    if not mirrored:
         return None
-    return Measurements(definitions.with_measurements(mirrored))
+    try:
+        return Measurements(definitions.with_measurements(mirrored))
+    except ArgumentError:  # another set, without these landmarks
+        return None
 
 
 def _mirrored(record: JSONValue) -> JSONValue:
