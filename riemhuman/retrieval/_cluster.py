@@ -134,12 +134,19 @@ def first_finished(
 
 
 def _check_workers(client: distributed.Client) -> None:
-    """Refuse workers that cannot import the library; the client would wait for them."""
+    """Refuse workers that cannot import the library; the client would wait for them.
+
+    A worker that is lost meanwhile is the scheduler's affair, which waits for one in its place.
+    """
     try:
         answers = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
     except (OSError, TimeoutError) as failure:
         raise _lost(f"the cluster cannot be reached ({short_message(failure)})") from failure
-    errors = [error for error in answers.values() if isinstance(error, Exception)]
+    errors = [
+        error
+        for error in answers.values()
+        if isinstance(error, Exception) and not isinstance(error, OSError)
+    ]
     if errors:
         raise MissingDependencyError(
             f"{len(errors)} of {len(answers)} workers cannot import riemhuman ({errors[0]}); "

@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Integers
-from riemhuman.checks import check_instance, flag, items_of, refuse_type
+from riemhuman.checks import (
+    a_function,
+    check_instance,
+    checked,
+    each,
+    flag,
+    instance,
+    refuse_type,
+)
 from riemhuman.checks.labels import class_numbers, texts_of
 from riemhuman.datasets import Bodies, LabelledMeshes
 from riemhuman.descriptors import (
@@ -106,6 +114,7 @@ class BenchmarkRecord:
     problem: str | None = None
 
 
+@checked(learned=flag, task=a_function, progress=flag)
 def benchmark(
     bodies: Bodies | LabelledMeshes,
     representations: Mapping[str, Representation] | None = None,
@@ -143,9 +152,6 @@ def benchmark(
     ['shape', 'pose']
     """
     _check_bodies(bodies)
-    learned, progress = flag(learned, "learned"), flag(progress, "progress")
-    if not callable(task):
-        refuse_type(task, "task", "a function that returns a context manager")
     if representations is None:
         representations = _default_metrics(bodies)
     _check_representations(representations)
@@ -414,6 +420,7 @@ def timed_distances(
     return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
 
 
+@checked(records=each(instance(BenchmarkRecord), "a list of BenchmarkRecord"))
 def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     """Format a benchmark as text, one table per task with an asterisk at the best of each column.
 
@@ -428,9 +435,6 @@ def format_benchmark(records: Sequence[BenchmarkRecord]) -> str:
     >>> rh.retrieval.format_benchmark([failed]).splitlines()[1]
     'height      failed: no head'
     """
-    records = items_of(records, "records", "a list of BenchmarkRecord")
-    for number, record in enumerate(records):
-        check_instance(record, f"records[{number}]", BenchmarkRecord)
     tasks = dict.fromkeys(record.task for record in records)
     tables = []
     for task in tasks:

@@ -22,10 +22,9 @@ from numpy.typing import DTypeLike
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Booleans, JSONRecord, PointsLike
-from riemhuman.checks import check_strategy, flag, length_of, one_of, whole_number
+from riemhuman.checks import a_solver, checked, choice, flag, instance, length_of, whole
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.pairwise import PRECISIONS, squared_dist_rectangle
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.io.arrays import load_array
@@ -69,10 +68,13 @@ _N_RECOMPUTED, _N_RECOMPUTED_PATHS = 8, 2
 _ROUNDING = {"single": 1e-5, "double": 1e-9}
 _ROUNDING_OF_PATHS = 1e-4
 
+_A_METRIC = instance(RiemannianMetric, "a metric, such as ElasticMetric(space), before the points")
+
 # Rows and columns: a rectangle of the upper triangle of a matrix, or a square on its diagonal.
 Tile: TypeAlias = "tuple[slice[int, int, None], slice[int, int, None]]"
 
 
+@checked(metric=_A_METRIC, precision=choice(*PRECISIONS), memory=whole(minimum=1), progress=flag)
 def pairwise_job(
     metric: RiemannianMetric,
     points: PointsLike,
@@ -128,14 +130,10 @@ def pairwise_job(
     >>> rh.pairwise_job(space.metric, bodies.points[:6], "distances").shape
     (6, 6)
     """
-    check_metric(metric)
-    progress = flag(progress, "progress")
     n_points = length_of(points, "points")
     if n_points == 0:
         raise ArgumentError("points must hold at least one point; found none")
     thread_count(n_jobs)
-    one_of(precision, "precision", PRECISIONS)
-    memory = whole_number(memory, "memory", minimum=1)
     described = _described(metric) | {"n_points": n_points, "precision": precision}
     first = metric.check_points(points[slice(0, 1)])
     features = metric.features(first, precision)
@@ -169,7 +167,7 @@ def pairwise_job(
         for number in tqdm(
             np.flatnonzero(~known),
             desc="Points",
-            disable=not flag(progress, "progress"),
+            disable=not progress,
             unit=" blocks",
         ):
             points_of_job.write(number, blocks[number])
@@ -181,6 +179,7 @@ def pairwise_job(
         return job.read(_RESULT)
 
 
+@checked(solver=a_solver, metric=_A_METRIC, progress=flag)
 def path_job(
     solver: GeodesicSolver,
     metric: RiemannianMetric,
@@ -215,10 +214,7 @@ def path_job(
     >>> rh.path_job(solver, space.metric, bodies.points[:3], "paths").lengths.shape
     (3, 3)
     """
-    check_metric(metric)
-    check_strategy(solver, "solver")
     thread_count(n_jobs)
-    flag(progress, "progress")
     if length_of(points, "points") < 2:
         raise ArgumentError(f"points must be at least two; found {len(points)}")
     points = metric.check_points(points[:], "points")
@@ -427,7 +423,7 @@ def _compute(
         total=len(parts),
         initial=n_finished,
         desc="Parts of the job",
-        disable=not flag(progress, "progress"),
+        disable=not progress,
     ) as bar:
         for number, values in compute_parts(metric, worker, [(k, parts[k]) for k in todo], client):
             if isinstance(values, RiemhumanError):

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, PointsLike
-from riemhuman.checks import flag, integer_array, length_of, one_of, whole_number
+from riemhuman.checks import checked, flag, integer_array, length_of, one_of, whole_number
 from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
@@ -49,6 +49,11 @@ class NearestNeighbors(Estimator):
     the metric's `lower_bound_coordinates`, projected to the principal components of a sample, with
     the norm of the residual as an additional coordinate. If the bounds exclude too few points, as
     under the shape metric, all points are compared.
+
+    The features of all points stay in memory: for each full body 0.86 MB under the shape metric
+    and 1.5 MB under one that also measures normals, that is, 86 or 150 GB for 100,000. If there is
+    less memory, `fit` refuses at its first points and says how much is needed; `pairwise_job`
+    compares points on disk.
 
     Parameters
     ----------
@@ -136,6 +141,7 @@ class NearestNeighbors(Estimator):
             )
         return length_of(X, "X")
 
+    @checked(return_distance=flag)
     def kneighbors(
         self,
         X: Sequence[Array] | Array | None = None,
@@ -167,7 +173,6 @@ class NearestNeighbors(Estimator):
         """
         if not hasattr(self, "_rows"):
             raise ArgumentError("kneighbors needs points: call fit first")
-        return_distance = flag(return_distance, "return_distance")
         n_points = self.n_samples_fit_
         n_others = n_points - (X is None)
         k = whole_number(self.n_neighbors if n_neighbors is None else n_neighbors, "n_neighbors")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Labels
-from riemhuman.checks import check_instance, distance_matrix, whole_number
+from riemhuman.checks import checked, distance_matrix, instance, whole
 from riemhuman.checks.labels import class_numbers, texts_of
 from riemhuman.errors import ArgumentError
 
@@ -132,6 +132,7 @@ def _expected_hits(distances: Array, relevant: Booleans) -> tuple[Array, float]:
     return hits, float(hits @ precision / relevant.sum())
 
 
+@checked(n_neighbors=whole(minimum=1))
 def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> Array:
     r"""Return distances relative to the distances around both items.
 
@@ -158,7 +159,6 @@ def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> Array:
     [[0.0, 2.0], [2.0, 0.0]]
     """
     matrix = distance_matrix(distances, "distances", symmetric=False)
-    n_neighbors = whole_number(n_neighbors, "n_neighbors", minimum=1)
     if n_neighbors >= len(matrix):
         raise ArgumentError(
             f"n_neighbors must be less than the number of items, {len(matrix)}; found {n_neighbors}"
@@ -246,6 +246,7 @@ def confusion(distances: ArrayLike, labels: Labels) -> Array:
     return table
 
 
+@checked(distances=instance(Mapping, "a mapping of names to distance matrices"))
 def retrieval_table(
     distances: Mapping[str, Array], labels: Labels, groups: Labels | None = None
 ) -> dict[str, RetrievalScores]:
@@ -264,10 +265,12 @@ def retrieval_table(
     >>> rh.retrieval.retrieval_table({"toy": D}, [0, 0, 1, 1])["toy"].first_tier
     100.0
     """
-    check_instance(distances, "distances", Mapping, "a mapping of names to distance matrices")
     return {name: scores(matrix, labels, groups) for name, matrix in distances.items()}
 
 
+@checked(
+    title=instance(str, "a text"), rows=instance(Mapping, "a mapping of names to RetrievalScores")
+)
 def format_table(title: str, rows: Mapping[str, RetrievalScores]) -> str:
     """Return a table as text, one line per representation.
 
@@ -285,11 +288,7 @@ def format_table(title: str, rows: Mapping[str, RetrievalScores]) -> str:
     Who is it?     NN     FT     ST
     toy         100.0  100.0  100.0
     """
-    check_instance(title, "title", str, "a text")
-    check_instance(rows, "rows", Mapping, "a mapping of names to RetrievalScores")
     names = texts_of(rows.keys(), "names of rows")
-    for name, row in rows.items():
-        check_instance(row, f"rows[{name!r}]", RetrievalScores)
     width = max(map(len, [title, *names]))
     lines = [f"{title:<{width}}     NN     FT     ST"]
     for name, row in rows.items():

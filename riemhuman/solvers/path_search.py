@@ -54,7 +54,7 @@ _SHORT = 1e-3
 
 # A search over all vertices that has not ended after so many iterations starts again with fewer
 # segments, whose path replaces its own if, after so many further iterations, it costs less.
-_PATIENCE = 30
+_PATIENCE = 50
 _TRIAL = 10
 _FEWEST_NODES = 5
 # Then its last iterations may gain this share of what those of another search may: they go on
@@ -354,9 +354,9 @@ class PathStraightening(PathSearch):
     steps that leave it (`belongs`) are rejected. Ends are aligned as by `BasisPath`. The
     minimisation is L-BFGS with the inverse of the metric's matrix, averaged over the path, as its
     first inverse Hessian; it starts as `BasisPath` does, and tries both directions if a limb may
-    rotate in either. A search that has not ended after 30 iterations starts again with 2 segments,
-    then 5, then 10 of 10, say, and goes on from the better of both paths; the result's energies
-    are those of the last run. Its energies are never higher than those of `BasisPath` with
+    rotate in either. A search that has not ended after 50 iterations starts again with 2 segments,
+    then 5, then 10 of 10, say, and goes on from the better of both paths, whose energies are those
+    of the result. Its energies are never higher than those of `BasisPath` with
     ``initial=BasisPath(...)``.
 
     If surfaces can slide along themselves at no cost, their meshes crumple; a
@@ -407,17 +407,23 @@ class PathStraightening(PathSearch):
         if direct.status is not Status.MAX_ITER:
             return direct
         runs = [direct, *self._coarse_to_fine(metric, path)]
+        n_evaluations = sum(run.n_evaluations for run in runs)
         last = runs[-1]
         if last.status is Status.INTERRUPTED:
-            result = replace(direct, status=last.status, message=last.message)
-        else:
-            best = min(direct, last, key=lambda run: run.energy)
-            rest = replace(self, max_iter=self.max_iter - best.n_iterations)
-            result = rest._descend(
-                metric, best.path, best.energies[:-1], _RECENT_SHARE * self._largest_recent_decrease
+            return replace(
+                direct, status=last.status, message=last.message, n_evaluations=n_evaluations
             )
-        n_evaluations = result.n_evaluations + sum(run.n_evaluations for run in runs)
-        return replace(result, n_evaluations=n_evaluations)
+        best = min(direct, last, key=lambda run: run.energy)
+        rest = replace(self, max_iter=self.max_iter - best.n_iterations)
+        result = rest._descend(
+            metric, best.path, best.energies[:-1], _RECENT_SHARE * self._largest_recent_decrease
+        )
+        return replace(
+            result,
+            energies=np.concatenate([best.energies[:-1], result.energies]),
+            n_iterations=best.n_iterations + result.n_iterations,
+            n_evaluations=n_evaluations + result.n_evaluations,
+        )
 
     def _coarse_to_fine(self, metric: RiemannianMetric, path: Array) -> list[PathResult]:
         """Return searches with few segments, each from the one before, and a short one with all."""

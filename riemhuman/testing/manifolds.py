@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import Rng, check_instance, generator, real_number
+from riemhuman.checks import Rng, checked, generator, instance, positive
 from riemhuman.geometry import Manifold
 from riemhuman.testing.reports import Properties, PropertyReport, difference, report_of, share
 
@@ -22,6 +22,7 @@ _MOST_COORDINATES = 1000
 _N_POINTS = 4
 
 
+@checked(space=instance(Manifold), tolerance=positive)
 def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) -> PropertyReport:
     """Check the consistency of a manifold on a few random points.
 
@@ -41,8 +42,6 @@ def check_manifold(space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9) ->
     >>> rh.testing.check_manifold(rh.VectorSpace((2,))).passed
     True
     """
-    check_instance(space, "space", Manifold)
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     rng = generator(rng)
     points, vectors = _RandomPoints(space, rng), _TangentVectors(space, rng)
     properties = {**points.properties(), **vectors.properties()}

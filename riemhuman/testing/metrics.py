@@ -9,7 +9,7 @@ import numpy as np
 from autograd import grad
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_instance, real_number
+from riemhuman.checks import checked, instance, positive
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.testing.reports import Properties, PropertyReport, difference, excess, report_of
@@ -28,6 +28,9 @@ _LIMIT = "short distances are norms of tangent vectors"
 _GRADIENT = "the gradient of the energy is exact"
 
 
+@checked(
+    metric=instance(RiemannianMetric, "a metric, such as ElasticMetric(space)"), tolerance=positive
+)
 def check_metric(
     metric: RiemannianMetric,
     points: Array,
@@ -58,8 +61,6 @@ def check_metric(
     >>> rh.testing.check_metric(plane.metric, plane.random_point(3, rng=0)).passed
     True
     """
-    check_instance(metric, "metric", RiemannianMetric, "a metric, such as ElasticMetric(space)")
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     points, space = metric.check_points(points), metric.space
     if len(points) < 3:
         raise ArgumentError(f"points must hold three points or more; found {len(points)}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import check_strategy, one_of, real_number
+from riemhuman.checks import a_solver, checked, one_of, positive
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
@@ -43,6 +43,7 @@ _LOG_BEGINS = "logarithms of nearby points lead to these points"
 Strategy = GeodesicSolver | ExpSolver | LogSolver | TransportSolver | MeanSolver
 
 
+@checked(solver=a_solver, tolerance=positive)
 def check_solver(
     solver: Strategy,
     metric: RiemannianMetric,
@@ -86,12 +87,10 @@ def check_solver(
     >>> rh.testing.check_solver(Addition(), plane.metric, points, contract=ExpSolver).passed
     True
     """
-    tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     check_metric(metric)
     points = metric.check_points(points)
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
-    check_strategy(solver, "solver")
     if contract is None:
         contract = _contract_of(solver) or _geodesics(solver, metric, points)
     contract = one_of(contract, "contract", tuple(_TRIALS))

@@ -15,7 +15,7 @@ import riemhuman.retrieval.jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
 from riemhuman.retrieval import pairwise_job, path_job
-from riemhuman.retrieval._cluster import first_finished
+from riemhuman.retrieval._cluster import _check_workers, first_finished
 from riemhuman.retrieval.jobs import TileReader
 from riemhuman.solvers import LinearPath, path_distances
 
@@ -139,6 +139,19 @@ def test_a_cluster_without_workers_is_given_up():
 
     with pytest.raises(ClusterError, match=r"no worker for 0\.2 seconds"):
         first_finished(Deserted(), Never, ["future"], seconds=0.05)
+
+
+class Restarting:
+    """A client one of whose workers is lost while it is asked."""
+
+    status = "running"
+
+    def run(self, *arguments, **options):
+        return {"first": "0.1.0", "second": distributed.comm.CommClosedError("reset by peer")}
+
+
+def test_a_worker_that_is_being_restarted_is_not_refused():
+    _check_workers(Restarting())
 
 
 def hide():
