@@ -255,7 +255,7 @@ def test_info_says_which_fields_of_a_recording_are_used(run, tmp_path):
     finished = run("info", tmp_path / "video.npz", "--json")
     facts = json.loads(finished.out)
     assert facts["kind"] == "recording of poses"
-    assert facts["used"] == "poses, trans"
+    assert facts["used"] == "fps, poses, trans"
     assert facts["left_out"] == "expression (expression of the face)"
     save_arrays(tmp_path / "other.npz", {"poses": np.zeros(3)})
     assert json.loads(run("info", tmp_path / "other.npz", "--json").out)["kind"] == "arrays"
