@@ -238,7 +238,7 @@ def view_scan(
         over.points[None],
         values=gap.scale * local_means(drawn),
         value_label=gap.name,
-        value_caption="mean distance of the scan around each place: + outside, − inside the body",
+        value_caption="mean distance of the scan: + outside, − inside",
         value_limit=limit,
         value_signed=True,
     )
