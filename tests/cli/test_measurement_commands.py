@@ -76,7 +76,7 @@ def test_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
     drawn = picture.read_text(encoding="utf-8")
     assert ("<!-- Girths -->" in drawn, "<!-- Heights -->" in drawn) == (True, False)
     assert [missing["measurement"] for missing in record["missing"]] == ["stature"]
-    assert "does not trust" in record["missing"][0]["why"]
+    assert "untrusted parts" in record["missing"][0]["why"]
     assert next(iter(record["bodies"].values()))["head girth"] > 0.5
 
 
