@@ -19,6 +19,7 @@ from riemhuman.registration._constants import (
     DENSE_KNOWN_SCALES,
     DENSE_LONGEST_ROTATION,
     DENSE_SCALES,
+    DETAIL_SCALE,
     FARTHEST_HAIR,
     HAIR_METRES,
     HANDS_PRECISION,
@@ -110,8 +111,13 @@ def fit_closest(
     prior: Prior,
     scan: PreparedScan,
     scales: tuple[float, ...],
+    *,
+    with_detail: bool = True,
 ) -> Pose:
-    """Return the parameters that bring a body's points to the closest points of a scan."""
+    """Return the parameters that bring a body's points to the closest points of a scan.
+
+    With detail, gaps that skin would explain move no joint in the last steps.
+    """
     for scale in scales:
         posed = pose_body(body, pose)
         gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, scale)
@@ -125,6 +131,7 @@ def fit_closest(
             normals,
             DENSE_ALONG,
             DENSE_LONGEST_ROTATION,
+            with_detail=with_detail and scale <= DETAIL_SCALE,
         )
     return pose
 
@@ -147,7 +154,7 @@ def fit_joints(
         np.where(of_hands, prior.betas_precisions, _FIXED),
     )
     samples = samples._replace(areas=samples.areas * task.visible[samples.numbers])
-    return fit_closest(samples, start, of_limb, task.scan, scales)
+    return fit_closest(samples, start, of_limb, task.scan, scales, with_detail=False)
 
 
 def is_clearly_refused(body: RegistrationModel, pose: Pose, points: Array) -> bool:

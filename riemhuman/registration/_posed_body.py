@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, Booleans, Integers
@@ -20,6 +21,12 @@ from riemhuman.bodies.skinning import JointMotions, Skeleton, skinning_derivativ
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.rotations import axial
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
+from riemhuman.registration._constants import (
+    DETAIL_LENGTH,
+    DETAIL_METRES,
+    MATCH_NORMAL_METRES,
+    N_DETAILS,
+)
 from riemhuman.registration._even_points import thin_points
 
 
@@ -33,6 +40,7 @@ class ModelSamples(NamedTuple):
     shapedirs: Array  # (n, 3, B)
     posedirs: Array  # (n, 3, P); P is 0 for a model without posedirs
     weights: Array  # (n, J) skinning weights
+    detail: Array  # (n, K) smooth heights that people have and the model has not; 0 for joints
     skeleton: Skeleton
 
     def only(self, chosen: Booleans | Integers) -> ModelSamples:
@@ -62,6 +70,7 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
     posedirs = np.zeros((len(numbers), 3, 0)) if model.posedirs is None else model.posedirs[numbers]
     weights = np.concatenate([model.weights[numbers], np.eye(n_joints)])
     shapedirs = np.concatenate([skeleton.directions[numbers], skeleton.joint_shapes])
+    detail = _smooth_heights(vertices, normals, numbers)
     return ModelSamples(
         numbers=np.concatenate([numbers, np.full(n_joints, -1)]),
         rest=np.concatenate([vertices[numbers], skeleton.rest_joints]),
@@ -70,8 +79,31 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         shapedirs=shapedirs,
         posedirs=np.concatenate([posedirs, np.zeros((n_joints, 3, n_features))]),
         weights=weights,
+        detail=np.concatenate([detail, np.zeros((n_joints, detail.shape[1]), detail.dtype)]),
         skeleton=skeleton,
     )
+
+
+def _smooth_heights(vertices: Array, normals: Array, numbers: Integers) -> Array:
+    """Return heights of some vertices, (n, K), whose combinations are smooth random detail.
+
+    With independent coefficients of variance s², heights of two vertices have the covariance
+    s² exp(-d² / 2ℓ²) at the distance d of their places and normals, up to the error of Nyström's
+    approximation from K vertices.
+    """
+    places = np.concatenate([vertices, MATCH_NORMAL_METRES * normals], axis=1)
+    centres = places[thin_points(vertices, N_DETAILS, np.random.default_rng(0))]
+    among = _covariance(centres, centres) + 1e-6 * np.eye(len(centres))
+    heights: Array = np.linalg.solve(
+        np.linalg.cholesky(among), _covariance(centres, places[numbers])
+    ).T
+    return heights.astype(np.float32)
+
+
+def _covariance(first: Array, second: Array) -> Array:
+    squares = cdist(first, second, "sqeuclidean")
+    covariance: Array = np.exp(-0.5 * squares / DETAIL_LENGTH**2)
+    return covariance
 
 
 class Pose(NamedTuple):
@@ -131,11 +163,14 @@ def take_step(
     directions: Array,
     along: float,
     longest: float,
+    *,
+    with_detail: bool = False,
 ) -> Pose:
     """Return the parameters after one damped Gauss–Newton step."""
     # It decreases Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²), with shares s, gaps r, directions d and
     # τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more
-    # than `longest`, radians.
+    # than `longest`, radians. With detail, the gaps are those that are left by the likeliest smooth
+    # heights along d: what skin explains twists no joint.
     pose, body = posed.pose, posed.body
     # Single precision is enough for steps; the change of the pose offsets is ignored.
     rows = skinning_derivatives(
@@ -149,9 +184,13 @@ def take_step(
     )
     sides = np.empty((len(rows), 3), rows.dtype)
     _weigh(rows, sides, shares, gaps, directions, along)
-    rows = rows.reshape(-1, rows.shape[2])
-    matrix = (rows.T @ rows).astype(float)
-    right = (rows.T @ sides.ravel()).astype(float)
+    flat = rows.reshape(-1, rows.shape[2])
+    matrix = (flat.T @ flat).astype(float)
+    right = (flat.T @ sides.ravel()).astype(float)
+    if with_detail:
+        explained = _explained_by_detail(rows, sides, shares, directions, body.detail, prior_weight)
+        matrix -= explained[:, :-1]
+        right -= explained[:, -1]
 
     of_place = np.full(3, prior.precisions[body.skeleton.order[0]])
     precisions = np.concatenate([np.tile(prior.precisions, 3), prior.betas_precisions, of_place])
@@ -169,6 +208,28 @@ def take_step(
     vectors *= longest / np.maximum(angles, longest)
     local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
     return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
+
+
+def _explained_by_detail(
+    rows: Array,
+    sides: Array,
+    shares: Array,
+    directions: Array,
+    detail: Array,
+    prior_weight: float,
+) -> Array:
+    """Return what smooth heights take from a step's matrix and, in the last column, right side."""
+    # The Schur complement of their coefficients, which have a normal prior.
+    directions = directions.astype(rows.dtype)
+    along_normals = np.column_stack(
+        [np.einsum("nxc,nx->nc", rows, directions), np.einsum("nx,nx->n", sides, directions)]
+    )
+    heights = np.sqrt(shares).astype(rows.dtype)[:, np.newaxis] * detail
+    mixed = (heights.T @ along_normals).astype(float)
+    matrix = (heights.T @ heights).astype(float)
+    np.fill_diagonal(matrix, np.diag(matrix) + prior_weight / DETAIL_METRES**2)
+    explained: Array = mixed[:, :-1].T @ np.linalg.solve(matrix, mixed)
+    return explained
 
 
 @compiled(fastmath=FUSED)

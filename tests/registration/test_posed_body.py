@@ -69,3 +69,28 @@ def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
     # The damping of 1e-4 keeps Gauss–Newton's steps from being exact.
     assert sizes[1] < 0.1 * sizes[0]
     assert sizes[2] < 0.1 * sizes[1]
+
+
+def test_what_smooth_skin_explains_moves_no_joint(model):
+    """Bumps of some millimetres, on a body in its place, without a prior that would hold it."""
+    body = sample_model(model, 600)
+    rest = Pose(
+        np.tile(np.eye(3), (model.n_joints, 1, 1)), np.zeros(body.shapedirs.shape[2]), np.zeros(3)
+    )
+    posed = pose_body(body, rest)
+    coefficients = np.random.default_rng(3).normal(0.0, 0.005, body.detail.shape[1])
+    heights = body.detail @ coefficients
+    assert 0.002 < heights[body.numbers >= 0].std() < 0.01
+    ones = np.ones(model.n_joints)
+    prior = Prior(rest.local, ones, rest.betas, np.ones(len(rest.betas)))
+    with_skin, without = (
+        take_step(
+            posed, prior, 1e-8, body.areas, heights[:, np.newaxis] * posed.normals,
+            posed.normals, 0.05, 0.3, with_detail=with_detail,
+        )
+        for with_detail in (True, False)
+    )  # fmt: skip
+    turns, turns_without = (
+        Rotation.from_matrix(pose.local).magnitude().mean() for pose in (with_skin, without)
+    )
+    assert turns < 0.4 * turns_without
