@@ -53,12 +53,13 @@ _STIFFNESS = 0.2
 _SHORT = 1e-3
 
 # A search over all vertices that has not ended after so many iterations starts again with fewer
-# segments, whose path replaces its own if, after so many further iterations, it costs less.
+# segments, in as many iterations each at most. That path replaces its own if it costs less after
+# so many further iterations.
 _PATIENCE = 50
 _TRIAL = 10
 _FEWEST_NODES = 5
-# Then its last iterations may gain this share of what those of another search may: they go on
-# where the search from few segments came close to the minimum, and gain less than they could.
+# The last iterations from there may gain this share of what those of other searches may: few
+# iterations from a path close to the minimum gain little, although much is left.
 _RECENT_SHARE = 0.5
 
 # Least and largest ridge; the tolerance lies between. A ridge hides how softly whole limbs move,
@@ -415,9 +416,10 @@ class PathStraightening(PathSearch):
             )
         best = min(direct, last, key=lambda run: run.energy)
         rest = replace(self, max_iter=self.max_iter - best.n_iterations)
-        result = rest._descend(
-            metric, best.path, best.energies[:-1], _RECENT_SHARE * self._largest_recent_decrease
-        )
+        recent_decrease = self._largest_recent_decrease
+        if best is last:
+            recent_decrease *= _RECENT_SHARE
+        result = rest._descend(metric, best.path, best.energies[:-1], recent_decrease)
         return replace(
             result,
             energies=np.concatenate([best.energies[:-1], result.energies]),
@@ -428,7 +430,7 @@ class PathStraightening(PathSearch):
     def _coarse_to_fine(self, metric: RiemannianMetric, path: Array) -> list[PathResult]:
         """Return searches with few segments, each from the one before, and a short one with all."""
         runs: list[PathResult] = []
-        silent = replace(self, callback=None, remove_drift=True)
+        silent = replace(self, callback=None, remove_drift=True, max_iter=_PATIENCE)
         for n_segments in _fewer_segments(self.n_nodes - 1):
             coarse = _on_manifold(metric, refine_path(path, n_segments))
             if np.isfinite(_energy(metric, self.energy, coarse)):
