@@ -67,8 +67,8 @@ def lower_bounds() -> list[str]:
     config = ConfigParser(interpolation=None)
     config.read("setup.cfg")
     extras = config["options.extras_require"]
-    in_all = re.search(r"\[(.*)\]", extras["all"])[1].split(",")
-    names = sorted({"test", "plot", "completion", "video", *in_all})
+    in_test = re.search(r"\[(.*)\]", extras["test"])[1].split(",")
+    names = sorted({"test", "plot", *in_test})
     lines = [config["options"]["install_requires"], *(extras[name] for name in names)]
     bounds = re.findall(r"^([\w.-]+)>=([\d.]+)", "\n".join(lines), re.MULTILINE)
     return [f"{name}=={release}" for name, release in bounds]
