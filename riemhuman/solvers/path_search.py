@@ -53,9 +53,10 @@ _STIFFNESS = 0.2
 _SHORT = 1e-3
 
 # A search over all vertices that has not ended after so many iterations starts again with fewer
-# segments, in so many each at most. That path replaces its own if it costs less after so many
-# further iterations. Most searches end before; starting again would cost them more than it saves.
-_PATIENCE, _MOST_COARSE, _TRIAL = 150, 50, 10
+# segments, in as many iterations each at most. That path replaces its own if it costs less after
+# so many further iterations.
+_PATIENCE = 50
+_TRIAL = 10
 _FEWEST_NODES = 5
 # The last iterations from there may gain this share of what those of other searches may: few
 # iterations from a path close to the minimum gain little, although much is left.
@@ -354,7 +355,7 @@ class PathStraightening(PathSearch):
     steps that leave it (`belongs`) are rejected. Ends are aligned as by `BasisPath`. The
     minimisation is L-BFGS with the inverse of the metric's matrix, averaged over the path, as its
     first inverse Hessian; it starts as `BasisPath` does, and tries both directions if a limb may
-    rotate in either. A search that has not ended after 150 iterations starts again with 2 segments,
+    rotate in either. A search that has not ended after 50 iterations starts again with 2 segments,
     then 5, then 10 of 10, say, and goes on from the better of both paths, whose energies are those
     of the result. Its energies are never higher than those of `BasisPath` with
     ``initial=BasisPath(...)``.
@@ -429,7 +430,7 @@ class PathStraightening(PathSearch):
     def _coarse_to_fine(self, metric: RiemannianMetric, path: Array) -> list[PathResult]:
         """Return searches with few segments, each from the one before, and a short one with all."""
         runs: list[PathResult] = []
-        silent = replace(self, callback=None, remove_drift=True, max_iter=_MOST_COARSE)
+        silent = replace(self, callback=None, remove_drift=True, max_iter=_PATIENCE)
         for n_segments in _fewer_segments(self.n_nodes - 1):
             coarse = _on_manifold(metric, refine_path(path, n_segments))
             if np.isfinite(_energy(metric, self.energy, coarse)):
