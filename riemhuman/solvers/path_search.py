@@ -52,16 +52,6 @@ _STIFFNESS = 0.2
 # energy, as where a triangle loses its area and its normal jumps.
 _SHORT = 1e-3
 
-# A search over all vertices that has not ended after so many iterations starts again with fewer
-# segments, in as many iterations each at most. That path replaces its own if it costs less after
-# so many further iterations.
-_PATIENCE = 50
-_TRIAL = 10
-_FEWEST_NODES = 5
-# The last iterations from there may gain this share of what those of other searches may: few
-# iterations from a path close to the minimum gain little, although much is left.
-_RECENT_SHARE = 0.5
-
 # Least and largest ridge; the tolerance lies between. A ridge hides how softly whole limbs move,
 # increasingly so on finer meshes. What such motions still gain matters only to narrow tolerances.
 _LEAST_RIDGE, _LARGEST_RIDGE = 1e-6, 1e-4
@@ -182,12 +172,12 @@ class PathSearch(PathSolver):
     def _best_of(self, metric: RiemannianMetric, paths: list[Array]) -> PathResult:
         """Search from the start that reaches the least energy in a short run."""
         if len(paths) == 1:
-            return self._search_from(metric, paths[0])
+            return self._descend(metric, paths[0])
         tolerance = max(_FIRST_TOLERANCE, self.tolerance)
         short = replace(self, tolerance=tolerance, callback=None)
         results: list[PathResult] = []
         for path in paths:
-            results.append(short._search_from(metric, path))
+            results.append(short._descend(metric, path))
             if results[-1].status is Status.INTERRUPTED:
                 break
         best = min(results, key=lambda result: result.energy)
@@ -197,20 +187,8 @@ class PathSearch(PathSolver):
         n_evaluations = result.n_evaluations + sum(candidate.n_evaluations for candidate in results)
         return replace(result, n_evaluations=n_evaluations)
 
-    def _search_from(self, metric: RiemannianMetric, path: Array) -> PathResult:
-        """Search from one start."""
-        return self._descend(metric, path)
-
-    @property
-    def _largest_recent_decrease(self) -> float:
-        return max(self._recent_decrease, self._recent_tolerances * self.tolerance)
-
     def _descend(
-        self,
-        metric: RiemannianMetric,
-        path: Points,
-        earlier: Array | tuple[()] = (),
-        recent_decrease: float | None = None,
+        self, metric: RiemannianMetric, path: Points, earlier: Array | tuple[()] = ()
     ) -> PathResult:
         """Minimise over the interior points of a path."""
         path = _on_manifold(metric, path)
@@ -242,7 +220,7 @@ class PathSearch(PathSolver):
             report if self.callback else None,
             tolerance=self.tolerance,
             max_iter=self.max_iter,
-            recent_decrease=recent_decrease or self._largest_recent_decrease,
+            recent_decrease=max(self._recent_decrease, self._recent_tolerances * self.tolerance),
             shortest=_SHORT if over_all and metric.space.is_surface_space else 0.0,
             floor=(len(path) - 1) ** 2 * rounding,
             earlier=earlier,
@@ -355,9 +333,7 @@ class PathStraightening(PathSearch):
     steps that leave it (`belongs`) are rejected. Ends are aligned as by `BasisPath`. The
     minimisation is L-BFGS with the inverse of the metric's matrix, averaged over the path, as its
     first inverse Hessian; it starts as `BasisPath` does, and tries both directions if a limb may
-    rotate in either. A search that has not ended after 50 iterations starts again with 2 segments,
-    then 5, then 10 of 10, say, and goes on from the better of both paths, whose energies are those
-    of the result. Its energies are never higher than those of `BasisPath` with
+    rotate in either. Its energies are never higher than those of `BasisPath` with
     ``initial=BasisPath(...)``.
 
     If surfaces can slide along themselves at no cost, their meshes crumple; a
@@ -400,63 +376,9 @@ class PathStraightening(PathSearch):
                 ReparametrizationInvarianceWarning,
             )
 
-    def _search_from(self, metric: RiemannianMetric, path: Array) -> PathResult:
-        """Search from one start; if that is slow, from a path of few segments as well."""
-        if self.max_iter <= _PATIENCE or self.n_nodes < _FEWEST_NODES:
-            return self._descend(metric, path)
-        direct = replace(self, max_iter=_PATIENCE)._descend(metric, path)
-        if direct.status is not Status.MAX_ITER:
-            return direct
-        runs = [direct, *self._coarse_to_fine(metric, path)]
-        n_evaluations = sum(run.n_evaluations for run in runs)
-        last = runs[-1]
-        if last.status is Status.INTERRUPTED:
-            return replace(
-                direct, status=last.status, message=last.message, n_evaluations=n_evaluations
-            )
-        best = min(direct, last, key=lambda run: run.energy)
-        rest = replace(self, max_iter=self.max_iter - best.n_iterations)
-        recent_decrease = self._largest_recent_decrease
-        if best is last:
-            recent_decrease *= _RECENT_SHARE
-        result = rest._descend(metric, best.path, best.energies[:-1], recent_decrease)
-        return replace(
-            result,
-            energies=np.concatenate([best.energies[:-1], result.energies]),
-            n_iterations=best.n_iterations + result.n_iterations,
-            n_evaluations=n_evaluations + result.n_evaluations,
-        )
-
-    def _coarse_to_fine(self, metric: RiemannianMetric, path: Array) -> list[PathResult]:
-        """Return searches with few segments, each from the one before, and a short one with all."""
-        runs: list[PathResult] = []
-        silent = replace(self, callback=None, remove_drift=True, max_iter=_PATIENCE)
-        for n_segments in _fewer_segments(self.n_nodes - 1):
-            coarse = _on_manifold(metric, refine_path(path, n_segments))
-            if np.isfinite(_energy(metric, self.energy, coarse)):
-                runs.append(silent._descend(metric, coarse))
-                if runs[-1].status is Status.INTERRUPTED:
-                    return runs
-                path = runs[-1].path
-        fine = _on_manifold(metric, refine_path(path, self.n_nodes - 1))
-        if np.isfinite(_energy(metric, self.energy, fine)):
-            runs.append(replace(silent, max_iter=_TRIAL)._descend(metric, fine))
-        return runs
-
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         ridge = float(np.clip(self.tolerance, _LEAST_RIDGE, _LARGEST_RIDGE))
-        # Three surfaces tell as much as all of them, and cost less.
-        nodes = path[np.unique([1, len(path) // 2, len(path) - 2])]
-        return metric_factor(metric, nodes, stiffness=_STIFFNESS, ridge=ridge)
-
-
-def _fewer_segments(n_segments: int) -> list[int]:
-    """Return numbers of segments, from two, each about half the next, the last half the given."""
-    numbers: list[int] = []
-    while n_segments > 2:
-        n_segments = max(2, n_segments // 2)
-        numbers.insert(0, n_segments)
-    return numbers
+        return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
 
 
 def refine_path(path: Points, n_segments: int) -> Array:

@@ -325,7 +325,7 @@ def test_a_solver_gives_another_start():
     """It is taken where its path costs less than the others."""
     metric, ends = elastic(1.0, 0.1, 0.1), bodies.swung_arms(4)
     found = over_basis(5).solve(metric, *ends)
-    settings = {"n_nodes": 5, "tolerance": 1e-2, "remove_drift": False}
+    settings = {"n_nodes": 5, "remove_drift": False}
     result = PathStraightening(initial=over_basis(5), **settings).solve(metric, *ends)
     assert result.energies[0] == pytest.approx(found.energy, rel=1e-12)
     assert result.energy < found.energy
