@@ -310,18 +310,3 @@ def each(check: Check, expected: str) -> Callable[[Iterable[Kind], str], tuple[K
         )
 
     return check_each
-
-
-def check_strategy(solver: object, name: str) -> None:
-    """Raise an ArgumentTypeError for what has no method `solve`, and for classes."""
-    a_solver(solver, name)
-
-
-def check_function(value: object, name: str) -> None:
-    """Raise an ArgumentTypeError for what cannot be called."""
-    a_function(value, name)
-
-
-def check_basis(value: object, name: str) -> None:
-    """Raise an ArgumentTypeError for what lacks the methods of a DeformationBasis."""
-    a_basis(value, name)

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Values
-from riemhuman.checks import check_instance, flag, real_array
+from riemhuman.checks import checked, flag, instance, real_array
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, RiemhumanError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -91,6 +91,7 @@ class ScanRecord:
     matched_share: float
     arrays: dict[str, Values]
 
+    @checked(scan=instance(Scan))
     def result(self, scan: Scan) -> RegisteredScan:
         """Return the registration of the scan from which the record was made, without a model fit.
 
@@ -104,7 +105,6 @@ class ScanRecord:
         ArgumentError
             If the scan could not be registered, or if this is another scan.
         """
-        check_instance(scan, "scan", Scan)
         if not self.arrays:
             raise ArgumentError(f"{self.name} was not registered: {self.message}")
         faces, points = self.arrays["faces"], self.arrays["points"]
@@ -156,6 +156,7 @@ class FolderResult(Result):
     records: tuple[ScanRecord, ...]
 
 
+@checked(registration=instance(ScanRegistration), sequence=flag, keep_axes=flag, progress=flag)
 def register_folder(
     registration: ScanRegistration,
     scans: str | os.PathLike[str],
@@ -199,9 +200,6 @@ def register_folder(
     >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
     >>> rh.registration.register_folder(registration, "scans", "bodies")  # doctest: +SKIP
     """
-    check_instance(registration, "registration", ScanRegistration)
-    sequence, keep_axes = flag(sequence, "sequence"), flag(keep_axes, "keep_axes")
-    progress = flag(progress, "progress")
     files = _scan_files(scans)
     folder = file_path(output, "output", "folder")
     with convert_errors(folder, "cannot be made"):

@@ -10,14 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
-from riemhuman.checks import (
-    Rng,
-    flag,
-    generator,
-    real_array,
-    real_number,
-    whole_number,
-)
+from riemhuman.checks import Rng, checked, flag, generator, real, real_array, share, whole
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
@@ -28,9 +21,8 @@ _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
 _FLOOR_METRES, _FLOOR_SPACING = 1.6, 0.012
 # More than scanners return; each takes a few hundred bytes of memory.
 _MOST_POINTS = 100_000_000
-# Thicker clothes and coarser noise are in another unit; so are wider bodies, of which a scanner
-# would see a hundred million pixels.
-_THICKEST_METRES, _WIDEST_METRES = 100.0, 50.0
+# Wider bodies are in another unit: a scanner would see a hundred million pixels of them.
+_WIDEST_METRES = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +57,15 @@ class SimulatedScan:
 
 
 # More than eight arguments, because each keyword is one fault of scanners.
+@checked(
+    n_points=whole(minimum=1, maximum=_MOST_POINTS),
+    mesh=flag,
+    noise=real(minimum=0.0),
+    missing=share,
+    rotate=flag,
+    clothing=real(minimum=0.0),
+    floor=flag,
+)
 def simulated_scan(
     points: ArrayLike,
     faces: ArrayLike,
@@ -119,13 +120,8 @@ def simulated_scan(
     if triangle_areas(vertices, triangles).sum() <= 0.0:
         raise DegenerateSurfaceError("points and faces have no area that could be scanned")
     random = generator(rng)
-    n_points = whole_number(n_points, "n_points", minimum=1, maximum=_MOST_POINTS)
-    noise = real_number(noise, "noise", minimum=0.0, maximum=_THICKEST_METRES)
-    missing = real_number(missing, "missing", minimum=0.0)
-    if missing >= 1.0:
-        raise ArgumentError(f"missing must be less than 1; found {missing:g}")
-    mesh, rotate, floor = flag(mesh, "mesh"), flag(rotate, "rotate"), flag(floor, "floor")
-    clothing = real_number(clothing, "clothing", minimum=0.0, maximum=_THICKEST_METRES)
+    if missing == 1.0:
+        raise ArgumentError("missing must be less than 1; found 1")
     direction = None if view is None else _direction(view, vertices)
     surface = vertices
     if clothing:

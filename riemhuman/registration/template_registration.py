@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike
-from riemhuman.checks import check_instance, real_array
+from riemhuman.checks import checked, instance, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.surface import vertex_normals
@@ -32,6 +32,7 @@ _NEAR_METRES = 0.02
 _LEAST_MATCHED, _LEAST_NEAR = 0.3, 0.8
 
 
+@checked(template=instance(Template))
 @dataclass(frozen=True)
 class TemplateRegistration:
     """Registers scans by a template from a rough start: first rigidly, then elastically.
@@ -57,7 +58,6 @@ class TemplateRegistration:
     template: Template
 
     def __post_init__(self) -> None:
-        check_instance(self.template, "template", Template)
         template = self.template
         if template.seams:
             raise ArgumentError(

@@ -10,7 +10,7 @@ from typing import NamedTuple, overload
 import numpy as np
 
 from riemhuman.arrays import Array, Points, PointsLike
-from riemhuman.checks import check_methods, check_strategy, length_of, real_array, refuse_type
+from riemhuman.checks import a_solver, check_methods, length_of, real_array, refuse_type
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
@@ -136,7 +136,7 @@ def compare_paths(
         if not isinstance(pair, tuple) or len(pair) != 2:
             refuse_type(pair, f"solvers[{name!r}]", "a pair of a solver and the name of its metric")
         solver, metric_name = pair
-        check_strategy(solver, f"solvers[{name!r}][0]")
+        a_solver(solver, f"solvers[{name!r}][0]")
         if metric_name not in metrics:
             raise ArgumentError(
                 f"solvers[{name!r}] names the metric {metric_name!r}; metrics holds "

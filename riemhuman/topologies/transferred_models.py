@@ -8,7 +8,7 @@ from scipy import sparse
 from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel, correspondence_matrix
 from riemhuman.bodies.skinning import JointMotions, Skeleton
-from riemhuman.checks import check_instance
+from riemhuman.checks import checked, instance
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.registration import ScanRegistration
@@ -16,6 +16,7 @@ from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
 
+@checked(model=instance(BodyModel), body=instance(Template))
 def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     r"""Transfer a body model to another mesh, from one body that has this mesh.
 
@@ -52,8 +53,6 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     >>> body = rh.Template(bodies[0], bodies.template.faces)
     >>> model = rh.topologies.transfer_model(bodies.model, body)  # doctest: +SKIP
     """
-    check_instance(model, "model", BodyModel)
-    check_instance(body, "body", Template)
     vertices, faces = body.vertices, body.faces
     registered = ScanRegistration(model, unit="metres").solve((vertices, faces))
     fit = registered.fit

@@ -14,7 +14,6 @@ from riemhuman.solvers import (
     BasisPath,
     GradientDescentMean,
     Interrupted,
-    PathStraightening,
     SegmentEnergy,
     Status,
 )
@@ -60,18 +59,6 @@ def test_finished_starts_are_kept():
         known = values[: min(second, last - 1)]
         assert result.energy == pytest.approx(min(known), rel=1e-12)
         assert metric.energy(result.path) == pytest.approx(result.energy, rel=1e-10)
-
-
-def test_a_slow_search_that_starts_again_keeps_its_path(monkeypatch):
-    """Interrupted with two segments, it returns what it had found with all."""
-    monkeypatch.setattr("riemhuman.solvers.path_search._PATIENCE", 2)
-    metric, ends = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0), bodies.swung_arms(1)
-    direct = PathStraightening(7).solve(metric, *ends)
-    with pytest.raises(Interrupted) as caught:
-        PathStraightening(7, energy=WatchedEnergy(6)).solve(metric, *ends)
-    result = caught.value.result
-    assert len(result.path) == 7
-    assert direct.energy < result.energy == pytest.approx(metric.energy(result.path), rel=1e-9)
 
 
 @pytest.mark.parametrize("number", [2, 4])
