@@ -41,7 +41,7 @@ def pose_distance(definitions: MeasurementSet, points_a: ArrayLike, points_b: Ar
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> definitions = rh.measurements.open_measurements(bodies.model)
     >>> float(rh.measurements.pose_distance(definitions, bodies[0], bodies[3]).round(2))
-    0.87
+    0.61
     """
     shape = (definitions.n_vertices, 3)
     points_a = real_array(points_a, "points_a", shape)
