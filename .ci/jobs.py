@@ -4,7 +4,8 @@ Each works in a copy of the tracked files, in a virtual environment of its own, 
 --environment names; further arguments go to pytest, or to the part of `nightly`.
 
 command      print the test command of README.md
-docs         the documentation site, its links and widths, and the Python of pages and tutorials
+pages        the Python of pages, tutorials and examples
+site         the documentation site, its links and widths
 kernels      the most iterative tests with other kernels of OpenBLAS and NumPy's plainest loops
 oracles      agreement with geomstats, trec_eval, PyVista, meshio and ezc3d; training with PyTorch
 oldest       the tests on the oldest releases that setup.cfg allows, with Python 3.11
@@ -19,7 +20,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from configparser import ConfigParser
 from pathlib import Path
 
@@ -81,14 +81,15 @@ def oldest(folder: Path) -> str:
     return made(folder, ".[test]", "-c", str(pins), python="python3.11")
 
 
-def docs(python: str, arguments: list[str]) -> None:
+def pages(python: str, arguments: list[str]) -> None:
     call(python, "-m", "pip", "install", "-q", "riemhuman[docs]", **NEWEST)
-    pages = [f"tests/test_{name}.py" for name in ("readme", "tutorials", "examples")]
-    # The site is built and looked at meanwhile, by one process.
-    with ThreadPoolExecutor() as pool:
-        site = pool.submit(test, python, "-n", "0", "-m", "", "tests/test_site.py", CI="true")
-        test(python, "-m", "", "-n", "auto", "--dist", "worksteal", *pages, *arguments)
-        site.result()
+    tests = [f"tests/test_{name}.py" for name in ("readme", "tutorials", "examples")]
+    test(python, "-m", "", "-n", "auto", "--dist", "worksteal", *tests, *arguments)
+
+
+def site(python: str, arguments: list[str]) -> None:
+    call(python, "-m", "pip", "install", "-q", "riemhuman[docs]", **NEWEST)
+    test(python, "-n", "0", "-m", "", "tests/test_site.py", *arguments, CI="true")
 
 
 def kernels(python: str, arguments: list[str]) -> None:
@@ -130,7 +131,9 @@ def main() -> None:
         elif options.job == "oldest":
             test(oldest(environment), "-W", "default::DeprecationWarning", *arguments)
         else:
-            job = {"docs": docs, "kernels": kernels, "nightly": nightly}[options.job]
+            job = {"pages": pages, "site": site, "kernels": kernels, "nightly": nightly}[
+                options.job
+            ]
             job(made(environment, ".[test,docs]", **NEWEST), arguments)
 
 
