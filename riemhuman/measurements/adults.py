@@ -1,7 +1,7 @@
 """Statistics of adults' measurements, and the one check of values that people give.
 
-Whoever takes measurements of a person (`percentiles`, `predict_measurements`,
-`model_from_measurements`) asks `check_values` first: a value that nobody has is in another unit,
+Functions that take measurements of a person (`percentiles`, `predict_measurements`,
+`model_from_measurements`) ask `check_values` first: a value that nobody has is in another unit,
 and two values that nobody has together hold a mistake.
 """
 
