@@ -136,6 +136,8 @@ def motions_of_joints(
     joints: Array, rotations: Array, parents: Integers, order: Sequence[int]
 ) -> tuple[Array, Array]:
     """Return `joint_motions` of arrays that are checked already."""
+    # Recording calls takes autograd longer than the calls, of which there are hundreds.
+    numpy = np if isbox(joints) or isbox(rotations) else onp
     n_joints = len(parents)
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
     joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
@@ -149,10 +151,10 @@ def motions_of_joints(
         if parent >= 0:
             bone = positions[joint] - joints[..., parent, :]
             positions[joint] = positions[parent] + _apply(in_space[parent], bone)
-            in_space[joint] = np.matmul(in_space[parent], in_space[joint])
+            in_space[joint] = numpy.matmul(in_space[parent], in_space[joint])
     return (
-        np.stack([in_space[joint] for joint in range(n_joints)], axis=-3),
-        np.stack([positions[joint] for joint in range(n_joints)], axis=-2),
+        numpy.stack([in_space[joint] for joint in range(n_joints)], axis=-3),
+        numpy.stack([positions[joint] for joint in range(n_joints)], axis=-2),
     )
 
 

@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar, TypeVarTuple
+from typing import TypeAlias, TypeVar, TypeVarTuple
 
 import numpy as np
 from scipy import sparse
@@ -34,6 +34,9 @@ _IN_CACHE = 16384
 # With fewer numbers, starting threads takes longer than they save.
 _FEWEST_FOR_THREADS = 500_000
 
+Run: TypeAlias = "slice[int, int, None]"
+"""Consecutive numbers of a range."""
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Sums = TypeVarTuple("Sums")
@@ -45,6 +48,12 @@ def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) 
     ends = np.linspace(0, size, N_CHUNKS + 1).astype(np.int64)
     run = _pool().map if threaded else map
     return list(run(task, ends[:-1], ends[1:]))
+
+
+def in_runs(task: Callable[[Run], Result], n: int, size: int) -> list[Result]:
+    """Return the results of a task on consecutive runs of range(n), in threads."""
+    runs = list(slices(n, size))
+    return list((_pool().map if len(runs) > 1 else map)(task, runs))
 
 
 def sums_in_chunks(
@@ -228,7 +237,7 @@ _TILE_WORK = 320_000_000
 _TILES_A_THREAD = 4
 
 
-def slices(n: int, size: int) -> Iterator[slice[int, int, None]]:
+def slices(n: int, size: int) -> Iterator[Run]:
     """Yield consecutive parts of range(n), all but the last of one size."""
     for start in range(0, n, size):
         yield slice(start, min(start + size, n))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from riemhuman.arrays import Array
@@ -9,6 +11,7 @@ from riemhuman.bodies import joints_between
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.kernels.rotations import exp, log, shortest_rotations
 from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.kernels.threads import Run, in_runs
 from riemhuman.mocap._joint_axes import Figure, figure_hinge, joint_axes, shown_rotations
 from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
 from riemhuman.mocap._skeletons import (
@@ -18,6 +21,11 @@ from riemhuman.mocap._skeletons import (
     trunk,
     turned_towards,
 )
+
+NECK = ("neck", "head")
+
+# Frames that are computed at a time: few enough for their numbers to stay in the cache.
+RUN = 500
 
 # Limbs deviate from the recorded directions by at most this many radians.
 _LIMB = np.radians(3.8)
@@ -31,9 +39,46 @@ _HINGE_SHARE = 0.1
 _UNLIKE = np.radians(30.0)
 
 
+class _Parts(NamedTuple):
+    """What all frames of a recording say about its parts.
+
+    `axes` are the constant rotations of parts by names of joints. Parts that are `shown` by
+    positions alone are those whose recorded rotations contradict them.
+    """
+
+    axes: dict[str, Array]
+    shown: list[str]
+    has_neck: bool
+
+    @classmethod
+    def of(cls, source: RecordedSkeleton, figure: Figure) -> _Parts:
+        """Return the parts of a recording."""
+        axes = joint_axes(source, figure)
+        shown = []
+        for name in ("pelvis", "chest"):
+            # Some files place joints without rotating their parents.
+            angles = log(source.rotation(name) @ axes[name], shown_rotations(source, figure, name))
+            if np.linalg.norm(angles, axis=-1).mean() > _UNLIKE:
+                shown.append(name)
+        has_neck = has_bone(source.positions, source.joints, *NECK)
+        return cls(axes, shown, has_neck and set(NECK) <= figure.joints.keys())
+
+
 def follow(source: RecordedSkeleton, figure: Figure, scale: float) -> Array:
     """Return rotations of all joints in space that follow a recording, (n_frames, J, 3, 3)."""
-    recorded = _recorded_rotations(source, figure)
+    parts = _Parts.of(source, figure)
+    rotations = np.empty((len(source.positions), len(figure.rest), 3, 3))
+
+    def follow_run(frames: Run) -> None:
+        rotations[frames] = _followed(source.run(frames), figure, scale, parts)
+
+    in_runs(follow_run, len(rotations), RUN)
+    return rotations
+
+
+def _followed(source: RecordedSkeleton, figure: Figure, scale: float, parts: _Parts) -> Array:
+    """Return the rotations of all joints in some of the frames."""
+    recorded = _recorded_rotations(source, figure, parts)
     rotations = np.empty((len(source.positions), len(figure.rest), 3, 3))
     for joint in figure.model.joint_order:
         above = figure.model.parents[joint]
@@ -98,24 +143,21 @@ def _direction(source: RecordedSkeleton, first: str, second: str) -> Array:
     return unit(bone(source.positions, source.joints, first, second))
 
 
-def _recorded_rotations(source: RecordedSkeleton, figure: Figure) -> dict[int, Array]:
+def _recorded_rotations(
+    source: RecordedSkeleton, figure: Figure, known: _Parts
+) -> dict[int, Array]:
     """Return the rotations in space of joints that are recorded; others follow their parents."""
-    axes = joint_axes(source, figure)
-    parts = {name: source.rotation(name) @ axis for name, axis in axes.items()}
-    for name in ("pelvis", "chest"):
-        shown = shown_rotations(source, figure, name)
-        if np.linalg.norm(log(parts[name], shown), axis=-1).mean() > _UNLIKE:
-            # Some files place joints without rotating their parents.
-            parts[name] = shown
+    parts = {name: source.rotation(name) @ axes for name, axes in known.axes.items()}
+    for name in known.shown:
+        parts[name] = shown_rotations(source, figure, name)
     for limb in LIMBS:
         for pair in (limb[:2], limb[1:]):
             directions = _direction(source, *pair)
             parts[pair[0]] = turned_towards(parts[pair[0]], figure.bone(*pair), directions)
     parts.setdefault("head", parts["chest"])
     neck = _interpolated(parts["chest"], parts["head"], 3)[1]
-    pair = ("neck", "head")
-    if has_bone(source.positions, source.joints, *pair) and set(pair) <= figure.joints.keys():
-        neck = turned_towards(neck, figure.bone(*pair), _direction(source, *pair))
+    if known.has_neck:
+        neck = turned_towards(neck, figure.bone(*NECK), _direction(source, *NECK))
     parts["neck"] = neck
     rotations = {figure.joints[name]: part for name, part in parts.items() if name in figure.joints}
     spine = joints_between(figure.model.parents, figure.joints["pelvis"], figure.joints["chest"])
@@ -155,4 +197,5 @@ def _bent(to_end: Array, a: float, b: float, axis: Array) -> tuple[Array, Array]
 
 def _interpolated(start: Array, end: Array, n: int) -> list[Array]:
     """Return n rotations from one rotation to another, in each frame."""
-    return [exp(share * log(start, end), start) for share in np.linspace(0.0, 1.0, n)]
+    turn = log(start, end)
+    return [exp(share * turn, start) for share in np.linspace(0.0, 1.0, n)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,6 +85,18 @@ class RecordedSkeleton:
     def rotation(self, name: str) -> Array:
         """Return the rotations in space of the bone that begins at a joint, (n_frames, 3, 3)."""
         return self.rotations[:, self.carriers[name]]
+
+    def run(self, frames: slice[int, int, None]) -> RecordedSkeleton:
+        """Return consecutive frames."""
+        return replace(
+            self,
+            rotations=self.rotations[frames],
+            positions=self.positions[frames],
+            is_valid=self.is_valid[frames],
+            still=self.still[frames],
+            grounded=self.grounded[frames],
+            flat=self.flat[frames],
+        )
 
     @property
     def ankles(self) -> list[int]:

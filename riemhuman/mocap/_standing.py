@@ -6,15 +6,17 @@ positions, shape (n_frames, J, 3), in metres.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.bodies.skinning import LIMBS
+from riemhuman.kernels.threads import Run, in_runs
 from riemhuman.mocap._joint_axes import Figure
 from riemhuman.mocap._joint_names import SIDES
-from riemhuman.mocap._limbs import joint_positions, reach
+from riemhuman.mocap._limbs import RUN, joint_positions, reach
 from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
 from riemhuman.mocap._skeletons import middle
 
@@ -32,7 +34,6 @@ _SOLE_VERTICES = 40
 _LOWEST_FRAMES = 5.0
 # Approximate number of vertices whose height is checked.
 _BODY_VERTICES = 1500
-_FRAMES_AT_A_TIME = 200
 # Seconds within which a body is raised above the floor.
 _RAISE_SECONDS = 0.2
 
@@ -43,29 +44,47 @@ class Performance(NamedTuple):
     rotations: Array
     positions: Array
 
+    def run(self, frames: Run) -> Performance:
+        """Return consecutive frames."""
+        return Performance(self.rotations[frames], self.positions[frames])
+
 
 def stand(source: RecordedSkeleton, figure: Figure, rotations: Array, scale: float) -> Performance:
     """Return the performance with the body moved with its standing feet, and feet to the floor."""
     surface = figure.model(figure.betas)
     feet = [figure.joints[f"{side}_ankle"] for side in SIDES]
-    positions = joint_positions(source, figure, rotations, scale)
+
+    def stand_on_feet(frames: Run) -> tuple[Array, Array, Array]:
+        part, turned = source.run(frames), rotations[frames]
+        soles = [_sole(figure, surface, turned, side) for side in SIDES]
+        lows, balls = (np.stack(arrays, axis=1) for arrays in zip(*soles, strict=True))
+        return joint_positions(part, figure, turned, scale), lows, balls
+
+    positions, lows, balls = _joined(stand_on_feet, len(rotations))
     recorded = scale * source.positions[:, source.ankles]
     positions = positions + _body_shift(source, recorded - positions[:, feet])
-    soles = [_sole(figure, surface, rotations, side) for side in SIDES]
-    lows = np.stack([low for low, _ in soles], axis=1)
-    balls = np.stack([ball for _, ball in soles], axis=1)
-    performance = Performance(rotations, positions)
-    targets = _footholds(source, figure, performance, surface, lows, balls)
+    targets = _footholds(source, figure, Performance(rotations, positions), surface, lows, balls)
     positions = positions + _body_shift(source, targets - positions[:, feet])
-    for k, leg in enumerate(LIMBS[:2]):
-        to_end = targets[:, k] - positions[:, figure.joints[leg[0]]]
-        rotations = reach(source, figure, rotations, leg, to_end)
-    hips = middle(positions, figure.joints, "hip")
-    positions = joint_positions(source, figure, rotations, scale)
-    positions += (hips - middle(positions, figure.joints, "hip"))[:, None]
-    depths = -_lowest_points(figure, surface, Performance(rotations, positions))
-    positions[..., 1] += _raised(depths, source)[:, None]
+
+    def reach_footholds(frames: Run) -> tuple[Array, Array, Array]:
+        part, turned, places = source.run(frames), rotations[frames], positions[frames]
+        for k, leg in enumerate(LIMBS[:2]):
+            to_end = targets[frames, k] - places[:, figure.joints[leg[0]]]
+            turned = reach(part, figure, turned, leg, to_end)
+        hips = middle(places, figure.joints, "hip")
+        places = joint_positions(part, figure, turned, scale)
+        places += (hips - middle(places, figure.joints, "hip"))[:, None]
+        return turned, places, _lowest_points(figure, surface, Performance(turned, places))
+
+    rotations, positions, lowest = _joined(reach_footholds, len(rotations))
+    positions[..., 1] += _raised(-lowest, source)[:, None]
     return Performance(rotations, positions)
+
+
+def _joined(task: Callable[[Run], tuple[Array, ...]], n_frames: int) -> tuple[Array, ...]:
+    """Return the arrays of all frames from a task that returns those of a run of them."""
+    runs = in_runs(task, n_frames, RUN)
+    return tuple(np.concatenate(arrays) for arrays in zip(*runs, strict=True))
 
 
 def _raised(depths: Array, source: RecordedSkeleton) -> Array:
@@ -127,7 +146,9 @@ def _footholds(
     if grounded.any():
         floor = np.median(heights[grounded])
     else:
-        lowest = _lowest_points(figure, surface, performance)
+        (lowest,) = _joined(
+            lambda frames: (_lowest_points(figure, surface, performance.run(frames)),), len(ankles)
+        )
         floor = np.percentile(lowest[source.is_valid], _LOWEST_FRAMES)
     targets, above = ankles - [0.0, floor, 0.0], heights - floor
     apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)
@@ -157,11 +178,7 @@ def _lowest_points(figure: Figure, surface: Array, performance: Performance) -> 
     """Return the height of the lowest vertex in every frame."""
     step = max(1, len(surface) // _BODY_VERTICES)
     vertices, weights = surface[::step], figure.model.weights[::step]
-    lowest = np.empty(len(performance.positions))
-    for first in range(0, len(lowest), _FRAMES_AT_A_TIME):
-        some = slice(first, first + _FRAMES_AT_A_TIME)
-        upward = performance.rotations[some, :, 1]
-        shifts = performance.positions[some, :, 1] - np.sum(upward * figure.rest, axis=-1)
-        heights = np.einsum("vj,njx,vx->nv", weights, upward, vertices, optimize=True)
-        lowest[some] = (heights + shifts @ weights.T).min(axis=1)
-    return lowest
+    upward = performance.rotations[:, :, 1]
+    shifts = performance.positions[:, :, 1] - np.sum(upward * figure.rest, axis=-1)
+    heights = np.einsum("vj,njx,vx->nv", weights, upward, vertices, optimize=True)
+    return np.asarray((heights + shifts @ weights.T).min(axis=1))

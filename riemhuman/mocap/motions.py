@@ -28,7 +28,7 @@ from riemhuman.io.files import file_path, suffix_of
 from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.io.meshes import save_mesh
 from riemhuman.io.outputs import atomic_folder
-from riemhuman.kernels.threads import slices
+from riemhuman.kernels.threads import Run, in_runs
 from riemhuman.mocap._motion_files import (
     PosedPerson,
     write_amass,
@@ -39,9 +39,8 @@ from riemhuman.surfaces.template import Template
 
 M = TypeVar("M", bound="Motion")
 
-# Frames per call of an iteration: enough to share its cost, few enough to need little memory.
-_FRAMES_AT_A_TIME = 16
-
+# Frames per call of the model: enough to share its cost, few enough to need little memory.
+_FRAMES_AT_A_TIME = 32
 
 # A year at a hundred frames a second.
 _MOST_FRAMES = 4_000_000_000
@@ -226,9 +225,13 @@ class ModelMotion(Motion, ABC):
 
     def _frames(self, numbers: range) -> Array:
         frames = np.empty((len(numbers), self.model.n_vertices, 3))
-        for some in slices(len(numbers), _FRAMES_AT_A_TIME):
-            poses, translations = self._parameters(np.asarray(numbers[some], dtype=np.int64))
-            frames[some] = self.model(self.betas, poses, translations)
+        poses, translations = self._parameters(np.asarray(numbers, dtype=np.int64))
+        betas = self.betas
+
+        def pose(some: Run) -> None:
+            frames[some] = self.model(betas, poses[some], translations[some])
+
+        in_runs(pose, len(numbers), _FRAMES_AT_A_TIME)
         return frames
 
 

@@ -16,10 +16,11 @@ from riemhuman.bodies.skinning import LIMBS
 from riemhuman.errors import warn
 from riemhuman.kernels.rotations import log, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
+from riemhuman.kernels.threads import Run, in_runs
 from riemhuman.mocap._body_size import own_person
 from riemhuman.mocap._joint_axes import Figure, make_figure, mean_axes
 from riemhuman.mocap._joint_names import BONES, SIDES
-from riemhuman.mocap._limbs import follow
+from riemhuman.mocap._limbs import NECK, RUN, follow
 from riemhuman.mocap._recorded_skeletons import RecordedSkeleton, read_skeleton
 from riemhuman.mocap._skeletons import body_frame, bone, bones, middle, trunk
 from riemhuman.mocap._standing import Performance, stand
@@ -30,7 +31,6 @@ from riemhuman.representation import Record
 _STAGES = 4
 # Lines across the body that are compared with the recorded ones, besides bones.
 _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
-_NECK = ("neck", "head")
 # Means over the frames above which a warning is issued.
 _MOST_DEGREES = 15.0
 _MOST_METRES = 0.07
@@ -130,14 +130,20 @@ def perform(
 
 def _model_parameters(figure: Figure, performance: Performance) -> tuple[Array, Array]:
     """Return the pose vectors and the translations of a performance."""
-    parents, rotations = figure.model.parents, performance.rotations
-    local = rotations.copy()
+    parents = figure.model.parents
     limbs = np.flatnonzero(parents >= 0)
-    # Products of matrices that are not contiguous take several times as long.
-    back = np.ascontiguousarray(transpose(rotations[:, parents[limbs]]))
-    local[:, limbs] = back @ rotations[:, limbs]
+
+    def pose_vectors(frames: Run) -> Array:
+        rotations = performance.rotations[frames]
+        local = rotations.copy()
+        # Products of matrices that are not contiguous take several times as long.
+        back = np.ascontiguousarray(transpose(rotations[:, parents[limbs]]))
+        local[:, limbs] = back @ rotations[:, limbs]
+        return np.asarray(log(np.eye(3), local))
+
+    poses = np.concatenate(in_runs(pose_vectors, len(performance.rotations), RUN))
     root = figure.model.joint_order[0]
-    return log(np.eye(3), local), performance.positions[:, root] - figure.rest[root]
+    return poses, performance.positions[:, root] - figure.rest[root]
 
 
 def _errors(
@@ -145,8 +151,8 @@ def _errors(
 ) -> RetargetingErrors:
     """Return directions, positions and rotations beside those recorded."""
     pairs = (*BONES, *_LINES)
-    if set(_NECK) <= source.joints.keys() & figure.joints.keys():
-        pairs = (*pairs, _NECK)
+    if set(NECK) <= source.joints.keys() & figure.joints.keys():
+        pairs = (*pairs, NECK)
     names = tuple(name for limb in LIMBS for name in limb)
     performed, performed_places = _bones_and_places(
         performance.positions, figure.joints, pairs, names
