@@ -1,5 +1,6 @@
 """Settings shared by all tests, the one browser of the session, and a few bodies."""
 
+import gc
 import os
 import sys
 
@@ -13,10 +14,22 @@ import numpy as np
 import pytest
 from empty_figures import leave_empty
 from headless_browser import opened_browser
+from open_bodies import coarse_bodies
 
-from riemhuman.datasets import Bodies, load_open_bodies
+from riemhuman.datasets import Bodies
 
 EVERYDAY_CASES = 6
+
+
+def pytest_configure():
+    """Collect no garbage while tests are collected: what is made until then stays."""
+    gc.disable()
+
+
+def pytest_collection_finish():
+    """Collect that of tests."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
@@ -65,7 +78,7 @@ def browser():
 @pytest.fixture(scope="session")
 def nine_bodies():
     """Return three people in three poses, coarse."""
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     chosen = np.flatnonzero(np.isin(bodies.subject, [0, 5, 8]) & np.isin(bodies.pose, [0, 1, 3]))
     per_body = ("points", "subject", "pose", "betas", "pose_vectors", "translations")
     kept = {name: getattr(bodies, name)[chosen] for name in per_body}

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import compare_visits
 from riemhuman.plots.difference_views import plot_difference, view_difference
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 MEASUREMENTS = rh.measurements.Measurements(BODIES.model, ["waist girth", "stature", "volume"])
 

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from open_bodies import coarse_bodies
 from PIL import Image
 
-import riemhuman as rh
 from riemhuman.plots import ViewedBody, Viewer, view_path
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 CAUGHT = """
 const [action, done] = arguments;

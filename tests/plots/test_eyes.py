@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.kernels.rotations import rotation_matrix
@@ -9,7 +10,7 @@ from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies
 from riemhuman.plots._eyes import eyeball, eyes_of
 from riemhuman.plots.windows import Window
 
-COARSE = rh.datasets.load_open_bodies("coarse")
+COARSE = coarse_bodies()
 FULL = rh.datasets.load_open_model("full")
 RESTS = {
     "coarse": (COARSE.template.vertices, COARSE.template.faces),

@@ -6,13 +6,14 @@ import sys
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from PIL import Image
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileFormatError, MissingDependencyError
 from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 KNEES = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
 

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
 
-BODIES = rh.datasets.load_open_bodies("coarse")[:30:3]
+BODIES = coarse_bodies()[:30:3]
 PLACES = np.random.default_rng(0).normal(size=(10, 2))
 NAMES = [f"body {number}" for number in range(10)]
 

@@ -1,11 +1,12 @@
 """Lists of measurements on pages, and pictures with numbered lines."""
 
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.plots._measurement_groups import MOST_IN_GROUP, grouped, pictured
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 MEASUREMENTS = rh.measurements.Measurements(BODIES.model)
 EVERY = MEASUREMENTS.definitions.measurements
 ROW = "[...document.querySelectorAll('[data-row]')].find((row) => row.textContent.startsWith('%s'))"

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
@@ -13,7 +14,7 @@ from riemhuman.plots import scan_views
 from riemhuman.registration import lay_over_body, simulated_scan
 from riemhuman.surfaces.measures import share_of_surface
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 BODY = BODIES[57]
 # Sets a control of the panel and lets the page know.

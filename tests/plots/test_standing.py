@@ -4,12 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.plots.standing import ground_height, on_the_ground
 from riemhuman.plots.viewed_bodies import ViewedBody
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 (KNEES,) = rh.datasets.load_open_motions("coarse", "average man", "knees")
 
 

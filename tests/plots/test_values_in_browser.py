@@ -5,12 +5,12 @@ import io
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from PIL import Image
 
-import riemhuman as rh
 from riemhuman.plots import ViewedBody, Viewer
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 HEIGHTS = BODIES.points[0, :, 1] - BODIES.points[0, :, 1].min()
 HANDLES = (

@@ -7,14 +7,14 @@ import time
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from PIL import Image
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.measurements import open_measurements
 from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies, view_path
 from riemhuman.plots.windows import Window
 
-BODIES = load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 SIZE = (1000, 760)
 # Pixels from the middle of the stage to the belly of the first body.

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from scanned_people import registered_at
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration.registered_scans import apply_transform
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 
 
 @pytest.fixture(scope="module")

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import lay_over_body, simulated_scan
 from riemhuman.surfaces.measures import triangle_areas
 
-BODIES = load_open_bodies("coarse")
+BODIES = coarse_bodies()
 FACES = BODIES.template.faces
 BODY = BODIES[57]
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
-import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import simulated_scan
 from riemhuman.surfaces import nearest_points, triangle_areas
 
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 BODY, FACES = BODIES[3], BODIES.template.faces
 
 

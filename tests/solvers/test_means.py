@@ -6,6 +6,7 @@ import bodies_in_motion as bodies
 import numpy as np
 import pytest
 from cases import HalfPlane, HyperbolicDistance, sphere_template, triangle_template
+from open_bodies import coarse_bodies
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
@@ -337,7 +338,7 @@ def test_the_solver_suits_the_metric():
     assert half_plane.metric.dist(median, mean.estimate_) < half_plane.metric.dist(*points[:2])
 
 
-POINTS = load_open_bodies("coarse").points[:20:2]
+POINTS = coarse_bodies().points[:20:2]
 WEIGHTS = np.array([1.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 1.0])
 
 

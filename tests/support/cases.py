@@ -6,8 +6,9 @@ distances alone, is declared here; a test never finds it out by catching an erro
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import autograd.numpy as anp
 import numpy as np
@@ -153,10 +154,8 @@ class Case:
         Name of the test.
     metric : RiemannianMetric
         The metric; `metric.space` is its space.
-    points : array, shape (4, *shape)
-        Points, near enough for `log` to exist where it is declared.
-    tangent_vecs : array, shape (4, *shape)
-        Tangent vectors, the k-th at the k-th point.
+    draw : callable
+        Returns `points` and `tangent_vecs` when a test first asks for them.
     can : set of str
         What has a closed form: "dist", "geodesic", "exp", "log".
     invariant_under : set of str
@@ -166,8 +165,7 @@ class Case:
 
     name: str
     metric: RiemannianMetric
-    points: np.ndarray
-    tangent_vecs: np.ndarray
+    draw: Callable[[], tuple[np.ndarray, np.ndarray]]
     can: frozenset[str] = frozenset({"dist"})
     invariant_under: frozenset[str] = frozenset()
 
@@ -176,14 +174,29 @@ class Case:
         """The space of the metric."""
         return self.metric.space
 
+    @cached_property
+    def _drawn(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.draw()
+
+    @property
+    def points(self) -> np.ndarray:
+        """Four points, near enough for `log` to exist where it is declared."""
+        return self._drawn[0]
+
+    @property
+    def tangent_vecs(self) -> np.ndarray:
+        """Four tangent vectors, the k-th at the k-th point."""
+        return self._drawn[1]
+
 
 def surface_case(name, template, metric, *invariances, can=("dist",)):
-    points = surfaces(template, N_POINTS, rng=1)
-    tangent_vecs = deformations(template, N_POINTS, rng=2)
+    def draw():
+        return surfaces(template, N_POINTS, rng=1), deformations(template, N_POINTS, rng=2)
+
     invariant_under = frozenset({"translation", "common rotation", *invariances})
     if not (isinstance(metric, RotationMetric) and metric.time > 0):  # mirror images are inside out
         invariant_under |= {"common reflection"}
-    return Case(name, metric, points, tangent_vecs, frozenset(can), invariant_under)
+    return Case(name, metric, draw, frozenset(can), invariant_under)
 
 
 def sobolev_case(name, template_name, **weights):
@@ -203,24 +216,27 @@ def gauge_invariant_case(name, template_name, metric_class, *weights):
 
 def ebin_case(template_name, lam):
     space = MetricFields(TEMPLATES[template_name]())
-    # θ between any two of the points stays below π.
-    spread = min(1.0, 3.0 * np.sqrt(lam))
-    center = space.random_point(rng=3)
-    noise = space.to_tangent(np.random.default_rng(4).uniform(-1, 1, (4, *space.shape)), center)
-    factor = np.linalg.cholesky(center)
-    points = factor @ (np.eye(2) + 0.25 * spread * noise) @ np.swapaxes(factor, -1, -2)
-    points *= np.random.default_rng(7).uniform(0.5, 2.0, (4, 1, 1, 1))
-    vectors = space.random_tangent_vec(points, rng=5)
-    return Case(
-        f"ebin {lam:g} {template_name}", EbinMetric(space, lam=lam), points, vectors, CLOSED_FORM
-    )
+
+    def draw():
+        # θ between any two of the points stays below π.
+        spread = min(1.0, 3.0 * np.sqrt(lam))
+        center = space.random_point(rng=3)
+        noise = space.to_tangent(np.random.default_rng(4).uniform(-1, 1, (4, *space.shape)), center)
+        factor = np.linalg.cholesky(center)
+        points = factor @ (np.eye(2) + 0.25 * spread * noise) @ np.swapaxes(factor, -1, -2)
+        points *= np.random.default_rng(7).uniform(0.5, 2.0, (4, 1, 1, 1))
+        return points, space.random_tangent_vec(points, rng=5)
+
+    return Case(f"ebin {lam:g} {template_name}", EbinMetric(space, lam=lam), draw, CLOSED_FORM)
 
 
 def field_case(name, space, metric=None):
-    points = space.random_point(N_POINTS, rng=6)
-    points = space.projection(0.5 * (points[0] + points))
-    vectors = space.random_tangent_vec(points, rng=7)
-    return Case(name, metric or space.metric, points, vectors, CLOSED_FORM)
+    def draw():
+        points = space.random_point(N_POINTS, rng=6)
+        points = space.projection(0.5 * (points[0] + points))
+        return points, space.random_tangent_vec(points, rng=7)
+
+    return Case(name, metric or space.metric, draw, CLOSED_FORM)
 
 
 def product_case(name, weights):
@@ -238,9 +254,12 @@ def general_fields_case():
 
 def half_plane_case(name, metric_class, *can):
     space = HalfPlane()
-    points = space.random_point(N_POINTS, rng=8)
-    vectors = np.random.default_rng(9).standard_normal(points.shape)
-    return Case(name, metric_class(space), points, vectors, frozenset(can))
+
+    def draw():
+        points = space.random_point(N_POINTS, rng=8)
+        return points, np.random.default_rng(9).standard_normal(points.shape)
+
+    return Case(name, metric_class(space), draw, frozenset(can))
 
 
 def bent_half_plane(space):

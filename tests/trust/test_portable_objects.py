@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import CASES, name_of, sphere_template, surfaces
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman import solvers
@@ -22,7 +23,7 @@ SURFACES = AlignedSurfaces(TEMPLATE, equip=False).equip_with_metric(
 )
 METRIC = SURFACES.metric
 PLANE, IN_PLANE = VectorSpace((2,)), POINTS[:, 0, :2]
-BODIES = rh.datasets.load_open_bodies("coarse")
+BODIES = coarse_bodies()
 
 
 def copies(value):
