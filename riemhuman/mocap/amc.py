@@ -19,14 +19,8 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import (
-    file_path,
-    read_bytes,
-    short_message,
-    suffix_of,
-    visible_files,
-)
+from riemhuman.io.files import file_path, suffix_of, visible_files
+from riemhuman.mocap._text_lines import TextLines
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
 _INCH = 0.0254
@@ -36,10 +30,6 @@ _ROTATIONS = ("rx", "ry", "rz")
 _LENGTH = "l"
 _FREEDOMS = (*_TRANSLATIONS, *_ROTATIONS, _LENGTH)
 _ROOT = "root"
-# Bytes of the rotation and the translation of a joint in a frame.
-_BYTES_OF_JOINT = 96
-# Larger numbers are damage.
-_LARGEST = 1e9
 
 
 @dataclass
@@ -109,10 +99,10 @@ def load_amc(
     """
     file = file_path(path)
     suffix_of(file, (".amc",))
-    content = read_bytes(file)
+    lines = _Lines(file)
     skeleton_file = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
     bones = _SkeletonReader(skeleton_file).read()
-    values = _read_frames(file, content, bones)
+    values = _read_frames(lines, bones)
     return _skeleton_motion(bones, values, frames_per_second, file.stem)
 
 
@@ -135,34 +125,21 @@ def _skeleton_beside(file: Path) -> Path:
     )
 
 
-class _Lines:
-    """Words of the lines of a file, without comments, with the number of the last line."""
+class _Lines(TextLines):
+    """Lines as words, without comments."""
 
-    def __init__(self, file: Path, content: bytes) -> None:
-        self.file, self.number = file, 0
-        self._lines = content.decode("utf-8-sig", errors="replace").splitlines()
-
-    def __iter__(self) -> Iterator[list[str]]:
-        for number, line in enumerate(self._lines, 1):
-            self.number = number
+    def words(self) -> Iterator[list[str]]:
+        """Yield the words of lines that have some."""
+        for line in self:
             words = line.partition("#")[0].split()
             if words:
                 yield words
-
-    def error(self, problem: str) -> FileFormatError:
-        return FileFormatError(f"{self.file}, line {self.number}: {problem}")
 
     def numbers(self, words: list[str], count: int, what: str) -> list[float]:
         """Return words as so many finite numbers."""
         if len(words) != count:
             raise self.error(f"{what} must be {count} numbers; found {len(words)}")
-        try:
-            numbers = [float(word) for word in words]
-        except ValueError as error:
-            raise self.error(f"{what}: {short_message(error)}") from None
-        if not all(-_LARGEST < number < _LARGEST for number in numbers):
-            raise self.error(f"{what} must be finite, and below {_LARGEST:g}")
-        return numbers
+        return self.finite(words, f"{what}:")
 
     def word(self, words: list[str], what: str) -> str:
         """Return the only word that follows a keyword."""
@@ -176,7 +153,7 @@ class _SkeletonReader:
 
     def __init__(self, file: Path) -> None:
         suffix_of(file, (".asf",))
-        self._lines = _Lines(file, read_bytes(file))
+        self._lines = _Lines(file)
         self._file = file
         self._unit, self._angle = 1.0, 1.0
         self._bones = {_ROOT: _Bone(_ROOT)}
@@ -185,7 +162,7 @@ class _SkeletonReader:
     def read(self) -> _Skeleton:
         section = ""
         bone: _Bone | None = None
-        for words in self._lines:
+        for words in self._lines.words():
             keyword = words[0].lower()
             if keyword.startswith(":"):
                 section = keyword
@@ -300,15 +277,14 @@ class _SkeletonReader:
         return ordered
 
 
-def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, Array]:
+def _read_frames(lines: _Lines, skeleton: _Skeleton) -> dict[str, Array]:
     """Return the numbers of each bone in all frames, shape (n_frames, its freedoms)."""
     widths = {bone.name: len(bone.freedoms) for bone in skeleton.bones if bone.freedoms}
-    lines = _Lines(file, content)
     values = {name: array("d") for name in widths}
     missing: set[str] = set()
     n_frames = 0
     angle = np.pi / 180.0
-    for words in lines:
+    for words in lines.words():
         keyword = words[0]
         if keyword.startswith(":"):
             if keyword.lower() == ":radians":
@@ -329,13 +305,9 @@ def _read_frames(file: Path, content: bytes, skeleton: _Skeleton) -> dict[str, A
                 f"bone {keyword[:60]!r} does not move in {skeleton.file}: is it the right skeleton?"
             )
     if not n_frames:
-        raise FileFormatError(f"{file}: the file holds no frames")
+        raise FileFormatError(f"{lines.file}: the file holds no frames")
     _check_complete(lines, n_frames, missing)
-    if _BYTES_OF_JOINT * n_frames * (2 * len(skeleton.bones)) > memory_limit(len(content)):
-        raise FileFormatError(
-            f"{file}: {len(skeleton.bones)} bones in {n_frames} frames would take far more "
-            "memory than a file of this size should"
-        )
+    lines.check_memory(n_frames, 2 * len(skeleton.bones))  # with the ends of bones
     values_of_bones = {
         name: np.array(column).reshape(n_frames, widths[name]) for name, column in values.items()
     }

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import re
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,19 +14,16 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import FileFormatError
-from riemhuman.io.arrays import memory_limit
-from riemhuman.io.files import file_path, read_bytes, short_message
+from riemhuman.io.files import file_path
+from riemhuman.mocap._text_lines import LARGEST, TextLines
 from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
 # A joint's channels are numbers of these: positions are 0 to 2, rotations 3 to 5.
 _CHANNELS = ("XPOSITION", "YPOSITION", "ZPOSITION", "XROTATION", "YROTATION", "ZROTATION")
-# Bytes of the rotation and the translation of a joint in a frame.
-_BYTES_OF_JOINT = 96
-# Larger numbers, and shorter times from frame to frame (seconds), are damage.
-_LARGEST, _SHORTEST = 1e9, 1e-5
-# A longer time is none, but the number of frames in a second, for instance.
-_LONGEST = 1.0
+# Shorter times from frame to frame, seconds, are damage. A longer one is no time, but the number of
+# frames in a second, for instance.
+_SHORTEST, _LONGEST = 1e-5, 1.0
 
 
 @checked(frames_per_second=checked_rate)
@@ -59,8 +55,8 @@ def load_bvh(
     """
     metres = 1.0 if unit is None else metres_in(unit)
     file = file_path(path)
-    content = read_bytes(file)
-    joints, values, frame_time = _Reader(file, content).read()
+    lines = TextLines(file)
+    joints, values, frame_time = _Reader(lines).read()
     if frame_time > _LONGEST:
         if frames_per_second is None:
             raise FileFormatError(
@@ -68,11 +64,7 @@ def load_bvh(
                 "pass frames_per_second="
             )
         frame_time = 1.0 / frames_per_second
-    if _BYTES_OF_JOINT * len(values) * len(joints) > memory_limit(len(content)):
-        raise FileFormatError(
-            f"{file}: {len(joints)} joints in {len(values)} frames would take far more memory "
-            "than a file of this size should"
-        )
+    lines.check_memory(len(values), len(joints))
     offsets = np.array([joint.offset for joint in joints])
     rotations = np.empty((len(values), len(joints), 3, 3))
     translations = np.tile(offsets, (len(values), 1, 1))
@@ -123,29 +115,18 @@ class _Joint:
 
 
 class _Reader:
-    """Reads a file word by word and keeps the line of the last word."""
+    """Reads the hierarchy of a file word by word, and its frames line by line."""
 
-    def __init__(self, file: Path, content: bytes) -> None:
-        self._file = file
-        self._lines = content.decode("utf-8-sig", errors="replace").splitlines()
-        self._line = 0
-        self._words = self._split_lines()
-
-    def _split_lines(self) -> Iterator[str]:
-        for number, line in enumerate(self._lines, 1):
-            # A brace is a word of its own, whatever is beside it.
-            for word in re.findall(r"[{}]|[^{}\s]+", line):
-                self._line = number
-                yield word
-
-    def _error(self, problem: str) -> FileFormatError:
-        return FileFormatError(f"{self._file}, line {self._line}: {problem}")
+    def __init__(self, lines: TextLines) -> None:
+        self._lines = lines
+        # A brace is a word of its own, whatever is beside it.
+        self._words = (word for line in lines for word in re.findall(r"[{}]|[^{}\s]+", line))
 
     def _next(self, *expected: str) -> str:
         """Return the next word in capitals, which must be one of the given words."""
         word = next(self._words, "the end of the file")
         if word.upper() not in expected:
-            raise self._error(f"{' or '.join(expected)} expected; found {word[:60]!r}")
+            raise self._lines.error(f"{' or '.join(expected)} expected; found {word[:60]!r}")
         return word.upper()
 
     def read(self) -> tuple[list[_Joint], Array, float]:
@@ -177,7 +158,7 @@ class _Reader:
                 joints.append(_Joint(f"{joint.name} end", branch[-1], self._numbers(3)))
                 self._next("}")
             elif not joint.offset:
-                raise self._error(f"joint {joint.name} has no OFFSET")
+                raise self._lines.error(f"joint {joint.name} has no OFFSET")
             else:
                 branch.pop()
 
@@ -193,20 +174,12 @@ class _Reader:
                 break
             words.append(word)
         if not words:
-            raise self._error("the joint has no name")
+            raise self._lines.error("the joint has no name")
         return " ".join(words)
 
-    def _floats(self, words: Iterable[str]) -> list[float]:
-        try:
-            numbers = [float(word) for word in words]
-        except ValueError as error:
-            raise self._error(short_message(error)) from None
-        if not all(-_LARGEST < number < _LARGEST for number in numbers):
-            raise self._error(f"every number must be finite, and below {_LARGEST:g}")
-        return numbers
-
     def _numbers(self, count: int) -> list[float]:
-        return self._floats(next(self._words, "the end of the file") for _ in range(count))
+        words = [next(self._words, "the end of the file") for _ in range(count)]
+        return self._lines.finite(words)
 
     def _read_channels(self) -> list[int]:
         (count,) = self._numbers(1)
@@ -215,46 +188,38 @@ class _Reader:
             channels.append(_CHANNELS.index(self._next(*_CHANNELS)))
         positions = [channel for channel in channels if channel < 3]
         if len(set(positions)) < len(positions):
-            raise self._error("a position channel is repeated")
+            raise self._lines.error("a position channel is repeated")
         return channels
 
     def _read_frames(self, n_channels: int) -> tuple[Array, float]:
         # Numbers belong to their lines: a missing one must not shift all that follow.
-        lines = (
-            (number, line)
-            for number, line in enumerate(self._lines[self._line :], self._line + 1)
-            if line.strip()
-        )
+        lines = (line for line in self._lines if line.strip())
         n_frames = self._read_value(lines, "Frames")
         frame_time = self._read_value(lines, "Frame Time")
         # Grows with the numbers that are read, whatever the file declares.
         values, numbers_of_lines = array("d"), array("q")
-        for number, line in lines:
-            self._line = number
+        for line in lines:
             words = line.split()
             if len(words) != n_channels:
-                raise self._error(f"{n_channels} numbers expected; found {len(words)}")
-            try:
-                values.extend(map(float, words))
-            except ValueError as error:
-                raise self._error(short_message(error)) from None
-            numbers_of_lines.append(number)
+                raise self._lines.error(f"{n_channels} numbers expected; found {len(words)}")
+            values.extend(self._lines.floats(words))
+            numbers_of_lines.append(self._lines.number)
         count = len(numbers_of_lines)
         table = np.array(values).reshape(count, n_channels)
-        wrong = np.flatnonzero(~(np.abs(table) < _LARGEST).all(axis=1))
+        wrong = np.flatnonzero(~(np.abs(table) < LARGEST).all(axis=1))
         if len(wrong):
-            self._line = numbers_of_lines[int(wrong[0])]
-            raise self._error(f"every number must be finite, and below {_LARGEST:g}")
+            self._lines.number = numbers_of_lines[int(wrong[0])]
+            raise self._lines.error(f"every number must be finite, and below {LARGEST:g}")
         if not count or count != n_frames:
-            raise self._error(f"Frames says {n_frames:g}, but {count} follow")
+            raise self._lines.error(f"Frames says {n_frames:g}, but {count} follow")
         return table, frame_time
 
-    def _read_value(self, lines: Iterator[tuple[int, str]], name: str) -> float:
-        self._line, line = next(lines, (self._line, "the end of the file"))
+    def _read_value(self, lines: Iterator[str], name: str) -> float:
+        line = next(lines, "the end of the file")
         key, _, value = line.partition(":")
         if " ".join(key.lower().split()) != name.lower():
-            raise self._error(f"{name}: expected; found {line[:60]!r}")
-        (number,) = self._floats([value])
+            raise self._lines.error(f"{name}: expected; found {line[:60]!r}")
+        (number,) = self._lines.finite([value])
         if not number > _SHORTEST:
-            raise self._error(f"{name} must be above {_SHORTEST:g}; found {number:g}")
+            raise self._lines.error(f"{name} must be above {_SHORTEST:g}; found {number:g}")
         return number

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,20 +18,16 @@ import numpy as np
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import ArgumentError, FileFormatError, warn
-from riemhuman.io.files import (
-    file_path,
-    read_bytes,
-    short_message,
-    suffix_of,
-)
+from riemhuman.io.files import file_path, suffix_of
 from riemhuman.mocap._c3d_files import read_points
 from riemhuman.mocap._joint_centres import Markers
 from riemhuman.mocap._marker_skeletons import skeleton_of
+from riemhuman.mocap._text_lines import LARGEST, TextLines
 from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
-# Larger numbers, and higher rates, are damage.
-_LARGEST, _HIGHEST_RATE = 1e9, 1e5
+# Higher rates are damage.
+_HIGHEST_RATE = 1e5
 # Columns before those of markers: the number of the frame, and its time.
 _COLUMNS_BEFORE = 2
 
@@ -154,7 +150,7 @@ def _in_metres(
             f"{file}: the frame rate must be below {_HIGHEST_RATE:g}; found {rate:g}"
         )
     # Programs write zeros or nothing if they did not see a marker, and some write huge numbers.
-    unseen = ~(np.abs(positions) <= _LARGEST).all(axis=-1) | (positions == 0.0).all(axis=-1)
+    unseen = ~(np.abs(positions) <= LARGEST).all(axis=-1) | (positions == 0.0).all(axis=-1)
     positions = np.where(unseen[..., None], np.nan, positions)
     try:
         metres = metres_in(written_unit if unit is None else unit)
@@ -169,10 +165,7 @@ class _TextReader:
     """Reads the header and the rows of a TRC file."""
 
     def __init__(self, file: Path) -> None:
-        self._file = file
-        text = read_bytes(file).decode("utf-8-sig", errors="replace")
-        self._lines: Iterator[tuple[int, str]] = enumerate(text.splitlines(), 1)
-        self._line = 0
+        self._lines = TextLines(file)
         self._names: list[str] = []
         self._separator: str | None = None
 
@@ -181,7 +174,7 @@ class _TextReader:
         values = self._header()
         names = self._names
         rows, times = array("d"), array("d")
-        for line in self._next_lines():
+        for line in self._lines:
             cells = self._cells(line)
             # The row X1 Y1 Z1, and empty ones.
             if not any(cells) or (not times and _is_row_of_axes(cells)):
@@ -192,9 +185,9 @@ class _TextReader:
         n_frames = self._number(values, "numframes")
         says = "" if n_frames is None else f"NumFrames says {n_frames:g}, but "
         if not times:
-            raise self._error(f"{says}0 frames follow")
+            raise self._lines.error(f"{says}0 frames follow")
         if n_frames is not None and n_frames > len(times):
-            warn(f"{self._file.name}: {says}{len(times)} frames follow", UserWarning)
+            warn(f"{self._lines.file.name}: {says}{len(times)} frames follow", UserWarning)
         rate = self._number(values, "datarate") or self._number(values, "camerarate") or 0.0
         duration = times[-1] - times[0]
         if not rate and duration > 0.0:
@@ -202,19 +195,11 @@ class _TextReader:
         positions = np.array(rows).reshape(len(times), len(names), 3)
         return names, positions, rate, values.get("units", "")
 
-    def _next_lines(self) -> Iterator[str]:
-        for number, line in self._lines:
-            self._line = number
-            yield line
-
-    def _error(self, problem: str) -> FileFormatError:
-        return FileFormatError(f"{self._file}, line {self._line}: {problem}")
-
     def _header(self) -> dict[str, str]:
         """Return the values that the file gives before its rows, and keep the names of markers."""
         keys: list[str] = []
         values: dict[str, str] = {}
-        for line in self._next_lines():
+        for line in self._lines:
             words = re.split(r"[\s,;]+", line.strip())
             first = words[0].lower()
             if first in ("frame#", "frame"):
@@ -223,13 +208,13 @@ class _TextReader:
                 cells = self._cells(line.strip())
                 self._names = [name for name in cells[_COLUMNS_BEFORE:] if name]
                 if not self._names:
-                    raise self._error("names of markers expected after Frame# and Time")
+                    raise self._lines.error("names of markers expected after Frame# and Time")
                 return values
             if first == "datarate":
                 keys = [word.lower() for word in words]
             elif keys and not values and any(words):
                 values = dict(zip(keys, words, strict=False))
-        raise self._error(
+        raise self._lines.error(
             "no row begins with Frame#, as the row with marker names does in TRC files"
         )
 
@@ -246,23 +231,15 @@ class _TextReader:
             cells.pop()
         # Empty cells at the end of a row may have been left out, a whole marker at a time.
         if len(cells) > width or len(cells) < _COLUMNS_BEFORE or (width - len(cells)) % 3:
-            raise self._error(
+            raise self._lines.error(
                 f"{width} columns expected for {n_markers} markers; found {len(cells)}"
             )
-        try:
-            numbers = [float(cell) if cell else np.nan for cell in cells]
-        except ValueError as error:
-            raise self._error(short_message(error)) from None
+        numbers = self._lines.floats(cell or "nan" for cell in cells)
         return numbers + [np.nan] * (width - len(cells))
 
     def _number(self, values: Mapping[str, str], key: str) -> float | None:
         """Return a number of the header, or None if it is not there."""
-        if not values.get(key):
-            return None
-        try:
-            return float(values[key])
-        except ValueError as error:
-            raise self._error(f"{key}: {short_message(error)}") from None
+        return self._lines.floats([values[key]], f"{key}:")[0] if values.get(key) else None
 
 
 def _is_row_of_axes(cells: Sequence[str]) -> bool:
