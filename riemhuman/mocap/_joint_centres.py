@@ -12,18 +12,17 @@ import numpy as np
 
 from riemhuman.arrays import Array, Booleans
 from riemhuman.bodies.skinning import LIMBS
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown, warn
+from riemhuman.errors import ArgumentError, FileFormatError, shown, warn
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.mocap._joint_names import SIDES
+from riemhuman.mocap._joint_names import BONES, SIDES
 from riemhuman.mocap._marker_sets import CORNERS, NEEDED, MarkerNames, Recipe, Way
-from riemhuman.mocap._skeletons import frame
+from riemhuman.mocap._skeletons import frame, nearest_axis
 from riemhuman.representation import join_names
 
 HEAD_AXES = "head axes"
 """The axes of the head, (n_frames, 3, 3), among the centres of joints."""
 
 _LEGS = NEEDED[:6]
-_LEG_BONES = (("hip", "knee"), ("knee", "ankle"))
 _TOES = ("left_toes", "right_toes")
 _ROLES = (*NEEDED, *_TOES, "head", *CORNERS)
 # Longest gaps that are filled: seconds, and frames where those are fewer.
@@ -40,7 +39,8 @@ _BELL = {"behind": 0.22, "inside": 0.14, "below": 0.30}
 # With corners at the back too, behind, beside and below the middle between the front corners, as
 # shares of the pelvis' depth, width and width, and metres (Harrington, Zavatsky, Lawson, Yuan and
 # Theologis, Journal of Biomechanics 40, 2007).
-_HARRINGTON = {"behind": (0.24, 0.0099), "beside": (0.33, 0.0073), "below": (0.30, 0.0109)}
+_HARRINGTON_SHARES = (0.24, 0.33, 0.30)
+_HARRINGTON_METRES = (0.0099, 0.0073, 0.0109)
 # Distances of joints from markers beside them, lengths of the leg: half the breadth of the joint
 # in adults, and the radius of a marker.
 _BREADTHS = {"hip": 0.09, "knee": 0.067, "ankle": 0.051, "elbow": 0.050, "wrist": 0.0}
@@ -125,15 +125,11 @@ def _assigned_markers(
             )
         names = (value,) if isinstance(value, str) else tuple(value)
         for name in names:
-            if not isinstance(name, str):
-                raise ArgumentTypeError(f"joints[{role!r}] must name markers; found {shown(name)}")
             if name not in markers.names:
                 listed = join_names(markers.names, _MOST_NAMES)
                 raise ArgumentError(
                     f"joints[{role!r}] must be one of {listed}; found {shown(name)}"
                 )
-        if not names:
-            raise ArgumentError(f"joints[{role!r}] must name markers; found none")
         assigned[role] = tuple(markers.names.index(name) for name in names)
     return assigned
 
@@ -228,14 +224,13 @@ def _hips_of_pelvis(corners: Mapping[str, Array], unit_name: str | None) -> dict
     for role, corner, sign in (("left_hip", left, 1.0), ("right_hip", right, -1.0)):
         if has_both and unit_name is not None:
             depth = np.linalg.norm(front - back, axis=1, keepdims=True)
-            share = {name: values[0] for name, values in _HARRINGTON.items()}
-            metres = {name: values[1] for name, values in _HARRINGTON.items()}
-            hips[role] = (
-                front
-                - (share["behind"] * depth + metres["behind"]) * ahead
-                + sign * (share["beside"] * width + metres["beside"]) * across
-                + (share["below"] * width + metres["below"]) * down
+            behind, beside, below = (
+                share * size + metres
+                for share, metres, size in zip(
+                    _HARRINGTON_SHARES, _HARRINGTON_METRES, (depth, width, width), strict=True
+                )
             )
+            hips[role] = front - behind * ahead + sign * beside * across + below * down
         else:
             step = _BELL["below"] * down - _BELL["behind"] * ahead - sign * _BELL["inside"] * across
             hips[role] = corner + width * step
@@ -244,13 +239,18 @@ def _hips_of_pelvis(corners: Mapping[str, Array], unit_name: str | None) -> dict
     return hips
 
 
+def _leg_length(centres: Mapping[str, Array]) -> float:
+    """Return the mean length of the legs, of bones with their median lengths."""
+    lengths = [np.linalg.norm(centres[b] - centres[a], axis=1) for a, b in BONES[:4]]
+    return float(sum(np.nanmedian(length) for length in lengths)) / 2.0
+
+
 def _moved_inward(centres: Mapping[str, Array], ways: Mapping[str, Way]) -> dict[str, Array]:
     """Return the centres, those at markers on the skin moved into the body."""
     moved = dict(centres)
     if not set(_LEGS) <= centres.keys():
         return moved
-    bones = [(f"{side}_{a}", f"{side}_{b}") for side in SIDES for a, b in _LEG_BONES]
-    leg = sum(np.nanmedian(np.linalg.norm(centres[b] - centres[a], axis=1)) for a, b in bones) / 2
+    leg = _leg_length(centres)
     across = unit(centres["left_hip"] - centres["right_hip"])
     for limb in LIMBS:
         if not set(limb) <= centres.keys():
@@ -409,11 +409,8 @@ def _standing_parts(centres: Mapping[str, Array], absent: Sequence[str]) -> dict
     hips, ankles = (
         0.5 * (centres[f"left_{part}"] + centres[f"right_{part}"]) for part in ("hip", "ankle")
     )
-    standing = np.mean(unit(hips - ankles), axis=0)
-    axis = int(np.argmax(np.abs(standing)))
-    up = np.eye(3)[axis] * (1.0 if standing[axis] >= 0.0 else -1.0)
-    bones = [(f"{side}_{a}", f"{side}_{b}") for side in SIDES for a, b in _LEG_BONES]
-    leg = sum(np.median(np.linalg.norm(centres[b] - centres[a], axis=1)) for a, b in bones) / 2
+    up = nearest_axis(hips - ankles)
+    leg = _leg_length(centres)
     line = centres["left_hip"] - centres["right_hip"]
     across = unit(line - (line @ up)[:, None] * up)
     places: dict[str, Array] = dict(centres)

@@ -1,8 +1,8 @@
 """Sets of markers, and how their markers tell where the centre of a joint is.
 
-`RECIPES` is the one table: a line for each way to place a joint, the most accurate first, with the
-names of the markers without their side and the sets in which they are called so. Names are compared
-in small letters, without separators: "R.Knee.Lat" is "kneelat" of the right side.
+`RECIPES` is the one table: a row for each way to place a joint, the most accurate first, with the
+names of the markers without their side, below the sets in which they are called so. Names are
+compared in small letters, without separators: "R.Knee.Lat" is "kneelat" of the right side.
 """
 
 from __future__ import annotations
@@ -38,210 +38,124 @@ class Row:
     joint: str
     way: Way
     names: tuple[tuple[str, ...], ...]
-    sets: str
 
 
-def _lateral(*stems: str) -> tuple[str, ...]:
-    words = ("lat", "lateral", "l", "out", "outer", "outside", "o", "ext")
-    return (*stems, *(word + stem for stem in stems for word in words), *_behind(stems, words))
+def _row(joint: str, way: Way, *names: str) -> Row:
+    return Row(joint, way, tuple(tuple(text.split()) for text in names))
 
 
-def _medial(*stems: str) -> tuple[str, ...]:
-    words = ("med", "medial", "m", "in", "inner", "inside", "i", "int")
-    return (*(word + stem for stem in stems for word in words), *_behind(stems, words))
+def _with_words(stems: str, words: str) -> str:
+    """Return names of which a word of a list comes before or behind a stem."""
+    pairs = [(stem, word) for stem in stems.split() for word in words.split()]
+    return " ".join(
+        [*(word + stem for stem, word in pairs), *(stem + word for stem, word in pairs)]
+    )
 
 
-def _behind(stems: Sequence[str], words: Sequence[str]) -> tuple[str, ...]:
-    return tuple(stem + word for stem in stems for word in words)
-
-
-def _centres(joint: str, *names: str) -> tuple[tuple[str, ...]]:
+def _centre(joint: str, names: str) -> Row:
     words = ("jc", "jointcentre", "jointcenter", "centre", "center", "joint", "jcs")
-    return ((*names, *(joint + word for word in words)),)
+    return _row(joint, Way.CENTRE, " ".join([names, *(joint + word for word in words)]))
+
+
+def _middle(joint: str, stems: str) -> Row:
+    lateral = _with_words(stems, "lat lateral l out outer outside o ext")
+    medial = _with_words(stems, "med medial m in inner inside i int")
+    return _row(joint, Way.MIDDLE, f"{stems} {lateral}", medial)
 
 
 RECIPES = (
-    Row(
-        "hip", Way.CENTRE, _centres("hip", "hjc", "fep", "hjcreg"), "Cortex, OpenCap, Plug-in Gait"
-    ),
-    Row("knee", Way.CENTRE, _centres("knee", "kjc", "feo"), "Cortex, Rajagopal 2016, Plug-in Gait"),
-    Row("ankle", Way.CENTRE, _centres("ankle", "ajc", "tio"), "Cortex, Rajagopal, Plug-in Gait"),
-    Row(
-        *("shoulder", Way.CENTRE),
-        _centres("shoulder", "sjc", "ghjc", "gh", "clo"),
-        "Cortex, Rajagopal 2016, Plug-in Gait",
-    ),
-    Row("elbow", Way.CENTRE, _centres("elbow", "ejc", "huo"), "Cortex, Rajagopal, Plug-in Gait"),
-    Row("wrist", Way.CENTRE, _centres("wrist", "wjc", "rao"), "Cortex, Plug-in Gait"),
-    Row(
+    # Cortex, OpenCap, Plug-in Gait, Rajagopal 2016.
+    _centre("hip", "hjc fep hjcreg"),
+    _centre("knee", "kjc feo"),
+    _centre("ankle", "ajc tio"),
+    _centre("shoulder", "sjc ghjc gh clo"),
+    _centre("elbow", "ejc huo"),
+    _centre("wrist", "wjc rao"),
+    # OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354.
+    _middle("knee", "knee kne"),
+    # IOR (Leardini 2007), Rajagopal 2016, Qualisys, Human Body Model.
+    _row(
         *("knee", Way.MIDDLE),
-        (_lateral("knee", "kne"), _medial("knee", "kne")),
-        "OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354",
+        "lfe lfc lek fle le lepi lateralepicondyle lateralcondyle",
+        "mfe mfc mek fme me mepi medialepicondyle medialcondyle",
     ),
-    Row(
-        *("knee", Way.MIDDLE),
-        (
-            ("lfe", "lfc", "lek", "fle", "le", "lepi", "lateralepicondyle", "lateralcondyle"),
-            ("mfe", "mfc", "mek", "fme", "me", "mepi", "medialepicondyle", "medialcondyle"),
-        ),
-        "IOR (Leardini 2007), Rajagopal 2016, Qualisys, Human Body Model",
-    ),
-    Row("knee", Way.MIDDLE, (("latcon", "lcon"), ("medcon", "mcon")), "laboratories' own"),
-    Row(
+    # Laboratories' own.
+    _row("knee", Way.MIDDLE, "latcon lcon", "medcon mcon"),
+    # OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354.
+    _middle("ankle", "ankle ank"),
+    # IOR, Rajagopal 2016, Qualisys, Human Body Model.
+    _row(
         *("ankle", Way.MIDDLE),
-        (_lateral("ankle", "ank"), _medial("ankle", "ank")),
-        "OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354",
+        "lm lmal latmal fal lma lateralmalleolus",
+        "mm mmal medmal tam mma medialmalleolus",
     ),
-    Row(
-        *("ankle", Way.MIDDLE),
-        (
-            ("lm", "lmal", "latmal", "fal", "lma", "lateralmalleolus"),
-            ("mm", "mmal", "medmal", "tam", "mma", "medialmalleolus"),
-        ),
-        "IOR, Rajagopal 2016, Qualisys, Human Body Model",
-    ),
-    Row(
+    # CMU with 53 markers, Rajagopal 2016.
+    _row(
         *("shoulder", Way.MIDDLE),
-        (
-            ("fsh", "ash", "frontshoulder", "shoulderfront", "shoant", "shoulderant"),
-            ("bsh", "psh", "backshoulder", "shoulderback", "shopost", "shoulderpost"),
-        ),
-        "CMU with 53 markers, Rajagopal 2016",
+        "fsh ash frontshoulder shoulderfront shoant shoulderant",
+        "bsh psh backshoulder shoulderback shopost shoulderpost",
     ),
-    Row(
-        *("elbow", Way.MIDDLE),
-        (_lateral("elbow", "elb"), _medial("elbow", "elb")),
-        "OpenCap, gait2354",
-    ),
-    Row(
-        *("elbow", Way.MIDDLE),
-        (
-            ("lhe", "lel", "lee", "hle", "lhepi", "epicl"),
-            ("mhe", "mel", "mee", "hme", "mhepi", "epicm"),
-        ),
-        "Rajagopal 2016, Qualisys, Human Body Model",
-    ),
-    Row(
+    # OpenCap, gait2354.
+    _middle("elbow", "elbow elb"),
+    # Rajagopal 2016, Qualisys, Human Body Model.
+    _row("elbow", Way.MIDDLE, "lhe lel lee hle lhepi epicl", "mhe mel mee hme mhepi epicm"),
+    # gait2354, CMU with 53 markers (LOWR, LIWR).
+    _middle("wrist", "wrist wri wr"),
+    # Plug-in Gait, OpenCap, Rajagopal 2016, Qualisys, Human Body Model.
+    _row(
         *("wrist", Way.MIDDLE),
-        (_lateral("wrist", "wri", "wr"), _medial("wrist", "wri", "wr")),
-        "gait2354, CMU with 53 markers (LOWR, LIWR)",
+        "wra wristradius wristradial radius faradius rsp w1 wr1 lw",
+        "wrb wristulna wristulnar ulna faulna usp w2 wr2 mw",
     ),
-    Row(
-        *("wrist", Way.MIDDLE),
-        (
-            ("wra", "wristradius", "wristradial", "radius", "faradius", "rsp", "w1", "wr1", "lw"),
-            ("wrb", "wristulna", "wristulnar", "ulna", "faulna", "usp", "w2", "wr2", "mw"),
-        ),
-        "Plug-in Gait, OpenCap, Rajagopal 2016, Qualisys, Human Body Model",
-    ),
-    Row("wrist", Way.MIDDLE, (("stylr", "rs"), ("stylu", "us")), "pyomeca"),
+    # pyomeca.
+    _row("wrist", Way.MIDDLE, "stylr rs", "stylu us"),
+    # OpenPose, Pose2Sim, HALPE and other video methods.
     *(
-        Row(joint, Way.CENTRE, ((joint,),), "OpenPose, Pose2Sim, HALPE and other video methods")
+        _row(joint, Way.CENTRE, joint)
         for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
     ),
-    Row(
-        *("hip", Way.LATERAL),
-        (("hip", "gtro", "gt", "ftc", "tro", "troch", "trochanter", "greatertrochanter"),),
-        "IOR, Human Body Model",
-    ),
-    Row(
+    # IOR, Human Body Model.
+    _row("hip", Way.LATERAL, "hip gtro gt ftc tro troch trochanter greatertrochanter"),
+    # Plug-in Gait, CMU, and other sets without their medial markers.
+    _row(
         *("knee", Way.LATERAL),
-        (
-            (
-                *("knee", "kne", "kneelat", "latknee", "kneeout", "knee1"),
-                *("lfe", "lfc", "lek", "fle", "le", "lepi", "latcon", "lcon"),
-            ),
-        ),
-        "Plug-in Gait, CMU, and other sets without their medial markers",
+        "knee kne kneelat latknee kneeout knee1 lfe lfc lek fle le lepi latcon lcon",
     ),
-    Row(
+    _row(
         *("ankle", Way.LATERAL),
-        (
-            (
-                *("ankle", "ank", "anklelat", "latankle", "ankleout", "ankle1"),
-                *("lm", "lmal", "latmal", "fal", "lma"),
-            ),
-        ),
-        "Plug-in Gait, CMU, and other sets without their medial markers",
+        "ankle ank anklelat latankle ankleout ankle1 lm lmal latmal fal lma",
     ),
-    Row(
+    # Plug-in Gait, CMU, IOR, Qualisys, gait2354.
+    _row(
         *("shoulder", Way.ABOVE),
-        (
-            (
-                *("shoulder", "sho", "shld", "sh", "should", "shouldertop", "saj", "sae", "caj"),
-                *("acromion", "acromium", "acr", "acro", "ac", "acrotip", "acj"),
-            ),
-        ),
-        "Plug-in Gait, CMU, IOR, Qualisys, gait2354",
+        "shoulder sho shld sh should shouldertop saj sae caj acromion acromium acr acro ac acrotip "
+        "acj",
     ),
-    Row(
-        *("elbow", Way.LATERAL),
-        (
-            (
-                *("elbow", "elb", "elbowlat", "latelbow", "elbowout", "uhe", "elbow1"),
-                *("lhe", "lel", "lee", "hle"),
-            ),
-        ),
-        "Plug-in Gait, CMU, Qualisys",
+    # Plug-in Gait, CMU, Qualisys.
+    _row(
+        *("elbow", Way.LATERAL), "elbow elb elbowlat latelbow elbowout uhe elbow1 lhe lel lee hle"
     ),
-    Row(
+    # Helen Hayes, Qualisys, and others with one of two.
+    _row(
         *("wrist", Way.LATERAL),
-        (
-            (
-                *("wrist", "wri", "wr", "wrist1", "wra", "wrb", "rsp", "usp", "w1", "w2"),
-                *("wristlat", "wristmed", "wristout", "wristin", "owr", "iwr", "rad"),
-            ),
-        ),
-        "Helen Hayes, Qualisys, and others with one of two",
+        "wrist wri wr wrist1 wra wrb rsp usp w1 w2 wristlat wristmed wristout wristin owr iwr rad",
     ),
-    # Of the toes: the middle of the foot in front, pairs across it, and its end.
-    Row(
-        *("toes", Way.CENTRE),
-        (("toes", "toe", "mt2", "2meta", "meta2", "2mth", "mtp2", "fm2", "smh", "2nd", "met"),),
-        "Plug-in Gait, IOR, Human Body Model",
-    ),
-    Row(
+    # Of the toes: the middle of the foot in front (Plug-in Gait, IOR, Human Body Model), pairs
+    # across it (OpenCap, Pose2Sim, IOR, gait2354), and its end (gait2354, MediaPipe).
+    _row("toes", Way.CENTRE, "toes toe mt2 2meta meta2 2mth mtp2 fm2 smh 2nd met"),
+    _row(
         *("toes", Way.MIDDLE),
-        (
-            (
-                "smalltoe",
-                "mt5",
-                "5meta",
-                "meta5",
-                "5mth",
-                "mtp5",
-                "fm5",
-                "toelat",
-                "toeout",
-                "p5mt",
-            ),
-            (
-                *("bigtoe", "mt1", "1meta", "meta1", "1mth", "mtp1", "fm1", "toemed"),
-                *("toein", "p1mt"),
-            ),
-        ),
-        "OpenCap, Pose2Sim, IOR, gait2354",
+        "smalltoe mt5 5meta meta5 5mth mtp5 fm5 toelat toeout p5mt",
+        "bigtoe mt1 1meta meta1 1mth mtp1 fm1 toemed toein p1mt",
     ),
-    Row(
-        *("toes", Way.CENTRE),
-        (("tiptoe", "toetip", "bigtoe", "hallux", "footindex", "toe1", "5meta", "mt5", "meta5"),),
-        "gait2354, MediaPipe",
-    ),
-    # Corners of the pelvis.
-    Row(
-        *("asis", Way.CENTRE),
-        (("asis", "asi", "ias", "fwt", "frontwaist", "waistfront", "pelvisfront"),),
-        "Plug-in Gait, IOR, CMU (LFWT), OptiTrack",
-    ),
-    Row(
-        *("psis", Way.CENTRE),
-        (("psis", "psi", "ips", "bwt", "backwaist", "waistback", "pelvisback"),),
-        "Plug-in Gait, IOR, CMU (LBWT), OptiTrack",
-    ),
-    # The head.
-    Row("ear", Way.CENTRE, (("ear", "head", "temple"),), "video methods, laboratories' own"),
-    Row("head_front", Way.CENTRE, (("fhd", "headfront", "fronthead"),), "Plug-in Gait, CMU"),
-    Row("head_back", Way.CENTRE, (("bhd", "headback", "backhead"),), "Plug-in Gait, CMU"),
+    _row("toes", Way.CENTRE, "tiptoe toetip bigtoe hallux footindex toe1 5meta mt5 meta5"),
+    # Corners of the pelvis: Plug-in Gait, IOR, CMU (LFWT, LBWT), OptiTrack.
+    _row("asis", Way.CENTRE, "asis asi ias fwt frontwaist waistfront pelvisfront"),
+    _row("psis", Way.CENTRE, "psis psi ips bwt backwaist waistback pelvisback"),
+    # The head: video methods and laboratories' own; Plug-in Gait, CMU.
+    _row("ear", Way.CENTRE, "ear head temple"),
+    _row("head_front", Way.CENTRE, "fhd headfront fronthead"),
+    _row("head_back", Way.CENTRE, "bhd headback backhead"),
 )
 
 # Markers without a side.

@@ -18,6 +18,7 @@ from riemhuman.mocap._skeletons import (
     bone,
     frame,
     middle,
+    nearest_axis,
     pelvis_frame,
     trunk,
     turned_towards,
@@ -168,12 +169,8 @@ def _rest_axes(positions: Array, joints: Mapping[str, int]) -> Array:
 
     The rest pose stands along the axis along which the person mostly stands.
     """
-    standing = np.mean(
-        unit(middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")), axis=0
-    )
-    axis = int(np.argmax(np.abs(standing)))
-    up = np.eye(3)[axis] * (1.0 if standing[axis] >= 0.0 else -1.0)
-    left = np.eye(3)[(axis + 2) % 3]
+    up = nearest_axis(middle(positions, joints, "shoulder") - middle(positions, joints, "ankle"))
+    left = np.eye(3)[(int(np.argmax(np.abs(up))) + 2) % 3]
     return np.stack([left, up, np.cross(left, up)], axis=-1)
 
 

@@ -21,7 +21,7 @@ from riemhuman.mocap._skeletons import (
     pelvis_frame,
     trunk,
 )
-from riemhuman.mocap._upward import BVH, MARKERS, rest_directions, upward_axis, warn_of_doubt
+from riemhuman.mocap._upward import BVH, MARKERS, chosen_axis, rest_directions, upward_axis
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, in_space
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -138,8 +138,7 @@ def read_skeleton(
         if not is_long.any():
             is_long[:] = True
         axes = upward_axis(positions[is_long], directions[is_long], leg, at_rest, convention)
-        warn_of_doubt(recording.name, axes)
-        up = axes[0]
+        up = chosen_axis(recording.name, axes)
     upright = make_upright(np.eye(3), up=up).T
     rotations, positions = upright @ rotations, positions @ upright.T
     is_valid = _is_on_one_floor(parts, positions, leg)

@@ -99,6 +99,13 @@ def frame(first: Array, second: Array) -> Array:
     return np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
+def nearest_axis(directions: Array) -> Array:
+    """Return the axis of space, or its opposite, along which directions mostly point."""
+    mean = np.mean(unit(directions), axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    return np.asarray(np.eye(3)[axis] * (1.0 if mean[axis] >= 0.0 else -1.0))
+
+
 def turned_towards(rotations: Array, rest: Array, directions: Array) -> Array:
     """Turn rotations the shortest way until they take a vector at rest to directions."""
     return shortest_rotations(rotations @ unit(rest), directions) @ rotations

@@ -77,7 +77,7 @@ def upright_poses(poses: Array, up: str) -> Array:
     return turned
 
 
-def upright_parameters(
+def model_parameters(
     model: BodyModel, betas: Array, poses: Array, translations: Array, up: str
 ) -> tuple[Array, Array]:
     """Return poses of a model, and translations, that put its bodies y up instead of along `up`.
@@ -85,7 +85,13 @@ def upright_parameters(
     Poses rotate the root about itself, but a rotation of space also moves it.
     """
     root = model.joints(betas)[0]
-    return upright_poses(poses, up), make_upright(translations + root, up=up) - root
+    upright = upright_poses(poses_of_model(poses, model.n_joints), up)
+    return upright, make_upright(translations + root, up=up) - root
+
+
+def model_betas(betas: Array, model: BodyModel) -> Array:
+    """Return coefficients of a model; those missing are zero."""
+    return np.pad(betas[: model.n_betas], (0, max(0, model.n_betas - len(betas))))
 
 
 def smpl_offsets() -> Array:

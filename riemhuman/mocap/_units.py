@@ -28,10 +28,6 @@ _CMU_JOINTS = {"LHipJoint", "RHipJoint", "LowerBack", "lhipjoint", "rhipjoint", 
 _ADULT_LEG = 0.82
 
 
-# Metres in the units of other numbers, from a picometre to a billion kilometres.
-_SMALLEST_UNIT, _LARGEST_UNIT = 1e-12, 1e12
-
-
 def metres_in(unit: str | float) -> float:
     """Return the metres in a unit, which is a name or a number."""
     if isinstance(unit, str):
@@ -42,7 +38,7 @@ def metres_in(unit: str | float) -> float:
                 f"unit must be one of {names}, or the metres in one; found {shown(unit)}"
             )
         return _UNITS[name][0]
-    return real_number(unit, "unit", minimum=_SMALLEST_UNIT, maximum=_LARGEST_UNIT)
+    return real_number(unit, "unit", minimum=0.0, strict=True)
 
 
 def guessed_unit(leg: float, joint_names: Sequence[str]) -> tuple[str, float]:

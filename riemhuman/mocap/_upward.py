@@ -145,8 +145,8 @@ def _evidence_for(
     return _Evidence(supported, floor_evidence, _STANDS * stands + floor_evidence, is_rest)
 
 
-def warn_of_doubt(name: str, axes: tuple[str, str]) -> None:
-    """Warn where another axis than the one that was chosen may point up."""
+def chosen_axis(name: str, axes: tuple[str, str]) -> str:
+    """Return the axis that was chosen; warn where another one may point up."""
     chosen, alternative = axes
     if alternative:
         warn(
@@ -155,6 +155,7 @@ def warn_of_doubt(name: str, axes: tuple[str, str]) -> None:
             f"axis. Pass up={chosen!r} or up={alternative!r}",
             UserWarning,
         )
+    return chosen
 
 
 def _floor_evidence(floor: float, supported: float, convention: Convention) -> float:

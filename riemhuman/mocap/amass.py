@@ -26,22 +26,24 @@ from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
     check_units,
     is_smpl,
-    poses_of_model,
+    model_betas,
+    model_parameters,
     smpl_skeleton,
     smpl_upward_axes,
-    upright_parameters,
     upright_poses,
 )
-from riemhuman.mocap._upward import AMASS, warn_of_doubt
+from riemhuman.mocap._upward import AMASS, chosen_axis
 from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
 from riemhuman.mocap.retargeting import RetargetedMotion
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 from riemhuman.surfaces.procrustes import AXES, make_upright
 
-_RATES = ("mocap_framerate", "mocap_frame_rate")
+RATES = ("mocap_framerate", "mocap_frame_rate")
+"""Fields of which a file of AMASS has one."""
+
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _NEEDED_POSES = ("root_orient", "pose_body")
-FIELDS_READ = frozenset(("trans", "betas", "gender", "poses", *_POSES, *_RATES, *SAVED_FIELDS))
+FIELDS_READ = frozenset(("trans", "betas", "gender", "poses", *_POSES, *RATES, *SAVED_FIELDS))
 """Fields of a file that `load_amass` reads; betas and gender are those of SMPL's models."""
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
@@ -88,8 +90,7 @@ class _Source(NamedTuple):
         """Return the axis that points up; warn if in doubt."""
         recording = self.read()
         axes = smpl_upward_axes(recording.poses, recording.translations, AMASS)
-        warn_of_doubt(self.path.name, axes)
-        return axes[0]
+        return chosen_axis(self.path.name, axes)
 
 
 class AmassMotion(ModelMotion):
@@ -113,8 +114,7 @@ class AmassMotion(ModelMotion):
     @property
     def betas(self) -> Array:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        betas = self._source.read().betas[: self.model.n_betas]
-        return np.pad(betas, (0, self.model.n_betas - len(betas)))
+        return model_betas(self._source.read().betas, self.model)
 
     @cached_property
     def up(self) -> str:
@@ -124,9 +124,8 @@ class AmassMotion(ModelMotion):
     def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
         recording = self._source.read()
         frames = self._numbers[numbers]
-        pose = poses_of_model(recording.poses[frames], self.model.n_joints)
-        translations = recording.translations[frames]
-        return upright_parameters(self.model, self.betas, pose, translations, self.up)
+        poses, translations = recording.poses[frames], recording.translations[frames]
+        return model_parameters(self.model, self.betas, poses, translations, self.up)
 
 
 @reads(
@@ -238,15 +237,12 @@ def _saved_motion(
 ) -> ArrayMotion | None:
     """Return the motion of this model that `Motion.save` wrote as poses of SMPL."""
     fields = load_arrays(source.path, (), SAVED_FIELDS)
-    if not set(SAVED_FIELDS[:3]) <= fields.keys():
+    if not set(SAVED_FIELDS) <= fields.keys():
         return None
-    joints, betas, rest = (fields[name] for name in SAVED_FIELDS[:3])
-    # Files of older versions have neither.
-    n_others = len(other_joints(model))
-    digests = fields.get(SAVED_FIELDS[3], np.zeros(0, dtype=np.uint64))
-    others = fields.get(SAVED_FIELDS[4], np.zeros((0, n_others, 3)))
+    joints, betas, rest, digests, others = (fields[name] for name in SAVED_FIELDS)
     if tuple(joints.tolist()) != model.joint_names or betas.shape != (model.n_betas,):
         return None
+    n_others = len(other_joints(model))
     with format_errors(source.path, "a motion"):
         betas = real_array(betas, SAVED_FIELDS[1])
         rest = real_array(rest, SAVED_FIELDS[2], (model.n_joints, 3), batched=False)
@@ -304,12 +300,12 @@ def _read_header(file: Path, rate: float | None, unit: str | float | None) -> _S
     """Return what a file says of itself; its frame rate is the given one if it states none."""
     # Other arrays may hold Python objects, like the markers of SMPL-X.
     names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
-    rate_name = next((name for name in _RATES if name in names), None)
+    rate_name = next((name for name in RATES if name in names), None)
     are_parts = any(name in names for name in _NEEDED_POSES)
     required = ["trans", "betas", *(_NEEDED_POSES if are_parts else ["poses"])]
     with format_errors(file, "a motion"):
         check_fields(names, required)
-    fields = load_arrays(file, (), ["gender", *_RATES])
+    fields = load_arrays(file, (), ["gender", *RATES])
     n_frames = shapes["trans"][0] if shapes["trans"] else 0
     widths = {"trans": (3,), "poses": tuple(3 * number for number in LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
@@ -328,7 +324,7 @@ def _read_header(file: Path, rate: float | None, unit: str | float | None) -> _S
             rate = checked_rate(rates.item() if rates.size == 1 else rates, rate_name)
     elif rate is None:
         raise FileFormatError(
-            f"{file} does not state its frame rate, in {' or '.join(_RATES)}: pass "
+            f"{file} does not state its frame rate, in {' or '.join(RATES)}: pass "
             "frames_per_second="
         )
     return _Source(file, gender, rate, n_frames, unit)

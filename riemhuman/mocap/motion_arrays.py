@@ -23,12 +23,12 @@ from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
     check_units,
     is_smpl,
-    poses_of_model,
+    model_betas,
+    model_parameters,
     smpl_skeleton,
     smpl_upward_axes,
-    upright_parameters,
 )
-from riemhuman.mocap._upward import VIDEO, warn_of_doubt
+from riemhuman.mocap._upward import VIDEO, chosen_axis
 from riemhuman.mocap.motions import ArrayMotion
 from riemhuman.mocap.retargeting import RetargetedMotion
 from riemhuman.surfaces.procrustes import AXES
@@ -112,19 +112,14 @@ def motion_from_arrays(
     )
     places = check_units(vectors, places, rate, unit)
     if up is None:
-        axes = smpl_upward_axes(vectors, places, VIDEO)
-        warn_of_doubt(name, axes)
-        up = axes[0]
+        up = chosen_axis(name, smpl_upward_axes(vectors, places, VIDEO))
     person, spread = one_person(betas, weights, len(vectors))
     model = load_open_model("coarse") if model is None else model
     if is_smpl(model):
         warn_of_varying_betas(spread, name)
-        model_betas = person[: model.n_betas]
-        model_betas = np.pad(model_betas, (0, model.n_betas - len(model_betas)))
-        model_poses, model_places = upright_parameters(
-            model, model_betas, poses_of_model(vectors, model.n_joints), places, up
-        )
-        return ArrayMotion(("", name), rate, model, model_betas, model_poses, model_places)
+        shape = model_betas(person, model)
+        parameters = model_parameters(model, shape, vectors, places, up)
+        return ArrayMotion(("", name), rate, model, shape, *parameters)
     model_joints(model)
     if betas is not None:
         _say(

@@ -42,10 +42,6 @@ M = TypeVar("M", bound="Motion")
 # Frames per call of the model: enough to share its cost, few enough to need little memory.
 _FRAMES_AT_A_TIME = 32
 
-# A year at a hundred frames a second.
-_MOST_FRAMES = 4_000_000_000
-
-
 WRITTEN_MOTIONS = (".bvh", ".npz", ".glb")
 """Suffixes of the files that `save` of a motion of a body model writes."""
 
@@ -76,7 +72,7 @@ class Motion:
         subject=text_or_number,
         sequence=text_or_number,
         frames_per_second=checked_rate,
-        n_frames=whole(minimum=0, maximum=_MOST_FRAMES),
+        n_frames=whole(minimum=0),
     )
     def __init__(
         self,

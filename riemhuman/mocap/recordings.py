@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -19,14 +20,14 @@ from riemhuman.arrays import Array, ArrayLike, JSONRecord, JSONValue
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, shown, warn
 from riemhuman.io.arrays import array_shapes, load_arrays
-from riemhuman.io.files import file_path, format_errors, suffix_of
+from riemhuman.io.files import file_path, format_errors, read_bytes, suffix_of
+from riemhuman.io.gltf_animation import read_animation
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.pickles import Unpickled, load_pickled_tree
 from riemhuman.io.torch_files import load_torch_tree
-from riemhuman.mocap._animations import load_animation
 from riemhuman.mocap._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
-from riemhuman.mocap.amass import FIELDS_READ, load_amass
+from riemhuman.mocap.amass import FIELDS_READ, RATES, load_amass
 from riemhuman.mocap.amc import load_amc
 from riemhuman.mocap.bvh import load_bvh
 from riemhuman.mocap.joint_positions import ENDINGS as POSITION_ENDINGS
@@ -36,7 +37,7 @@ from riemhuman.mocap.motion_arrays import motion_from_arrays, one_person, warn_o
 from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
 from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.mocap.retargeting import retarget
-from riemhuman.mocap.skeleton_motion import nearest_frames
+from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),
@@ -58,14 +59,13 @@ _TRANSLATIONS = (
     *("cam_trans", "pred_cam_t", "camera"),
 )
 _BETAS = ("betas", "smpl_betas", "pred_shape", "shape", "pred_betas")
-_RATES = ("fps", "frame_rate", "framerate", "mocap_framerate", "mocap_frame_rate")
+_RATES = ("fps", "frame_rate", "framerate", *RATES)
 # AIST++ has its own unit of translations; this many of them are a metre.
 _SCALE = "smpl_scaling"
 # Of a person in space and before the camera, use the former.
 _IN_SPACE, _BEFORE_CAMERA = ("global", "world"), ("incam", "cam")
 # AIST++ records 60 frames a second; most videos have 30.
 _RATE_OF_AIST, _RATE_OF_VIDEOS = 60.0, 30.0
-_AMASS = ("mocap_framerate", "mocap_frame_rate")
 _MOST_FIELDS = 24
 # Fields without counterpart in the open model, which has neither a face nor single fingers.
 _MEANINGS = {
@@ -153,7 +153,7 @@ def recording_contents(
     suffix = suffix_of(file, (".npz", SMPL_ENDING, ".pkl", ".pickle", ".joblib", ".pt", ".pth"))
     if suffix in (".npz", SMPL_ENDING):
         names = set(array_shapes(file, ())[0])
-        if suffix == SMPL_ENDING or names & set(_AMASS):
+        if suffix == SMPL_ENDING or names & set(RATES):
             used = names & set(FIELDS_USED if suffix == SMPL_ENDING else FIELDS_READ)
             return _contents(used, names)
     content = _read(file, suffix)
@@ -287,54 +287,43 @@ def load_recording(
         rate = frames_per_second or _RATE_OF_VIDEOS
         motion = _photographed_motion(file, faces, model, rate, up)
         return motion if betas is None else motion.performed_by(betas)
-    if suffix in (".bvh", ".amc"):
+    perform = partial(
+        retarget, model=model, betas=betas, frames_per_second=frames_per_second, progress=progress
+    )
+    if suffix in (".bvh", ".amc", ".glb"):
         if suffix == ".bvh":
             recording = load_bvh(file, frames_per_second=frames_per_second)
         else:
-            recording = load_amc(file)
-        return retarget(
-            recording,
-            model,
-            betas=betas,
-            joints=cast("Mapping[str, str] | None", joints),
-            up=up,
-            unit=unit,
-            frames_per_second=frames_per_second,
-            progress=progress,
-        )
-    if suffix == ".glb":
-        recording = load_animation(file)
-        return retarget(
-            *(recording, model),
-            betas=betas,
-            joints=cast("Mapping[str, str] | None", joints),
-            up=up or "y",
-            unit=unit,
-            frames_per_second=frames_per_second,
-            progress=progress,
-        )
+            recording = load_amc(file) if suffix == ".amc" else _animation(file)
+        if suffix == ".glb":
+            up = up or "y"
+        return perform(recording, joints=cast("Mapping[str, str] | None", joints), up=up, unit=unit)
     if suffix in (".trc", ".c3d"):
         load = load_trc if suffix == ".trc" else load_c3d
         recording = load(file, unit=unit, joints=joints, frames_per_second=frames_per_second)
-        return retarget(
-            *(recording, model),
-            frames_per_second=frames_per_second,
-            betas=betas,
-            up=up,
-            progress=progress,
-        )
+        return perform(recording, up=up)
     if joints is not None:
         raise ArgumentError(f"joints is for {_SKELETONS}; found {file.name}")
     if suffix in POSITION_ENDINGS or (suffix == ".npz" and _holds_positions(file)):
-        recording = load_positions(file, frames_per_second, layout, unit)
-        return retarget(recording, model, betas=betas, up=up, progress=progress)
+        return perform(load_positions(file, frames_per_second, layout, unit), up=up)
     if layout is not None:
         raise ArgumentError(f"layout is for positions of joints; found {file.name}")
-    if suffix == ".npz" and set(_AMASS) & set(array_shapes(file, ())[0]):
+    if suffix == ".npz" and set(RATES) & set(array_shapes(file, ())[0]):
         (motion,) = load_amass(file, model, frames_per_second=frames_per_second, up=up, unit=unit)
     else:
         motion = _video_motion(file, suffix, model, frames_per_second, up, person, unit)
     return motion if betas is None else motion.performed_by(betas)
+
+
+def _animation(file: Path) -> SkeletonMotion:
+    """Return the skeleton of a GLB file and its first animation, metres, y up."""
+    with format_errors(file, "an animated skeleton"):
+        motion = read_animation(read_bytes(file))
+        return SkeletonMotion(
+            *(motion.names, motion.parents, motion.rest, motion.rotations, motion.translations),
+            *(motion.frames_per_second, file.stem, "metres"),
+            has_rest_pose=motion.is_rest,
+        )
 
 
 def _ending(file: Path) -> str:
@@ -519,7 +508,8 @@ def _stacked(frames: list[JSONRecord]) -> JSONRecord:
 
 def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
     """Return the person whose poses and translations are among these fields."""
-    poses, translations = _poses(content), _first(content, _TRANSLATIONS)
+    poses, pose_fields = _poses(content)
+    translations = _first(content, _TRANSLATIONS)
     if poses is None or translations is None or not len(poses):
         return None
     n_frames = len(poses)
@@ -540,8 +530,6 @@ def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
         frame_rate = float(rate.item())
     elif scale is not None:
         frame_rate = _RATE_OF_AIST
-    whole_poses = _vectors(_first(content, _WHOLE_POSES))
-    pose_fields = (_ROOT_POSES, _BODY_POSES) if whole_poses is None else (_WHOLE_POSES,)
     fields = [
         _first_name(content, names)
         for names in (*pose_fields, _TRANSLATIONS, _BETAS, _RATES, (_SCALE,))
@@ -550,15 +538,18 @@ def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
     return _Person(name, poses, translations, betas, frame_rate, used_fields)
 
 
-def _poses(content: Mapping[str, JSONValue]) -> Array | None:
-    """Return poses as axis-angle vectors, shape (n_frames, J, 3), if these fields hold them."""
+def _poses(
+    content: Mapping[str, JSONValue],
+) -> tuple[Array | None, tuple[tuple[str, ...], ...]]:
+    """Return poses as axis-angle vectors, shape (n_frames, J, 3), and what their fields may be."""
     whole = _vectors(_first(content, _WHOLE_POSES))
     if whole is not None:
-        return whole
-    root, body = (_vectors(_first(content, names)) for names in (_ROOT_POSES, _BODY_POSES))
+        return whole, (_WHOLE_POSES,)
+    parts = (_ROOT_POSES, _BODY_POSES)
+    root, body = (_vectors(_first(content, names)) for names in parts)
     if root is None or body is None or len(root) != len(body):
-        return None
-    return np.concatenate([root, body], axis=1)
+        return None, parts
+    return np.concatenate([root, body], axis=1), parts
 
 
 def _vectors(array: Array | None) -> Array | None:

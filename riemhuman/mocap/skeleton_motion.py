@@ -19,8 +19,6 @@ from riemhuman.representation import Record
 # metres, and number of frames in which they are measured.
 _SMALLEST, _LARGEST = 0.3, 5.0
 _FRAMES_MEASURED = 20
-# Squares of longer lengths lose digits when they are added up over frames.
-_LONGEST = 1e60
 
 
 @checked(
@@ -81,16 +79,12 @@ class SkeletonMotion(Record):
                 f"parents must come before their children; found {parents[forward[0]]} as the "
                 f"parent of joint {forward[0]}"
             )
-        offsets = real_array(
-            self.offsets, "offsets", (n_joints, 3), batched=False, maximum=_LONGEST
-        )
+        offsets = real_array(self.offsets, "offsets", (n_joints, 3), batched=False)
         turns = real_array(
             self.rotations, "rotations", ("n_frames", n_joints, 3, 3), batched=False, maximum=2.0
         )
         places = (len(turns), n_joints, 3)
-        steps = real_array(
-            self.translations, "translations", places, batched=False, maximum=_LONGEST
-        )
+        steps = real_array(self.translations, "translations", places, batched=False)
         if not len(turns):
             raise ArgumentError("rotations must hold at least one frame; found none")
         # As the class is frozen; what was checked takes the place of what was given.

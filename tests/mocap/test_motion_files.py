@@ -84,17 +84,6 @@ def test_frames_cut_by_other_programs_play_what_the_file_says(knees, tmp_path, f
         load_amass(tmp_path / "c.npz")
 
 
-def test_files_of_older_versions(knees, tmp_path):
-    """They held no digests, but second copies, which do not count."""
-    knees.save(tmp_path / "a.npz")
-    fields = dict(np.load(tmp_path / "a.npz"))
-    del fields["riemhuman_frames"], fields["riemhuman_other_poses"]
-    np.savez(tmp_path / "b.npz", **fields, riemhuman_poses=np.zeros((9, 23, 3)))
-    (read,) = load_amass(tmp_path / "b.npz")
-    np.testing.assert_array_equal(read.betas, knees.betas)
-    assert np.abs(read[:] - knees[:]).max() < 0.02
-
-
 def test_poses_edited_by_other_programs(knees, tmp_path):
     """Joints that AMASS lacks then turn as those above them do."""
     knees.save(tmp_path / "a.npz")
