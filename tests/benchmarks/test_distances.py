@@ -5,12 +5,9 @@
 prints, for the metrics of pose, shape, both and SRNF, microseconds a pair of the compiled loops on
 one thread and on two, of the definitions on fields computed before and on raw vertices, and their
 ratios; how long one thread and two keep processors busy; then all 4,950 pairs from raw vertices,
-smoothed areas beside SRNF, and the first calls of a fresh process. Times are the shortest of
-several runs, in turns.
+and smoothed areas beside SRNF. Times are the shortest of several runs, in turns.
 """
 
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -134,37 +131,3 @@ def test_areas_beside_srnf(benchmark):
         print(f"\n{name:7}: {1e6 * pair:.2f} us a pair, {1e3 * body:.1f} ms a body")
     benchmark.pedantic(calls[0], rounds=3)
     assert times[0, 0] < times[1, 0]
-
-
-FIRST_CALL = """
-import time
-begin = time.perf_counter()
-import riemhuman
-imported = time.perf_counter()
-from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry import AlignedSurfaces
-from riemhuman.geometry import ElasticMetric
-bodies = load_open_bodies()
-metric = ElasticMetric(AlignedSurfaces(bodies.template), 0.0, 0.0, 1.0)
-ready = time.perf_counter()
-metric.dist(bodies.points[0], bodies.points[1])
-first = time.perf_counter()
-metric.dist_pairwise(bodies.points[:3])
-print(imported - begin, first - ready, time.perf_counter() - first)
-"""
-
-
-def test_first_call_in_a_fresh_process(benchmark):
-    def run():
-        command = [sys.executable, "-c", FIRST_CALL]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        return [float(word) for word in done.stdout.split()]
-
-    benchmark.pedantic(run, rounds=1)
-    times = np.min([run() for _ in range(5)], axis=0)
-    print(
-        f"\nfresh process: import {times[0]:.3f} s, first distance {times[1]:.3f} s, then the "
-        f"first table {times[2]:.3f} s (loads the compiled loops)"
-    )
-    assert times[0] <= 0.6
-    assert times[1] <= 0.3

@@ -1,12 +1,10 @@
-"""Figures of motions: how well they are found, re-timed, averaged, and how long it takes.
+"""Figures of motions: how well they are found when they are re-timed or noisy.
 
 Run with `pytest tests/benchmarks/test_motions.py --benchmark-enable -s`.
 """
 
 import itertools
-from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,55 +54,6 @@ def rate_invariant():
 
 def timed_pairs(measure, motions):
     return clocked(lambda: measure.dist_pairwise(motions))
-
-
-@cache
-def measured(name):
-    measures = {
-        "time warping of poses": lambda: warping(n_components=COMPONENTS),
-        "time warping of changes": lambda: warping(n_components=COMPONENTS, centered=True),
-        "time warping of velocities": lambda: velocities(n_components=COMPONENTS),
-        "rate-invariant": rate_invariant,
-    }
-    timed_pairs(measures[name](), performances()[:3])
-    return timed_pairs(measures[name](), performances())
-
-
-@pytest.mark.parametrize(
-    ("name", "seconds"),
-    [
-        ("time warping of poses", 10),
-        ("time warping of changes", 10),
-        ("time warping of velocities", 60),
-        ("rate-invariant", 60),
-    ],
-)
-def test_all_pairs(name, seconds):
-    """All 9,730 pairs, with the frames' features; processor time, shared by two cores."""
-    distances, wall, processor = measured(name)
-    scores = rh.retrieval.scores(distances, labels())
-    print(f"\n{name}: {wall:.1f} s, {processor:.1f} s of processor time; {scores}")
-    assert processor <= 2 * seconds
-    if name != "time warping of poses":
-        assert scores.nn == 100.0
-        assert scores.first_tier >= 92.0
-
-
-def test_many_recordings():
-    """All 41,041 pairs of 287 recordings of 24 frames, exact: two cores share the time."""
-    parts = [(m, half * (len(m) // 2), len(m) // 2) for m in open_motions() for half in (0, 1)]
-    parts += [(m, 0, len(m)) for m in open_motions()[:7]]
-    motions = [
-        m[first : first + length][np.linspace(0, length - 1, 24).round().astype(int)]
-        for m, first, length in parts
-    ]
-    assert len(motions) == 287
-    surfaces = rh.AlignedSurfaces(open_motions()[0].template)
-    measure = rh.motions.DynamicTimeWarping(rh.RotationMetric(surfaces), n_jobs=2)
-    timed_pairs(measure, motions[:3])
-    _, wall, processor = timed_pairs(measure, motions)
-    print(f"\n287 recordings, rotation metric: {wall:.1f} s, {processor:.1f} s of processor time")
-    assert processor <= 2 * 60
 
 
 def at_places(motion, places):
@@ -187,53 +136,3 @@ def test_people_unlike_those_of_the_model():
     ):
         scores = rh.retrieval.scores(timed_pairs(measure, noisy)[0], names)
         print(f"\nnoise of 2 mm, {name}: NN {scores.nn:.1f}, FT {scores.first_tier:.1f}")
-
-
-def by_definition(model, betas, pose, translation):
-    """Return a posed body by equations 2 to 10 of Loper et al., in NumPy, a frame at a time."""
-    surface = model.template.vertices + model.shapedirs @ betas
-    joints = model.joint_regressor @ surface
-    local = rh.bodies.rotation_matrix(pose)
-    motions = np.tile(np.eye(4), (model.n_joints, 1, 1))
-    for joint in model.joint_order:
-        parent = model.parents[joint]
-        motions[joint, :3, :3] = local[joint]
-        motions[joint, :3, 3] = joints[joint] - (joints[parent] if parent >= 0 else 0.0)
-        if parent >= 0:
-            motions[joint] = motions[parent] @ motions[joint]
-    motions[:, :3, 3] -= np.einsum("jab,jb->ja", motions[:, :3, :3], joints)
-    blended = np.einsum("vj,jab->vab", model.weights, motions[:, :3])
-    return np.einsum("vab,vb->va", blended[..., :3], surface) + blended[..., 3] + translation
-
-
-def test_long_recordings():
-    """A minute at 120 Hz: frames a second of performing a recording, and of posing bodies."""
-    folder = Path(__file__).parents[1] / "mocap" / "recordings"
-    recording = rh.datasets.load_bvh(folder / "cmu_01_01.bvh")
-    there_and_back = np.concatenate([np.arange(len(recording)), np.arange(len(recording))[::-1]])
-    frames = np.resize(there_and_back, 7200)
-    rotations, translations = recording.rotations[frames], recording.translations[frames]
-    long = replace(recording, rotations=rotations, translations=translations)
-    rh.datasets.retarget(recording)[:100]  # compiles what is posed
-    motion = rh.datasets.retarget(long)
-    poses, wall, processor = clocked(lambda: motion.pose_vectors)
-    places, betas = motion.translations, motion.betas
-    print(f"\nperforming: {7200 / wall:.0f} frames a second ({7200 / processor:.0f} a core)")
-    for resolution, n_frames in (("coarse", 1200), ("full", 120)):
-        model = rh.datasets.load_open_model(resolution)
-        some = rh.datasets.ArrayMotion(
-            ("", ""), 120.0, model, betas, poses[:n_frames], places[:n_frames]
-        )
-        bodies, wall, processor = clocked(lambda motion=some: motion[:], 3)
-
-        def posed_by_definition(model=model, n_frames=n_frames):
-            return [by_definition(model, betas, poses[k], places[k]) for k in range(n_frames)]
-
-        plain, plain_wall, plain_processor = clocked(posed_by_definition)
-        np.testing.assert_allclose(bodies, plain, rtol=0.0, atol=1e-12)
-        print(
-            f"posing, {resolution}: {n_frames / wall:.0f} frames a second, "
-            f"{n_frames / plain_wall:.0f} by the definition in NumPy; {plain_processor:.2f} s of "
-            f"processor time over {processor:.2f}: {plain_processor / processor:.1f} times"
-        )
-        assert plain_processor > 2.0 * processor
