@@ -1,6 +1,6 @@
 """Every public name has an example in its docstring, and it prints what it says.
 
-All run where the documentation is built, in `python .ci/jobs.py docs`.
+They run in `python .ci/jobs.py pages`.
 """
 
 import doctest
@@ -41,6 +41,7 @@ def test_every_name_has_an_example():
     assert [name for name in texts if "\nExamples\n--------\n" not in texts[name]] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.usefixtures("quick")
 def test_examples(name):

@@ -32,11 +32,8 @@ def run(code):
     )
 
 
-def test_import_loads_nothing_heavy_and_every_public_name_resolves():
-    result = run(
-        f"import riemhuman; print(*sorted({HEAVY} & sys.modules.keys()))\n"
-        "for name in riemhuman.__all__: getattr(riemhuman, name)"
-    )
+def test_import_loads_nothing_heavy():
+    result = run(f"import riemhuman; print(*sorted({HEAVY} & sys.modules.keys()))")
     assert result.returncode == 0, result.stderr
     assert result.stdout.split() == []
 

@@ -110,9 +110,8 @@ def skinned(model, betas, pose, trans, hands=None):
     return points, np.stack([w[:3, 3] for w in worlds]) + trans
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_agrees_with_the_formula_written_out(model, seed):
-    betas, pose, trans = parameters(model, rng=seed)
+def test_agrees_with_the_formula_written_out(model):
+    betas, pose, trans = parameters(model)
     points, joints = skinned(model, betas, pose, trans)
     np.testing.assert_allclose(model(betas, pose, trans), points, rtol=0, atol=1e-11)
     np.testing.assert_allclose(model.joints(betas, pose, trans), joints, rtol=0, atol=1e-11)
@@ -177,9 +176,10 @@ def test_names_of_hand_poses():
             refused()
 
 
-@pytest.mark.parametrize("argument", [0, 1, 2])
-@pytest.mark.parametrize("joints", [False, True])
-@pytest.mark.parametrize("at_rest", [False, True])
+@pytest.mark.parametrize(
+    ("argument", "joints", "at_rest"),
+    [(0, True, False), (1, False, True), (1, True, True), (2, False, False)],
+)
 def test_gradients(model, argument, joints, at_rest):
     rng = np.random.default_rng(3)
     values = list(parameters(model, (2,)))

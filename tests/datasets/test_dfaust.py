@@ -91,15 +91,15 @@ def test_frames_are_read_on_access(folder, reads):
 PARTS = [(None,), (3, 5), (None, None, 70), (None, None, -1), (140, 3, -9), (100, 1000), (9, 9)]
 
 
-@pytest.mark.parametrize("part", [slice(*ends) for ends in PARTS])
-@pytest.mark.parametrize("step", [1, 2, 7, 60])
-def test_slices_at_all_frame_rates(folder, truth, part, step):
+@pytest.mark.parametrize("step", [1, 7])
+def test_slices_at_all_frame_rates(folder, truth, step):
     (motion,) = load_dfaust(folder, 50002, "hips", frames_per_second=60 / step)
     frames = truth["50002_hips"][::step]
     assert motion.frames_per_second == pytest.approx(60 / step)
     assert len(motion) == len(frames)
-    assert motion[part].dtype == np.float64
-    np.testing.assert_array_equal(motion[part], frames[part])
+    for part in (slice(*ends) for ends in PARTS):
+        assert motion[part].dtype == np.float64
+        np.testing.assert_array_equal(motion[part], frames[part], err_msg=str(part))
     np.testing.assert_array_equal(motion[-1], frames[-1])
     with pytest.raises(FrameIndexError, match="'hips' of '50002'.* has no frame"):
         motion[len(frames)]

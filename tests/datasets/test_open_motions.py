@@ -69,8 +69,7 @@ def test_everybody_performs_a_little_differently(motions):
     assert np.degrees(gaps[~np.eye(10, dtype=bool)].min()) > 1
 
 
-@pytest.mark.everyday("jiggle_on_toes", "one_leg_jump", "shake_hips")
-@pytest.mark.parametrize("sequence", NAMES)
+@pytest.mark.parametrize("sequence", ["jiggle_on_toes", "one_leg_jump", "shake_hips"])
 def test_smooth_on_the_ground_and_not_inside_out(motions, sequence):
     for motion in [motion for motion in motions if motion.sequence == sequence][::3]:
         frames = motion[:]
@@ -86,7 +85,7 @@ def test_smooth_on_the_ground_and_not_inside_out(motions, sequence):
         assert lowest.max() < 0.12
 
 
-@pytest.mark.parametrize("sequence", NAMES)
+@pytest.mark.parametrize("sequence", NAMES[::5])
 def test_no_jumps(sequence):
     # Four times as many frames make steps a quarter as long; a jump would stay as it is.
     def longest_step(rate):

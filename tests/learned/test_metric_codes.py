@@ -16,7 +16,6 @@ METRICS = {
     "shape": (lambda space: rh.ElasticMetric(space, a=1.0, lam=1e-4, c=0.0), 0.85),
     "pose": (lambda space: rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0), 0.96),
     "rotations": (rh.RotationMetric, 0.9),
-    "general": (lambda space: rh.GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0), 0.95),
 }
 
 

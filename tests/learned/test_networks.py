@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from known_surfaces import sphere
-from training import initial_cloud, initial_networks
+from training import initial_cloud
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.learned._networks import (
@@ -29,14 +29,6 @@ def test_is_what_its_formula_says():
         h = g + b / (1.0 + np.exp(-b))
         expected.append(row @ p["some.L"] + h @ p["some.C"] + p["some.b3"])
     np.testing.assert_allclose(network(p, "some", x), expected, rtol=1e-13)
-
-
-def test_starts_linear_with_the_shapes_it_has():
-    sizes = NetworkSizes(4, 5, 3)
-    p = initial_networks({"some": sizes}, np.random.default_rng(0))
-    assert {name: array.shape for name, array in p.items()} == network_shapes("some", sizes)
-    x = np.random.default_rng(1).standard_normal((2, 4))
-    np.testing.assert_allclose(network(p, "some", x), x @ p["some.L"])
 
 
 def test_activation_does_not_overflow():

@@ -72,12 +72,11 @@ def test_another_template_with_a_correspondence(codes, bodies):
     assert other.template_ is template
 
 
-@pytest.mark.parametrize(("n_places", "error"), [(1150, 30.0), (600, 150.0)])
-def test_triangles_that_collapse_are_left_out(codes, n_places, error):
+def test_triangles_that_collapse_are_left_out(codes):
     """Vertices that share a place with another make triangles without area."""
     natural = load_open_bodies("coarse", "natural")
     template = natural.template
-    places = np.random.default_rng(0).permutation(template.n_vertices)[:n_places]
+    places = np.random.default_rng(0).permutation(template.n_vertices)[:600]
     nearest = cKDTree(template.vertices[places]).query(template.vertices)[1]
     collapsed = codes.on(template, places[nearest])
     found = collapsed.transform(natural.points)
@@ -85,7 +84,7 @@ def test_triangles_that_collapse_are_left_out(codes, n_places, error):
     assert scores(squareform(pdist(shape)), natural.subject).nn > 95.0
     assert scores(squareform(pdist(pose)), natural.pose).nn > 75.0
     some = slice(None, None, 11)
-    assert mean_error(collapsed.inverse_transform(found[some]), natural.points[some]) < error
+    assert mean_error(collapsed.inverse_transform(found[some]), natural.points[some]) < 150.0
 
 
 def test_refuses(codes, bodies):

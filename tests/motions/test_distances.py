@@ -45,8 +45,8 @@ def test_all_pairs_are_the_single_ones_in_both_orders(make, motions):
 
 @pytest.mark.parametrize(("name", "most"), [("frames", 0.2), ("rate-invariant", 0.1)])
 def test_components_lower_distances_a_little(space, motions, name, most):
-    exact = DISTANCES[name](space).dist_pairwise(motions)
-    projected = DISTANCES[name](space, n_components=30).dist_pairwise(motions)
+    exact = DISTANCES[name](space).dist_pairwise(motions[:4])
+    projected = DISTANCES[name](space, n_components=30).dist_pairwise(motions[:4])
     assert (projected <= exact * (1 + 1e-9)).all()
     assert (projected >= (1 - most) * exact).all()
 

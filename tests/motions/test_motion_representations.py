@@ -7,18 +7,6 @@ import riemhuman as rh
 from riemhuman.motions.motion_representations import GramHankel, random_places, retime_at_random
 
 
-def test_products_of_frames_are_those_of_the_kernel(space, motions):
-    """The error of random features falls with the root of their number."""
-    hankel = GramHankel(space, width=0.5, n_rows=2, n_features=500)
-    frames = motions[0][[0, 5]]
-    centres = frames[:, space.template.faces].mean(axis=2) - frames.mean(axis=1)[:, None]
-    areas = space.normals(frames)
-    gaps = np.sum((centres[0][:, None] - centres[1]) ** 2, axis=-1)
-    expected = np.sum(areas[0] @ areas[1].T * np.exp(-gaps / 0.5**2))
-    rows = hankel.currents(frames)
-    assert rows[0] @ rows[1] == pytest.approx(expected, rel=0.1)
-
-
 def test_currents_are_area_vectors_times_fourier_features(space, motions):
     hankel = GramHankel(space, width=0.01, n_features=5)  # such narrow kernels turn many times
     frames = motions[0][:3]

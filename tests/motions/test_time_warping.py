@@ -59,13 +59,11 @@ class TestDynamicTimeWarping:
         plain = rh.motions.DynamicTimeWarping(space.metric)
         assert plain.dist(a, moved) > 1.1 * plain.dist(a, b)
 
-    @pytest.mark.everyday("pose", "shape")
-    @pytest.mark.parametrize("name", ["pose", "rotations", "shape"])
+    @pytest.mark.parametrize("name", ["pose", "shape"])
     def test_features_in_single_precision_lose_nothing(self, space, motions, name):
         """Frames of one motion that hardly differ are computed again in double precision."""
         metric = {
             "pose": rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
-            "rotations": rh.RotationMetric(space),
             "shape": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0),
         }[name]
         warping = rh.motions.DynamicTimeWarping(metric, heading=True)
@@ -114,7 +112,7 @@ def at_places(points, places):
     return result
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(0, 24, 5))
 def test_chords_are_the_best_of_all_and_places_between_frames_lower_their_sum(seed):
     rng = np.random.default_rng(seed)
     n, m = 2 + seed % 4, 2 + seed // 4

@@ -114,6 +114,7 @@ def test_paths(client, tmp_path):
     assert found.outcome == expected.outcome
 
 
+@pytest.mark.slow
 def test_errors_of_a_worker_arrive(client, tmp_path):
     class Faulty(RiemannianMetric):
         def squared_dist(self, point_a, point_b):
@@ -169,6 +170,7 @@ def unhide():
     sys.modules.update(sys.hidden)
 
 
+@pytest.mark.slow
 def test_a_worker_without_the_library(client, tmp_path):
     client.run(hide)
     try:

@@ -209,13 +209,6 @@ def test_every_level_by_its_definition(distances):
     np.testing.assert_allclose(precision, np.mean(expected, axis=0))
 
 
-def test_classes_of_different_sizes():
-    places = np.array([0.0, 0.1, 0.2, 5.0, 5.1, 9.0])
-    recall, precision = precision_recall(np.abs(places[:, None] - places), list("aaabbc"))
-    np.testing.assert_allclose(recall, [0.5, 1.0])
-    np.testing.assert_allclose(precision, [1.0, 1.0])
-
-
 def test_confusion_counts_nearest_neighbours(distances):
     counts = confusion(distances, LABELS)
     assert counts.sum() == 12

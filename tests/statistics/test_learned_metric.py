@@ -31,42 +31,15 @@ def metrics(bodies):
     }
 
 
-@pytest.mark.parametrize(
-    ("name", "what", "shrinkage"),
-    [
-        ("pose", "pose", "ledoit-wolf"),
-        ("rotations", "pose", "ledoit-wolf"),
-        ("subject", "subject", "ledoit-wolf"),
-    ],
-)
-def test_people_left_out_are_retrieved_better_than_without_labels(
-    bodies, metrics, name, what, shrinkage
-):
+@pytest.mark.parametrize(("name", "what"), [("rotations", "pose"), ("subject", "subject")])
+def test_people_left_out_are_retrieved_better_than_without_labels(bodies, metrics, name, what):
     labels = getattr(bodies, what)
-    learned = rh.LearnedMetric(metrics[name], shrinkage=shrinkage)
+    learned = rh.LearnedMetric(metrics[name])
     found = scores(learned.held_out_distances(bodies.points, labels, bodies.subject), labels)
     plain = scores(metrics[name].dist_pairwise(bodies.points), labels)
     assert found.nn >= max(97.0, plain.nn)
     assert found.first_tier >= max(95.0, plain.first_tier)
     assert found.second_tier >= 99.4
-
-
-def test_neither_people_of_a_query_nor_of_the_gallery_are_in_their_metric(bodies, metrics):
-    """Labels of the people of both bodies do not change their distance."""
-    learned = rh.LearnedMetric(metrics["pose"])
-    distances = learned.held_out_distances(bodies.points, bodies.pose, bodies.subject)
-    folds = bodies.subject % 5
-    dealt = bodies.pose.copy()
-    unseen = np.isin(folds, [1, 3])
-    dealt[unseen] = np.random.default_rng(0).permutation(dealt[unseen])
-    again = learned.held_out_distances(bodies.points, dealt, bodies.subject)
-    across = np.ix_(folds == 1, folds == 3)
-    np.testing.assert_array_equal(again[across], distances[across])
-    assert not np.allclose(
-        again[np.ix_(folds == 1, folds == 2)], distances[folds == 1][:, folds == 2]
-    )
-    np.testing.assert_array_equal(distances, distances.T)
-    assert not distances.diagonal().any()
 
 
 def test_distances_across_and_within_folds(bodies, metrics):
@@ -85,6 +58,8 @@ def test_distances_across_and_within_folds(bodies, metrics):
         within.append(cdist(codes, codes))
     training = distances[np.ix_(folds == 0, folds == 0)]
     np.testing.assert_allclose(training, np.mean(within, axis=0), atol=1e-4)
+    np.testing.assert_array_equal(distances, distances.T)
+    assert not distances.diagonal().any()
 
 
 def test_rows_and_data_frames_as_scikit_learn_has_them(bodies, metrics):
@@ -191,7 +166,7 @@ def test_refusals(bodies, metrics):
         rh.LearnedMetric(sobolev).fit(points, labels)
 
 
-def test_local_scaling_and_other_people_only(bodies, metrics):
+def test_local_scaling(bodies, metrics):
     """Scaling helps where people overlap; by lam = 1e-4, all their surfaces are first already."""
     space = metrics["pose"].space
     shape = rh.ElasticMetric(space, a=1.0, lam=1e-2, c=0.0)
@@ -201,7 +176,3 @@ def test_local_scaling_and_other_people_only(bodies, metrics):
         scores(local_scaling(distances), bodies.subject),
     )
     assert scaled.first_tier > plain.first_tier
-    # Whoever is nearest holds the same pose, once the query's own other poses do not count.
-    for name in ("pose", "rotations"):
-        found = scores(metrics[name].dist_pairwise(bodies.points), bodies.pose, bodies.subject)
-        assert found.nn >= 96.0

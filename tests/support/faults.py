@@ -10,12 +10,9 @@ import multiprocessing
 import os
 import resource
 import signal
-import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 from cases import sphere_template, surfaces
 
@@ -75,26 +72,6 @@ def make_inputs(folder, seed):
         save_mesh(folder / f"body_{number}.ply", points, template.faces)
         rows.append(f"body_{number}.ply,person {number // 2},pose {number % 2}")
     (folder / "labels.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-
-
-@contextmanager
-def small_disk(folder, n_bytes):
-    """Mount a disk in memory of so many bytes, and give a function that makes it larger.
-
-    Raises OSError where this process may not mount.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def mount(*options):
-        done = subprocess.run(["mount", "-t", "tmpfs", *options, "tmpfs", folder], check=False)
-        if done.returncode != 0:
-            raise OSError(f"no disk can be mounted at {folder}")
-
-    mount("-o", f"size={n_bytes}")
-    try:
-        yield lambda larger: mount("-o", f"remount,size={larger}")
-    finally:
-        subprocess.run(["umount", folder], check=True)
 
 
 @dataclass(frozen=True)
@@ -231,39 +208,3 @@ class Processes:
             changes = 0 if process.exitcode < 0 else ours.recv()
             answers.append((process.exitcode, said.read_text(), changes))
         return answers
-
-    def run_beside_stopped(self, operation, outputs, stop_at, seconds):
-        """Run an operation while another process stands still before a change of a file.
-
-        Returns the answers of both: that of the second, which is killed if it takes longer than
-        some seconds, and that of the first, which goes on once the second has ended.
-        """
-        outputs.mkdir(parents=True, exist_ok=True)
-        said = self._folder / "said_by_the_first"
-        said.write_text("")
-        ours, theirs = self._context.Pipe(duplex=False)
-        faults = Faults(stop_at, ending=signal.SIGSTOP)
-        step = Lockstep(self._context.Array("i", 1, lock=False), 0)
-        task = operation, self.inputs, outputs, faults, step, said, theirs
-        first = self._context.Process(target=child, args=task)
-        first.start()
-        theirs.close()
-        while first.is_alive() and not _is_stopped(first.pid):
-            time.sleep(0.01)
-        second = self.run(operation, outputs, kill_after=seconds)
-        if first.is_alive():
-            os.kill(first.pid, signal.SIGCONT)
-        first.join(seconds)
-        if first.exitcode is None:
-            first.kill()
-            first.join()
-        return second, (first.exitcode, said.read_text(), ours.recv() if ours.poll() else 0)
-
-
-def _is_stopped(number):
-    """Return whether a process stands still."""
-    try:
-        status = Path(f"/proc/{number}/stat").read_text()
-    except FileNotFoundError:  # it has just ended
-        return False
-    return status.rpartition(")")[2].split()[0] == "T"

@@ -67,7 +67,7 @@ def geodesic(metric, k):
 CALLS = (distance, energy_and_gradient, pairs, interpolated, operators, geodesic)
 
 
-@pytest.mark.everyday("distance-both", "pairs-srnf", "geodesic-both")
+@pytest.mark.everyday("pairs-srnf", "geodesic-both")
 @pytest.mark.parametrize("kind", ["both", "srnf"])
 @pytest.mark.parametrize("call", CALLS)
 def test_many_threads_see_the_bits_of_one(call, kind):

@@ -10,14 +10,11 @@ import shutil
 import signal
 import sys
 import tempfile
-import time
-from contextlib import ExitStack
 from itertools import islice, product
 from pathlib import Path
 
-import numpy as np
 import pytest
-from faults import OPERATIONS, Processes, small_disk
+from faults import OPERATIONS, Processes
 from sockets import folder_of_sockets
 
 SUPPORT = Path(__file__).parents[1] / "support"
@@ -131,26 +128,6 @@ def test_two_at_once(server, undisturbed, operation, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("operation", OPERATIONS)
-def test_killed_at_random_moments(server, undisturbed, operation, tmp_path):
-    new, _ = undisturbed(operation, server.inputs)
-    moments, n_killed = np.random.default_rng(52).uniform(0.0, 1.0, 15), 0
-    start = time.perf_counter()
-    assert server.run(operation, tmp_path / "whole")[0] == 0
-    duration = time.perf_counter() - start
-    for number, moment in enumerate(moments):
-        outputs = tmp_path / str(number)
-        code, said, _ = server.run(operation, outputs, kill_after=moment * duration)
-        assert code in (0, -signal.SIGKILL), said
-        n_killed += code != 0
-        assert is_old_or_new(content(outputs), {}, new), moment
-        code, said, _ = server.run(operation, outputs)
-        assert code == 0, said
-        assert content(outputs) == new
-    sys.stdout.write(f"{operation}: {n_killed} of {len(moments)} runs killed; whole or no files\n")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("operation", OPERATIONS)
 def test_full_disks(server, undisturbed, operation, tmp_path):
     new, _ = undisturbed(operation, server.inputs)
     largest, n_refused = max(map(len, new.values())), 0
@@ -172,66 +149,3 @@ def test_full_disks(server, undisturbed, operation, tmp_path):
     sys.stdout.write(
         f"{operation}: {n_refused} of {len(limits)} full disks said; no partial files\n"
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("operation", OPERATIONS)
-def test_small_disks(server, undisturbed, operation, tmp_path):
-    """Where this process may mount one; the sizes of files are limited everywhere, see above."""
-    new, _ = undisturbed(operation, server.inputs)
-    needed, n_refused, place = sum(map(len, new.values())), 0, tmp_path / "disk"
-    for n_bytes in (0, needed // 2, needed):
-        try:
-            disk = ExitStack()
-            enlarge = disk.enter_context(small_disk(place, n_bytes + 4096))
-        except OSError as error:
-            pytest.skip(str(error))
-        with disk:
-            (place / "another").write_bytes(bytes(4096))  # the smallest disk is full
-            code, said, _ = server.run(operation, place / "out")
-            assert code in (0, 2), said
-            n_refused += code != 0
-            assert content(place / "out") == (new if code == 0 else {}), (n_bytes, said)
-            assert code == 0 or "No space left on device" in said, said
-            assert "unexpected" not in said
-            enlarge(2**26)
-            code, said, _ = server.run(operation, place / "out")
-            assert code == 0, said
-            assert content(place / "out") == new
-    assert n_refused > 0
-    sys.stdout.write(f"{operation}: {n_refused} of 3 small disks said; no partial files\n")
-
-
-# Operations take less than a second; what takes longer waits for something that does not come.
-_HANGS = 300
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("operation", OPERATIONS)
-def test_nothing_waits_for_a_process_that_stands_still(server, undisturbed, operation, tmp_path):
-    new, n_changes = undisturbed(operation, server.inputs)
-    n_refused = 0
-    for stop_at in sorted({1, 2, n_changes // 2, n_changes - 1, n_changes}):
-        outputs = tmp_path / str(stop_at)
-        second, first = server.run_beside_stopped(operation, outputs, stop_at, _HANGS)
-        for code, said, _ in (second, first):
-            assert code in (0, 2), (stop_at, code, said)
-            assert "Traceback" not in said
-            assert "unexpected" not in said
-        assert 0 in (first[0], second[0]), (first, second)
-        n_refused += second[0] != 0
-        assert content(outputs) == new, stop_at
-    sys.stdout.write(f"{operation}: nothing hangs, {n_refused} runs refused what was in use\n")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("operation", OPERATIONS)
-def test_files_that_never_end_are_refused(server, operation, tmp_path):
-    inputs = tmp_path / "inputs"
-    shutil.copytree(server.inputs, inputs)
-    (inputs / "body_1.ply").unlink()
-    os.mkfifo(inputs / "body_1.ply")
-    code, said, _ = server.run(operation, tmp_path / "out", inputs=inputs, kill_after=_HANGS)
-    assert code == 2, said
-    assert "body_1.ply cannot be read: it is a device or a pipe" in said
-    assert content(tmp_path / "out") == {}

@@ -123,7 +123,7 @@ def test_damaged_sparse_matrices_are_refused_or_lie_within_their_shapes(tmp_path
     rng = np.random.default_rng(0)
     numbers = np.array([-(2**63), -1, 0, 1, 2, 3, 5, 9, 2**31, 2**61, 2**63 - 1])
     ends = Counter()
-    for _ in range(300):
+    for _ in range(120):
         matrix = sparse.random(*rng.integers(1, 5, 2), 0.6, rng=rng).asformat("csc")
         name = str(rng.choice(["indices", "indptr", "indptr"]))
         indices = getattr(matrix, name).astype(rng.choice([np.int64, np.uint64, np.int32, np.int8]))
@@ -137,7 +137,7 @@ def test_damaged_sparse_matrices_are_refused_or_lie_within_their_shapes(tmp_path
             assert np.isfinite(found.toarray()).all()
         except FileFormatError:
             ends["refused"] += 1
-    assert min(ends.values()) > 30
+    assert min(ends.values()) > 12
 
 
 def test_a_sparse_matrix_of_any_shape_stays_sparse(tmp_path):
