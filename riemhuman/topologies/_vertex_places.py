@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
+from riemhuman.io.mesh_arrays import distinct_pairs, triangle_sides
 from riemhuman.io.mesh_seams import find_seams
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
@@ -135,23 +136,21 @@ class VertexPlaces:
         return points
 
     @cached_property
-    def _sides(self) -> sparse.csr_array:
-        """The matrix (n_source, n_source) of the edges."""
-        ends = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
-        links = sparse.csr_array((np.ones(len(ends)), ends.T), shape=(self.n_source,) * 2)
-        return ((links + links.T) > 0).astype(float).tocsr()
+    def _edges(self) -> Integers:
+        """The vertices at both ends of each edge, in both directions, shape (E, 2)."""
+        sides = triangle_sides(self.faces)
+        return distinct_pairs(np.concatenate([sides, sides[:, ::-1]]))[0]
 
     def _vertex_rotations(self, surface: Array) -> Array:
         """Return rotations around the vertices from the reference, shape (n_source, 3, 3)."""
-        links, before, after = self._sides, self.source, surface
+        start, end = self._edges.T
+        before = self.source[end] - self.source[start]
+        after = surface[end] - surface[start]
         products = after[:, :, np.newaxis] * before[:, np.newaxis, :]
-        # Σ (x_j − x_i) (y_j − y_i)ᵀ over the neighbours j of each vertex i.
-        spread = (links @ products.reshape(-1, 9)).reshape(-1, 3, 3)
-        spread -= (links @ after)[:, :, np.newaxis] * before[:, np.newaxis, :]
-        spread -= after[:, :, np.newaxis] * (links @ before)[:, np.newaxis, :]
-        spread += links.sum(axis=1)[:, np.newaxis, np.newaxis] * products
+        spread = np.zeros((self.n_source, 3, 3))
+        np.add.at(spread, start, products)
         # Neighbours in a plane would not tell which side is outside.
-        normals = vertex_normals(after, self.faces)[:, :, np.newaxis] * self._normals
+        normals = vertex_normals(surface, self.faces)[:, :, np.newaxis] * self._normals
         size = np.linalg.norm(spread.reshape(-1, 9), axis=1)
         return nearest_rotations(spread + size[:, np.newaxis, np.newaxis] * normals)
 
@@ -207,7 +206,7 @@ def _harmonic_extension(
     """Return the vertices around a part, and the matrix that extends values there into it."""
     inside = np.zeros(len(target), dtype=bool)
     inside[vertices] = True
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sides = triangle_sides(faces)
     sides = sides[inside[sides].any(axis=1)]
     lengths = np.linalg.norm(target[sides[:, 0]] - target[sides[:, 1]], axis=1)
     longest = float(lengths.max(initial=0.0))
@@ -334,7 +333,7 @@ def filled_parts(
     """
     component = joined_components(vertices, faces)
     chosen = np.flatnonzero(without)
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sides = triangle_sides(faces)
     sides = sides[without[sides].all(axis=1)]
     links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(len(vertices),) * 2)
     labels = connected_components(links, directed=False)[1][chosen]

@@ -11,18 +11,19 @@ from typing import Literal, overload
 import numpy as np
 from scipy.spatial import cKDTree
 
-from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles, Values
+from riemhuman.arrays import Array, ArrayLike, Integers, Triangles, Values
 from riemhuman.bodies import BodyModel, ModelFit
 from riemhuman.checks import (
-    check_instance,
     check_same_scale,
+    checked,
     checked_rate,
+    choice,
     flag,
+    instance,
     longest_side,
-    one_of,
     real_array,
-    refuse_type,
 )
+from riemhuman.checks.labels import text
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -144,6 +145,7 @@ class TopologyMap:
     template_places: VertexPlaces
 
     @classmethod
+    @checked(model=instance(BodyModel), up=choice(*AXES))
     def fit(
         cls,
         template: object,
@@ -177,9 +179,6 @@ class TopologyMap:
             The same for a file.
         """
         model = load_open_model() if model is None else model
-        if not isinstance(model, BodyModel):
-            refuse_type(model, "model", "a BodyModel")
-        one_of(up, "up", (None, *AXES))
         points, triangles = _bodies_and_faces(template, faces)
         name = "template"
         error: type[Exception] = ArgumentError
@@ -187,7 +186,6 @@ class TopologyMap:
             name, error = os.fspath(template), FileFormatError
         _check_bodies(
             points[0] if len(points) == 1 else points,
-            points[0],
             triangles,
             name,
             model.template.vertices,
@@ -227,23 +225,23 @@ class TopologyMap:
         images: MirrorImages | None = None,
     ) -> TopologyMap:
         """Return the map of two surfaces that coincide, and are symmetric if images are given."""
-        gaps = nearest_like(reference, triangles, registered, model.faces)
+        everywhere = np.ones(len(registered), dtype=bool)
+        *_, gaps = place_vertices(reference, triangles, registered, model.faces, everywhere)
         template_lacks = find_without_counterpart(reference, triangles, gaps)
         if images is not None:
             template_lacks = on_both_sides(template_lacks, images.template)
-        gaps = nearest_like(registered, model.faces, reference, triangles, ~template_lacks)
+        on_template, heights_of_model, gaps = place_vertices(
+            registered, model.faces, reference, triangles, ~template_lacks
+        )
         model_lacks = find_without_counterpart(registered, model.faces, gaps)
         if images is not None:
             model_lacks = on_both_sides(model_lacks, images.model)
-        to_template = place_vertices(reference, triangles, registered, model.faces, ~model_lacks)[
-            :2
-        ]
-        to_model = place_vertices(registered, model.faces, reference, triangles, ~template_lacks)[
-            :2
-        ]
+        on_model, heights_of_template, _ = place_vertices(
+            reference, triangles, registered, model.faces, ~model_lacks
+        )
         owners = model.weights.argmax(axis=1)
         left = model.template.vertices[:, 0] - np.median(model.template.vertices[:, 0])
-        near = model.faces[to_template[0].triangles, to_template[0].barycentric.argmax(axis=1)]
+        near = model.faces[on_model.triangles, on_model.barycentric.argmax(axis=1)]
         template_parts = filled_parts(
             reference, triangles, template_lacks, owners[near], model.joint_names, left[near]
         )
@@ -257,9 +255,21 @@ class TopologyMap:
             model,
             triangles,
             message,
-            _vertex_places(to_model, reference, triangles, registered, model.faces, model_parts),
             _vertex_places(
-                to_template, registered, model.faces, reference, triangles, template_parts
+                (on_template, heights_of_model),
+                reference,
+                triangles,
+                registered,
+                model.faces,
+                model_parts,
+            ),
+            _vertex_places(
+                (on_model, heights_of_template),
+                registered,
+                model.faces,
+                reference,
+                triangles,
+                template_parts,
             ),
         )
 
@@ -336,6 +346,7 @@ class TopologyMap:
         self, points: object, *, fit: Literal[True], up: str | None = None
     ) -> tuple[Array, ModelFit]: ...
 
+    @checked(fit=flag, up=choice(*AXES))
     def to_model(
         self, points: object, *, fit: bool = False, up: str | None = None
     ) -> Array | tuple[Array, ModelFit]:
@@ -356,13 +367,13 @@ class TopologyMap:
         -------
         array, shape (..., model.n_vertices, 3), or a pair of it and a ModelFit
         """
-        fit = flag(fit, "fit")
         surfaces = self._checked(points, self.model_places, "points", up)
         mapped = _applied(self.model_places, surfaces)
         if not fit:
             return mapped
         return mapped, self.model.fit(mapped, betas_prior=1e-7, sequence=mapped.ndim == 3)
 
+    @checked(frames_per_second=checked_rate, name=text, up=choice(*AXES))
     def to_motion(
         self, points: object, frames_per_second: float, *, name: str = "", up: str | None = None
     ) -> ArrayMotion:
@@ -387,8 +398,6 @@ class TopologyMap:
         ArgumentError
             If there is no frame, or bodies are refused as by `to_model`.
         """
-        rate = checked_rate(frames_per_second)
-        check_instance(name, "name", str, "a text")
         mapped = self.to_model(points, up=up)
         if mapped.ndim != 3 or not len(mapped):
             raise ArgumentError(
@@ -398,8 +407,9 @@ class TopologyMap:
         fit = self.model.fit(mapped, betas_prior=1e-7, sequence=True)
         person, spread = one_person(fit.betas, None, len(mapped))
         warn_of_varying_betas(spread, name)
-        return ArrayMotion(("", name), rate, self.model, person, fit.pose, fit.trans)
+        return ArrayMotion(("", name), frames_per_second, self.model, person, fit.pose, fit.trans)
 
+    @checked(up=choice(*AXES))
     def to_template(self, points: object, *, up: str | None = None) -> Array:
         """Return bodies of the model as bodies of the other topology.
 
@@ -419,8 +429,6 @@ class TopologyMap:
 
     def _checked(self, points: object, places: VertexPlaces, name: str, up: str | None) -> Array:
         """Return surfaces of the source of a map, y up."""
-        one_of(up, "up", (None, *AXES))
-        expected = f"{places.n_source:,} vertices, as the map has"
         if isinstance(points, (str, os.PathLike)):
             name = os.fspath(points)
             points = load_split_mesh(points, places.faces)
@@ -433,8 +441,11 @@ class TopologyMap:
                 raise error(f"{name} must have the triangles of the map: {difference}")
         surfaces = real_array(points, name, ("n_vertices", 3))
         if surfaces.shape[-2] != places.n_source:
-            raise error(f"{name} must have {expected}; found {surfaces.shape[-2]:,}")
-        _check_bodies(surfaces, places.source, places.faces, name, places.source, error)
+            raise error(
+                f"{name} must have {places.n_source:,} vertices, as the map has; found "
+                f"{surfaces.shape[-2]:,}"
+            )
+        _check_bodies(surfaces, places.faces, name, places.source, error)
         if up is not None:
             return make_upright(surfaces, up=up)
         self._refuse_upside_down(surfaces, places, name, error)
@@ -488,6 +499,7 @@ class TopologyMap:
         )
 
     @classmethod
+    @checked(model=instance(BodyModel))
     def load(cls, path: str | os.PathLike[str], model: BodyModel | None = None) -> TopologyMap:
         """Read a map that `save` wrote.
 
@@ -502,8 +514,6 @@ class TopologyMap:
         FileFormatError
             If the file holds no map, or the map of another model.
         """
-        if model is not None:
-            check_instance(model, "model", BodyModel)
         arrays = load_arrays(path, _ARRAYS, optional=_LEARNED)
         file = file_path(path)
         with format_errors(file, "a topology map"):
@@ -531,18 +541,6 @@ class TopologyMap:
                 ),
             )
         return cls(chosen, faces, str(arrays["message"]), model_places, template_places)
-
-
-def nearest_like(
-    queries: Array,
-    query_faces: Triangles,
-    points: Array,
-    faces: Triangles,
-    usable: Booleans | None = None,
-) -> Array:
-    """Return the distances of a mesh's vertices from another that faces the same way."""
-    allowed = np.ones(len(points), dtype=bool) if usable is None else usable
-    return place_vertices(queries, query_faces, points, faces, allowed)[2]
 
 
 def _rounded(points: Array) -> Array:
@@ -637,12 +635,7 @@ def _bodies_and_faces(template: object, faces: ArrayLike | None) -> tuple[Array,
 
 
 def _check_bodies(
-    surfaces: Array,
-    reference: Array,
-    faces: Triangles,
-    name: str,
-    known: Array,
-    error: type[Exception] = ArgumentError,
+    surfaces: Array, faces: Triangles, name: str, known: Array, error: type[Exception]
 ) -> None:
     """Refuse other units and mirrored bodies."""
     check_same_scale(

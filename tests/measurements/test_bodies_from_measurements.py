@@ -81,7 +81,6 @@ TALL["waist girth (omphalion)"] = 1.08
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("wanted0-woman")
 @pytest.mark.parametrize(
     ("wanted", "sex"), [(TALL, "woman"), ({"stature": 1.8, "body mass": 80.0}, "man")]
 )

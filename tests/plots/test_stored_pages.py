@@ -100,7 +100,6 @@ def differences(picture, stored):
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("scan-wide")
 @pytest.mark.parametrize(("name", "window"), CASES, ids=["-".join(case) for case in CASES])
 def test_a_page_looks_as_it_did(browser, saved, name, window):
     picture = picture_of(browser, saved(name), window)

@@ -48,5 +48,13 @@ def scan(model, frames):
 
 
 @pytest.fixture(scope="session")
-def result(registration, scan):
-    return registration.solve(scan.surface)
+def few_starts(model):
+    """Return a registration that starts from some poses, and tries everything after that."""
+    return ScanRegistration(
+        model, up="y", settings=settings_with(poses=("a", "t", "down", "forward"))
+    )
+
+
+@pytest.fixture(scope="session")
+def result(few_starts, scan):
+    return few_starts.solve(scan.surface)

@@ -26,7 +26,6 @@ class OneThread:
 
 
 @pytest.mark.slow
-@pytest.mark.everyday(".ply")
 @pytest.mark.parametrize("suffix", [".xyz", ".ply", ".obj"])
 def test_a_scan_is_handed_on_by_few_calls(model, monkeypatch, tmp_path, suffix):
     body = rh.datasets.load_open_bodies("coarse")[0]

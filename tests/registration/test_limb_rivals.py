@@ -27,12 +27,21 @@ from riemhuman.registration._start_search import Candidate
 UP = np.array([0.0, 1.0, 0.0])
 
 
-def find_limb_doubts(body, matched=True, excess=1.0):
-    shown = ShownLimbs(
+def shown_limbs(body, matched=True, excess=1.0):
+    return ShownLimbs(
         np.broadcast_to(matched, len(body.fit.points)),
         np.broadcast_to(excess, len(body.task.body.parts.names)),
     )
-    return find_limb_doubts_with(body, shown)
+
+
+def find_limb_doubts(body, excess=1.0):
+    return find_limb_doubts_with(body, shown_limbs(body, excess=excess))
+
+
+def find_hand_doubts(body, matched=True):
+    """Return the doubts about the one hand that was fitted."""
+    ((arm, fits),) = body.hand_fits.items()
+    return _limb_rivals._other_hand(body, arm, fits, shown_limbs(body, matched))
 
 
 @pytest.fixture(scope="module")
@@ -136,9 +145,8 @@ def test_elbows_and_hands_in_their_places_leave_no_doubt(akimbo):
 def test_an_elbow_that_points_elsewhere_is_not_trusted(fitter, akimbo, number, degrees):
     arm = fitter.arm_surfaces[number]
     pose = swing_elbow(arm.samples.skeleton, akimbo.fit.pose, arm.joints, degrees)
-    doubts = find_limb_doubts(with_pose(fitter, akimbo, pose))
-    reason = f"{arm.side} arm: its elbow may point elsewhere"
-    (doubt,) = [candidate for candidate in doubts if candidate.reason.startswith(reason)]
+    (doubt,) = _limb_rivals._arm_elsewhere(with_pose(fitter, akimbo, pose), arm)
+    assert doubt.reason.startswith(f"{arm.side} arm: its elbow may point elsewhere")
     on_arm = fitter.parts.vertices(arm.joints[1:].tolist())
     assert on_arm[doubt.vertices].all()
     assert doubt.vertices[fitter.parts.owners == arm.joints[2]].mean() > 0.5
@@ -153,10 +161,8 @@ def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo):
     contact = find_contact(within, arm)
     assert contact is not None
     np.testing.assert_allclose(np.linalg.norm(contact), 1.0)
-    doubts = find_limb_doubts(within)
-    (doubt,) = [
-        candidate for candidate in doubts if candidate.reason.startswith(f"{arm.side} arm: its")
-    ]
+    (doubt,) = _limb_rivals._arm_elsewhere(within, arm)
+    assert doubt.reason.startswith(f"{arm.side} arm: its")
     assert doubt.reason.endswith("its hand may be on the other side of what it touches")
     assert doubt.vertices[fitter.parts.owners == arm.joints[3]].mean() > 0.9
 
@@ -173,7 +179,7 @@ def test_hanging_hands_touch_nothing(fitter, upright):
 def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
     fitter, upright, monkeypatch, farther, displaced, trusted
 ):
-    (arm,) = upright.doubtful_arms
+    ((arm, poses),) = upright.doubtful_arms.items()
     aside = upright.fit.pose._replace(trans=upright.fit.pose.trans + [displaced, 0.0, 0.0])
     surfaces = [pose_body(arm.skin, pose).points for pose in (upright.fit.pose, aside)]
     rivals = [
@@ -184,7 +190,7 @@ def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
     ]
     monkeypatch.setattr(_limb_rivals, "other_arms_again", lambda *given: [aside])
     monkeypatch.setattr(_limb_rivals, "elastic_arms", lambda *given: rivals)
-    doubts = find_limb_doubts(upright)
+    doubts = _limb_rivals._turned_arm(upright, arm, poses)
     reason = "left forearm: its rotation is ambiguous"
     assert [doubt.reason for doubt in doubts] == [reason] * (not trusted)
     for doubt in doubts:
@@ -209,7 +215,7 @@ def hand_fits(model, upright, distances):
 @pytest.mark.parametrize(("farther", "trusted"), [(1.05, False), (1.4, True)])
 def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(model, upright, farther, trusted):
     (arm,) = upright.doubtful_arms
-    doubts = find_limb_doubts(hand_fits(model, upright, (0.003, 0.003 * farther, 0.006, 0.006)))
+    doubts = find_hand_doubts(hand_fits(model, upright, (0.003, 0.003 * farther, 0.006, 0.006)))
     assert len(doubts) == (0 if trusted else 1)
     for doubt in doubts:
         assert "left hand" in doubt.reason
@@ -234,7 +240,7 @@ def test_hands_much_farther_from_the_scan_than_their_arms_are_not_trusted(
     scan = upright.task.scan
     outside = replace(scan, points=scan.points + on_arm * scan.normals)
     body = hand_fits(model, upright, np.array([1, 2, 2, 2]) * on_hand)
-    doubts = find_limb_doubts(replace(body, task=replace(body.task, scan=outside)))
+    doubts = find_hand_doubts(replace(body, task=replace(body.task, scan=outside)))
     assert len(doubts) == (0 if trusted else 1)
     for doubt in doubts:
         assert doubt.reason == "left hand: no pose of its fingers fits the scan"
@@ -248,7 +254,7 @@ def test_fingers_are_trusted_if_one_pose_is_much_nearer_than_others(
 ):
     """Which pose is right is told by the others, however badly the model fits the person."""
     distances = np.array([share, 1.0, 1.0, 1.0]) * (0.003 + noise)
-    doubts = find_limb_doubts(hand_fits(model, upright, distances))
+    doubts = find_hand_doubts(hand_fits(model, upright, distances))
     assert len(doubts) == (0 if trusted else 1)
 
 
@@ -256,30 +262,29 @@ def test_fingers_of_which_a_scan_shows_little_are_not_trusted(model, upright):
     (arm,) = upright.doubtful_arms
     body = hand_fits(model, upright, (0.002, 0.005, 0.005, 0.005))
     matched = np.ones(len(upright.fit.points), dtype=bool)
-    assert find_limb_doubts(body, matched) == []
+    assert find_hand_doubts(body, matched) == []
     matched[arm.on_hand[len(arm.on_hand) // 10 :]] = False
-    (doubt,) = find_limb_doubts(body, matched)
+    (doubt,) = find_hand_doubts(body, matched)
     assert doubt.reason == "left hand: the scan shows little of it"
 
 
-@pytest.mark.parametrize(
-    ("joint", "excess", "reason"),
-    [
-        ("left_knee", 2.04, "left shin: it fits 2.0 times worse than the rest of the body"),
-        ("right_shoulder", 2.5, "right upper arm: it fits 2.5 times worse"),
-        ("left_elbow", 2.2, "left forearm: it fits 2.2 times worse"),
-        ("left_wrist", 3.5, "left hand: no pose of its fingers fits the scan"),
-    ],
-)
-def test_limbs_that_fit_worse_than_the_rest_are_not_trusted(model, upright, joint, excess, reason):
+def test_limbs_that_fit_worse_than_the_rest_are_not_trusted(model, upright):
     body, parts = hand_fits(model, upright, (0.002, 0.005, 0.005, 0.005)), upright.task.body.parts
-    factors = np.ones(len(parts.names))
-    factors[parts.numbers(joint)] = 1.6
-    assert find_limb_doubts(body, excess=factors) == []
-    factors[parts.numbers(joint)] = excess
-    (doubt,) = find_limb_doubts(body, excess=factors)
-    assert doubt.reason.startswith(reason)
-    assert parts.vertices(parts.numbers(joint))[doubt.vertices].all()
+    reasons = {
+        "left_knee": (2.04, "left shin: it fits 2.0 times worse than the rest of the body"),
+        "left_elbow": (2.2, "left forearm: it fits 2.2 times worse"),
+        "left_wrist": (3.5, "left hand: no pose of its fingers fits the scan"),
+        "right_shoulder": (2.5, "right upper arm: it fits 2.5 times worse"),
+    }
+    joints, factors = parts.numbers(*reasons), np.ones(len(parts.names))
+    factors[joints] = 1.6
+    assert find_limb_doubts(body, factors) == []
+    factors[joints] = [excess for excess, _ in reasons.values()]
+    doubts = find_limb_doubts(body, factors)
+    assert len(doubts) == len(reasons)
+    for joint, (_, reason) in reasons.items():
+        (doubt,) = [candidate for candidate in doubts if candidate.reason.startswith(reason)]
+        assert parts.vertices(parts.numbers(joint))[doubt.vertices].all()
 
 
 def test_a_head_that_another_turn_explains_better_is_not_trusted(fitter, upright):
@@ -288,10 +293,9 @@ def test_a_head_that_another_turn_explains_better_is_not_trusted(fitter, upright
     turned = fit.pose.local.copy()
     turned[head] = turned[head] @ rh.bodies.rotation_matrix(np.radians([0.0, 70.0, 0.0]))
     elsewhere = replace(fit, pose=fit.pose._replace(local=turned))
-    (doubt,) = find_limb_doubts(replace(upright, fit=elsewhere, doubtful_arms={}))
+    (doubt,) = _limb_rivals._turned_head(replace(upright, fit=elsewhere))
     assert doubt.reason.startswith("head: it may be turned")
     assert fitter.parts.vertices(head)[doubt.vertices].all()
-    assert find_limb_doubts(replace(upright, doubtful_arms={})) == []
 
 
 @pytest.mark.parametrize("joint", ["elbow", "knee"])

@@ -30,6 +30,7 @@ def fits_of(registration_from, model, body, joints):
     return fitted, *leave_out_lost_limbs(fitted, search.scan, is_refused=False)
 
 
+@pytest.mark.everyday("left_elbow")
 @pytest.mark.parametrize("joint", ["left_elbow", "right_knee"])
 def test_what_is_above_a_missing_limb_stays_in_place(registration_from, model, bodies, joint):
     body, parts = bodies[30], {"left_elbow": "left_shoulder", "right_knee": "right_hip"}

@@ -136,7 +136,6 @@ def someone(name, model, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("lie on the back")
 @pytest.mark.parametrize("name", POSES)
 def test_unusual_poses_are_found(registration, model, name):
     rng = np.random.default_rng([31, list(POSES).index(name)])
@@ -267,7 +266,6 @@ def test_bodies_are_moved_to_stand_upright_and_face_the_viewer(result, squat):
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("True")
 @pytest.mark.parametrize("upper", [False, True])
 def test_the_unseen_half_of_a_body_is_not_trusted(registration_from_t, bodies, upper):
     scan = simulated_scan(bodies[0], bodies.template.faces, rng=0, n_points=4000, rotate=False)

@@ -21,7 +21,6 @@ def scan():
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("z up")
 @pytest.mark.parametrize(
     "rotation",
     [Rotation.identity(), Rotation.from_euler("x", 90, degrees=True), Rotation.random(rng=5)],

@@ -80,9 +80,6 @@ def test_meshes_are_the_surface_in_other_triangles():
     assert np.mean(np.einsum("nx,nx->n", normals, from_surface(scan)[1]) > 0.0) > 0.98
 
 
-def test_scans_have_millions_of_points_if_asked():
-    corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.7, 0.0], [0.5, 0.0, 0.0]])
-    scan = simulated_scan(corners, [[0, 1, 2]], 0, n_points=1_000_001)
-    assert scan.points.shape == (1_000_001, 3)
-    with pytest.raises(ArgumentError, match="n_points must be a whole number of at most"):
-        simulated_scan(corners, [[0, 1, 2]], 0, n_points=10**9)
+def test_surfaces_without_area_are_refused():
+    with pytest.raises(rh.errors.DegenerateSurfaceError, match="have no area"):
+        simulated_scan(np.zeros((3, 3)), [[0, 1, 2]])

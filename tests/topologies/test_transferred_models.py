@@ -37,6 +37,7 @@ def test_bodies_of_the_other_mesh_are_fitted(transferred, people):
     assert other_person < 0.012
 
 
+@pytest.mark.slow
 def test_joints_stay_inside_the_body(model, transferred):
     """In the rest pose they are where the first model has them, but for the person's build."""
     gaps = np.linalg.norm(transferred.joints() - model.joints(), axis=1)
@@ -45,7 +46,10 @@ def test_joints_stay_inside_the_body(model, transferred):
 
 
 def test_pose_directions_are_transferred(model, bending, monkeypatch):
-    """A model with them, transferred to a posed body of its own mesh, makes the same body."""
+    """A model with them, transferred to a posed body of its own mesh, makes the same body.
+
+    Its joints are where those of the model are, with the person's build.
+    """
     motion = rh.datasets.load_open_motions("coarse", sequences=["jumping_jacks"])[0]
     pose, betas = motion.pose_vectors[len(motion) // 4], np.linspace(-1.0, 1.0, model.n_betas)
     points = bending(betas, pose)
@@ -59,6 +63,8 @@ def test_pose_directions_are_transferred(model, bending, monkeypatch):
     again = transfer_model(bending, rh.Template(points, model.faces))
     np.testing.assert_allclose(again.posedirs, bending.posedirs, atol=1e-12)
     np.testing.assert_allclose(again(betas, pose), points, atol=1e-9)
+    np.testing.assert_allclose(again.joints(), bending.joints(), atol=1e-9)
+    assert again.joint_names == model.joint_names
 
 
 def test_bodies_to_which_the_model_cannot_be_registered_are_refused(model, monkeypatch):
