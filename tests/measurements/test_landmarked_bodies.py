@@ -26,7 +26,7 @@ def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(measuremen
     The rest of the difference is of the surfaces: a chord lies inside the arc that it replaces, so
     that the limbs of the coarse model are thinner.
     """
-    betas = np.random.default_rng(0).normal(size=(4, 32))
+    betas = np.random.default_rng(0).normal(size=(2, 32))
     pose = measurements.definitions.standard_pose_vector
     full, coarse = (load_open_model(resolution) for resolution in ("full", "coarse"))
     fine = Measurements(full)

@@ -27,12 +27,23 @@ def metric():
     return SobolevMetric(space, a0=1.0, a2=0.01)
 
 
+@pytest.fixture(scope="module")
+def waist(body, few):
+    """Return a waist that is five centimetres less than that of the body."""
+    return float(few.measure(body)["waist girth"]) - 0.05
+
+
+@pytest.fixture(scope="module")
+def narrower(body, few, metric, waist):
+    return nearest_body(few, metric, body, {"waist girth": waist})
+
+
 @pytest.mark.parametrize("order", ["first", "second"])
-def test_a_waist_of_five_centimetres_less(body, few, metric, order):
+def test_a_waist_of_five_centimetres_less(body, few, metric, waist, narrower, order):
+    result = narrower
     if order == "first":
         metric = ElasticMetric(metric.space, a=1.0, lam=1.0, c=1.0)
-    waist = float(few.measure(body)["waist girth"]) - 0.05
-    result = nearest_body(few, metric, body, {"waist girth": waist})
+        result = nearest_body(few, metric, body, {"waist girth": waist})
     assert result.converged
     assert abs(result.after["waist girth"] - waist) < 1e-4
     assert abs(result.changes["waist girth"] + 0.05) < 1e-4
@@ -48,25 +59,23 @@ def test_a_waist_of_five_centimetres_less(body, few, metric, order):
     assert np.linalg.norm(slope - multiplier * gradient) < 0.2 * np.linalg.norm(slope)
 
 
-def test_the_message_says_how_a_search_ended(body, few, metric):
-    result = nearest_body(few, metric, body, {"waist girth": 0.7})
+def test_the_message_says_how_a_search_ended(body, few, metric, waist, narrower):
+    result, wanted = narrower, {"waist girth": waist}
     assert result.message == "the last step was smaller than the tolerance; the values are reached"
     # The last step that is allowed may be the one with which the search ends.
-    again = nearest_body(few, metric, body, {"waist girth": 0.7}, max_iter=result.n_iterations)
+    again = nearest_body(few, metric, body, wanted, max_iter=result.n_iterations)
     assert again.converged
     assert again.message == result.message
     few_steps = result.n_iterations - 1
     with pytest.warns(ConvergenceWarning, match="stopped after the largest number of steps"):
-        nearest_body(few, metric, body, {"waist girth": 0.7}, max_iter=few_steps)
+        nearest_body(few, metric, body, wanted, max_iter=few_steps)
 
 
-def test_requested_values_are_met_and_cost(body, few, metric):
+def test_requested_values_are_met_and_cost(body, few, metric, waist, narrower):
     now = few.measure(body)
-    wanted = {"waist girth": now["waist girth"] - 0.03, "hip girth": now["hip girth"]}
-    result = nearest_body(few, metric, body, wanted)
+    result = nearest_body(few, metric, body, {"waist girth": waist, "hip girth": now["hip girth"]})
     assert abs(result.changes["hip girth"]) < 2e-4
-    free = nearest_body(few, metric, body, {"waist girth": wanted["waist girth"]})
-    assert free.distance < result.distance
+    assert narrower.distance < result.distance
     same = nearest_body(few, metric, body, {"stature": now["stature"]})
     assert same.distance < 1e-8
     np.testing.assert_allclose(same.point, body, atol=1e-8)

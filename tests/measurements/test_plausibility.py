@@ -28,7 +28,7 @@ def drawn(group, sex, number, rng):
 def test_few_adults_are_accused_and_most_with_a_reason(group):
     rng = np.random.default_rng(5)
     for sex in ("woman", "man"):
-        names, people, deviations = drawn(group, sex, 600, rng)
+        names, people, deviations = drawn(group, sex, 200, rng)
         effects = np.array([group.effects.get(name, 0.0) for name in names])
         accused = []
         for strength in (0.0, 1.5):

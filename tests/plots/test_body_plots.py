@@ -45,8 +45,8 @@ def test_values_colour_triangles_and_have_a_scale():
 def test_values_of_vertices_are_drawn_on_bodies_and_strips():
     heights = PATH[..., 1]
     for ax in (
-        plot_body(PATH[0], TEMPLATE.faces, heights[0], label="height (m)"),
-        plot_path(PATH, TEMPLATE.faces, heights),
+        plot_body(PATH[0], TEMPLATE.faces, heights[0], label="height (m)", height=120),
+        plot_path(PATH, TEMPLATE.faces, heights, height=120),
     ):
         picture = np.asarray(ax.images[0].get_array()).astype(int)
         rows = np.flatnonzero((picture[..., 3] == 255).any(axis=1))

@@ -40,6 +40,7 @@ def corrected():
     return ArrayMotion(("a", "b"), 15.0, model, KNEES.betas, poses, translations)
 
 
+@pytest.mark.everyday("corrected")
 @pytest.mark.parametrize("kind", ["open", "corrected"])
 def test_the_page_poses_bodies_as_the_library_does(browser, tmp_path, corrected, kind):
     motion = KNEES if kind == "open" else corrected

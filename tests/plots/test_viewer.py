@@ -22,6 +22,17 @@ KIND = "application/vnd.riemhuman.viewer+html"  # of outputs in notebooks
 PATH = surfaces(TEMPLATE, 4)
 
 
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch):
+    """Draw the pictures of pages faster, with a fifth of their height."""
+
+    def picture(self, bodies, height):
+        return draw(self, bodies, height // 5)
+
+    draw = Viewer._picture
+    monkeypatch.setattr(Viewer, "_picture", picture)
+
+
 def test_a_path_travels_whole():
     data = data_of(view_path({"first": PATH, "second": PATH[::-1]}, TEMPLATE.faces, seconds=7))
     assert data["seconds"] == 7
@@ -132,8 +143,8 @@ def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path)
 
 
 def test_names_with_dollar_signs_are_no_formulas(tmp_path):
-    names = [r"$\frac$", "a$b$", "5 $", "$"]
-    said = rh.plots.save_picture(tmp_path / "x.png", PATH, TEMPLATE.faces, names)
+    names = [r"$\frac$", "a$b$ 5 $"]
+    said = rh.plots.save_picture(tmp_path / "x.png", PATH[:2], TEMPLATE.faces, names)
     assert said == ", ".join(names)
     # Whole numbers are names, too.
     numbered = view_bodies(PATH, TEMPLATE.faces, [1, 2, 3, np.int64(4)])

@@ -5,7 +5,15 @@ import pytest
 from scanned_people import settings_with, with_pose_directions
 
 import riemhuman as rh
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.registration import ScanRegistration, simulated_scan
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _single_threaded():
+    """Call stages as `solve` does: with threads of their own, libraries take ten times as long."""
+    with single_threaded_libraries():
+        yield
 
 
 @pytest.fixture(scope="session")
