@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from open_bodies import coarse_bodies
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import simulated_scan
 from riemhuman.surfaces import nearest_points, triangle_areas
@@ -81,5 +81,5 @@ def test_meshes_are_the_surface_in_other_triangles():
 
 
 def test_surfaces_without_area_are_refused():
-    with pytest.raises(rh.errors.DegenerateSurfaceError, match="have no area"):
+    with pytest.raises(DegenerateSurfaceError, match="have no area"):
         simulated_scan(np.zeros((3, 3)), [[0, 1, 2]])
