@@ -55,21 +55,30 @@ Funnel = tuple[Integers, NDArray[np.complex128]]
 
 
 class Path(NamedTuple):
-    """Buffers for a path through a strip of triangles, each longer than any path."""
+    """A path through a strip of n triangles, in arrays with room for any path.
 
-    strip: Integers  # the triangles in order
-    edges: Integers  # right and left vertex of the edge between triangles k and k + 1
-    bends: Integers  # numbers of the edges where the path bends, and on which side; then its end
-    sides: NDArray[np.complex128]  # places in the plane of the right and the left ends of edges
-    crossings: Array  # where the path crosses the edges, from 0 (right) to 1 (left)
+    Only the first entries of each array are in use; loops are told n. Edge k, from 1 to n − 1, is
+    that between the triangles k − 1 and k. Seen along the path, its ends are on the right (0) and
+    on the left (1).
+    """
+
+    strip: Integers  # the n triangles in order
+    edges: Integers  # the right and the left vertex of edge k in row k − 1
+    # The strip laid flat in the complex plane: column k holds the right and the left end of edge k.
+    # Columns 0 and n hold the start and the end of the path, each twice.
+    sides: NDArray[np.complex128]
+    # Where the shortest path in the strip bends: the number of the edge, and at which of its ends.
+    # The last row in use stands for the end of the path, as edge n.
+    bends: Integers
+    crossings: Array  # where the path crosses edge k, from 0 (right) to 1 (left), at place k − 1
 
 
 def _empty_path(size: int) -> Path:
     return Path(
         strip=np.empty(size, np.int64),
         edges=np.empty((size, 2), np.int64),
-        bends=np.empty((size, 2), np.int64),
         sides=np.empty((2, size), np.complex128),
+        bends=np.empty((size, 2), np.int64),
         crossings=np.empty(size),
     )
 
@@ -116,20 +125,28 @@ class Mesh:
         return sparse.csr_array((signs, columns.ravel(), ends), shape=shape)
 
     @cached_property
-    def _points(self) -> _EdgePoints:
-        face, corner = np.nonzero(self.neighbours >= 0)
-        sides = np.stack([self.faces[face, corner], self.faces[face, (corner + 1) % 3]], axis=1)
-        edges, numbers, _ = distinct_pairs(np.sort(sides, axis=1))
-        faces = np.repeat(face[np.argsort(numbers.ravel())].reshape(-1, 2), _PER_EDGE, axis=0)
-        along = np.arange(1, _PER_EDGE + 1)[:, np.newaxis] / (_PER_EDGE + 1)
-        starts, ends = (self.vertices[edges[:, [k]]] for k in range(2))
-        points = (starts + along * (ends - starts)).reshape(-1, 3)
-        incidence = faces.ravel(), np.repeat(np.arange(len(points)), 2)
-        shape = len(self.faces), len(points)
-        inside = sparse.csr_array((np.ones(len(incidence[0])), incidence), shape=shape)
+    def _edge_points(self) -> _EdgePoints:
+        """Some points, evenly spaced, on every edge that two triangles share."""
+        # Each of these edges is a side of two triangles.
+        triangle, corner = np.nonzero(self.neighbours >= 0)
+        sides = np.stack(
+            [self.faces[triangle, corner], self.faces[triangle, (corner + 1) % 3]], axis=1
+        )
+        edges, edge_of_side, _ = distinct_pairs(np.sort(sides, axis=1))
+        triangles_of_edge = triangle[np.argsort(edge_of_side.ravel())].reshape(-1, 2)
+        starts, ends = self.vertices[edges[:, 0]], self.vertices[edges[:, 1]]
+        shares = np.arange(1, _PER_EDGE + 1)[:, np.newaxis] / (_PER_EDGE + 1)
+        places = starts[:, np.newaxis] + shares * (ends - starts)[:, np.newaxis]
+        places = places.reshape(-1, 3)
+        faces = np.repeat(triangles_of_edge, _PER_EDGE, axis=0)
+        # Two points are linked if they are on the edges of one triangle.
+        numbers = np.repeat(np.arange(len(places)), 2)
+        inside = sparse.csr_array(
+            (np.ones(len(numbers)), (faces.ravel(), numbers)), shape=(len(self.faces), len(places))
+        )
         first, second = sparse.triu(inside.T @ inside, 1).nonzero()
-        distances = np.linalg.norm(points[first] - points[second], axis=1)
-        return _EdgePoints(points, faces, inside, first, second, distances)
+        distances = np.linalg.norm(places[first] - places[second], axis=1)
+        return _EdgePoints(places, faces, inside, first, second, distances)
 
     def strip(self, start: SurfacePoint, end: SurfacePoint) -> Strip:
         """Return the strip of the shortest path through points on edges of the template."""
@@ -155,7 +172,7 @@ class Mesh:
         common = np.intersect1d(of_start, of_end)
         if len(common):
             return common[:1]
-        points = self._points
+        points = self._edge_points
         # The two ends become nodes after those of the points.
         n_points = len(points.places)
         lengths, rows, columns = [points.distances], [points.first], [points.second]

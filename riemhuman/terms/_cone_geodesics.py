@@ -267,26 +267,23 @@ def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> Booleans:
 
 def geodesic(start: Parts, end: Parts, t: Array, cone: ConeTerm) -> Parts:
     """Return the minimal path of the completion at times t in [0, 1]."""
-    through_apex = runs_through_apex(start, end, cone)[..., None]
-    smooth = _geodesic_inside(start, end, t, through_apex, cone)
-    broken = _path_through_apex(start, end, t)
-    normals = [np.where(through_apex, b, a) for a, b in zip(smooth[1:], broken[1:], strict=True)]
-    return np.where(through_apex[..., None], broken[0], smooth[0]), *normals
-
-
-def _geodesic_inside(
-    start: Parts, end: Parts, t: Array, left_out: Booleans, cone: ConeTerm
-) -> Parts:
-    """Return exp(t log) where it exists; what is left out stays at the identity."""
     (g1, *n1), (g2, *n2) = start, end
-    identity = np.eye(2)
-    first = np.where(left_out[..., None], identity, g1), *n1
-    last = np.where(left_out[..., None], identity, g2), *n2
-    (velocity, *turns), _ = log(first, last, cone)
-    still = np.where(left_out, 0.0, 1.0)
-    velocity = t[..., None, None] * still[..., None] * velocity
-    turns = [t[..., None] * np.where(left_out, 0.0, turn) for turn in turns]
-    return exp((velocity, *turns), first, cone)[0]
+    through_apex = runs_through_apex(start, end, cone)
+    for_normals, for_matrices = through_apex[..., None], through_apex[..., None, None]
+    # Where the path runs through the apex there is no logarithm: a path that stays at the identity
+    # stands in, and is replaced below.
+    first = np.where(for_matrices, np.eye(2), g1), *n1
+    last_normals = [np.where(for_normals, a, b) for a, b in zip(n1, n2, strict=True)]
+    last = np.where(for_matrices, np.eye(2), g2), *last_normals
+    (delta_g, *turns), _ = log(first, last, cone)
+    velocity = t[..., None, None] * delta_g, *(t[..., None] * turn for turn in turns)
+    (g, *normals), _ = exp(velocity, first, cone)
+    g_through, *normals_through = _path_through_apex(start, end, t)
+    normals = [
+        np.where(for_normals, through, clear)
+        for through, clear in zip(normals_through, normals, strict=True)
+    ]
+    return np.where(for_matrices, g_through, g), *normals
 
 
 def _path_through_apex(start: Parts, end: Parts, t: Array) -> Parts:
