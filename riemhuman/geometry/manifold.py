@@ -18,10 +18,6 @@ from riemhuman.surfaces.template import Template
 MetricClass = Callable[..., RiemannianMetric]  # type: ignore[explicit-any]
 
 
-# Coordinates that are farther apart have no areas within double precision.
-_WIDEST = 1e60
-
-
 class Manifold(PointSpace):
     r"""A manifold whose points and tangent vectors are arrays of the same shape.
 
@@ -216,9 +212,9 @@ def sample_count(n_samples: int, shape: tuple[int, ...]) -> int:
     return count
 
 
-def sample_bound(bound: float, maximum: float = _WIDEST) -> float:
+def sample_bound(bound: float) -> float:
     """Return the spread of random points, at least 0."""
-    return real_number(bound, "bound", minimum=0.0, maximum=maximum)
+    return real_number(bound, "bound", minimum=0.0)
 
 
 def stack_samples(samples: Array, n_samples: int) -> Array:

@@ -28,9 +28,6 @@ from riemhuman.kernels.surface import differential
 from riemhuman.provided import default_solvers
 from riemhuman.representation import constructor_text
 
-# Times beyond this one are no part of a geodesic, and their squares overflow.
-_LATEST = 1e60
-
 
 class RiemannianMetric(MetricTensor):
     r"""A Riemannian metric on a manifold.
@@ -362,7 +359,7 @@ class RiemannianMetric(MetricTensor):
 
     def _times(self, t: ArrayLike) -> Array:
         """Return times followed by the axes of a point."""
-        times = np.atleast_1d(real_array(t, "t", maximum=_LATEST))
+        times = np.atleast_1d(real_array(t, "t"))
         if times.ndim != 1:
             raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
         return np.expand_dims(times, self.space._point_axes)

@@ -270,7 +270,12 @@ class AreaMetric(SmoothedMetric):
         return averages + unused
 
     def _smoothed(self, averages: Array) -> Array:
-        _refuse_lost(values_of(averages))
+        surface.refuse_vertices(
+            values_of(averages) == 0.0,
+            "every vertex of the surface must be a corner of a triangle with an area, for its area "
+            "ratio to have a logarithm",
+            DegenerateSurfaceError,
+        )
         logarithms, template = np.log(averages), self.space.template
         if self.time > 0:
             step = template.vertex_heat.step(self.time)
@@ -279,12 +284,3 @@ class AreaMetric(SmoothedMetric):
 
     def _undefined(self, f: Points) -> bool:
         return bool(np.any(self._averages(self._ratios(f)) == 0.0))
-
-
-def _refuse_lost(averages: Array) -> None:
-    surface.refuse_vertices(
-        averages == 0.0,
-        "every vertex of the surface must be a corner of a triangle with an area, for its area "
-        "ratio to have a logarithm",
-        DegenerateSurfaceError,
-    )

@@ -25,9 +25,6 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.surface import Derivatives, joined_axes
 from riemhuman.terms import FlatTerm
 
-# NumPy's limit, and numbers that fill a terabyte.
-_MOST_AXES, _MOST_NUMBERS = 32, 2**37
-
 
 class VectorSpace(Manifold):
     """The vector space of real arrays of a given shape.
@@ -50,13 +47,9 @@ class VectorSpace(Manifold):
             whole_number(length, f"shape[{axis}]", minimum=1)
             for axis, length in enumerate(items_of(shape, "shape", "a tuple of whole numbers"))
         )
-        size = math.prod(lengths)
-        if not 1 <= len(lengths) <= _MOST_AXES or size > _MOST_NUMBERS:
-            raise ArgumentError(
-                f"shape must have 1 to {_MOST_AXES} lengths and {_MOST_NUMBERS:,} numbers at most; "
-                f"found {len(lengths)} lengths, of at most {min(max(lengths, default=0), 2**63)}"
-            )
-        super().__init__(size, lengths, equip)
+        if not lengths:
+            raise ArgumentError("shape must have at least one length; found none")
+        super().__init__(math.prod(lengths), lengths, equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
         return FlatMetric

@@ -157,8 +157,9 @@ class DiscreteExponential(ExpSolver):
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             may_double = doubling < self.n_doublings
-            walk = _Walk([base_point], n_steps)
-            result, is_fine = self._walk(metric, walk, n_steps, velocity, may_double)
+            result, is_fine = self._walk(
+                metric, base_point[None], n_steps, n_steps, velocity, may_double
+            )
             n_iterations += result.n_iterations
             n_evaluations += result.n_evaluations
             if is_fine:
@@ -178,8 +179,7 @@ class DiscreteExponential(ExpSolver):
             Number of points to add.
         """
         path = path_array(path, metric.space, batched=False)
-        walk = _Walk(list(path), len(path) - 1)
-        result, _ = self._walk(metric, walk, n_steps)
+        result, _ = self._walk(metric, path, len(path) - 1, n_steps)
         return finish(self, result)
 
     @checked(max_iter=whole(minimum=1))
@@ -240,18 +240,19 @@ class DiscreteExponential(ExpSolver):
     def _walk(
         self,
         metric: RiemannianMetric,
-        walk: _Walk,
+        path: Points,
+        steps_per_unit: int,
         n_steps: int,
         velocity: TangentVectors | None = None,
         stop_early: bool = False,
     ) -> tuple[ExponentialResult, bool]:
-        """Add points, the first of them by a velocity if there is one.
+        """Add points to a path, the first of them by a velocity if there is one.
 
         Return the geodesic, and whether all steps were possible and, if the walk may stop early,
         short enough.
         """
-        points = walk.points
-        displacement = None if velocity is None else velocity / walk.steps_per_unit
+        points = list(path)
+        displacement = None if velocity is None else velocity / steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else self.basis.extend(direction[None])
         equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
@@ -279,8 +280,12 @@ class DiscreteExponential(ExpSolver):
             if stop_early and has_long_step(metric, triple.points[1:], self.basis is None):
                 is_too_long = True
                 break
-        result = replace(
-            walk.result(metric),
+        path = np.stack(points)
+        squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
+        result = ExponentialResult(
+            path,
+            steps_per_unit**2 * np.array(squared),
+            steps_per_unit,
             complete=not obstacle,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,
@@ -299,20 +304,6 @@ def _obstacle(metric: RiemannianMetric, points: list[Array], triple: Triple) -> 
     if len(points) > 1:
         vanishing = vanishing_triangle(metric, points[-2], points[-1])
     return vanishing or "no next point solves the geodesic equation; use more steps"
-
-
-@dataclass(frozen=True)
-class _Walk:
-    """Points of a geodesic as far as it is known, and the number of steps per unit time."""
-
-    points: list[Array]
-    steps_per_unit: int
-
-    def result(self, metric: RiemannianMetric) -> ExponentialResult:
-        path = np.stack(self.points)
-        squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
-        energies = self.steps_per_unit**2 * np.array(squared)
-        return ExponentialResult(path, energies, self.steps_per_unit, complete=False)
 
 
 def _without_shift(

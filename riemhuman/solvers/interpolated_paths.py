@@ -10,7 +10,6 @@ import numpy as np
 
 from riemhuman.arrays import Array, Integers, Points
 from riemhuman.checks import a_function, checked, real_array, whole
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import surface_space
 from riemhuman.geometry.strategies import PathEnergy
@@ -200,8 +199,6 @@ class ModelPath(PathSolver):
         start, end = check_end_points(metric, start, end)
         of_start = self._parameters(start, "start")
         of_end = self._parameters(end, "end")
-        _check_same_shape("betas", of_start.betas, of_end.betas)
-        _check_same_shape("pose", of_start.pose, of_end.pose)
         betas = linear_path(of_start.betas, of_end.betas, self.n_nodes)
         pose = linear_path(of_start.pose, of_end.pose, self.n_nodes)
         trans = linear_path(of_start.trans, of_end.trans, self.n_nodes)
@@ -213,21 +210,8 @@ class ModelPath(PathSolver):
     def _parameters(self, surface: Points, name: str) -> ModelParameters:
         name = f"parameters({name})"
         betas, pose, trans = self.parameters(surface)
-        pose = real_array(pose, f"pose of {name}")
-        if pose.size % 3 or (pose.ndim > 1 and pose.shape[1:] != (3,)):
-            raise ArgumentError(
-                f"pose of {name} must have shape (n_joints, 3) or (3 n_joints,); found {pose.shape}"
-            )
         return ModelParameters(
             real_array(betas, f"betas of {name}", ("n_betas",), batched=False),
-            pose.reshape(-1, 3),
+            real_array(pose, f"pose of {name}").reshape(-1, 3),
             real_array(trans, f"trans of {name}", (3,), batched=False),
-        )
-
-
-def _check_same_shape(name: str, of_start: Array, of_end: Array) -> None:
-    if of_start.shape != of_end.shape:
-        raise ArgumentError(
-            f"parameters must return {name} of the same shape; found {of_start.shape} and "
-            f"{of_end.shape}"
         )

@@ -239,10 +239,7 @@ class PathSearch(PathSolver):
             # A triangle that is nearly flat may become flat by the rounding of a rotation.
             minimal_path = still if np.all(metric.space.belongs(still)) else minimal_path
         gap = 100.0 * minimum.gap / minimum.value if minimum.value > 0 else 0.0
-        bound = lower_bound(metric, path)
-        return PathResult(
-            minimal_path, minimum.value, minimum.values, bound, gap, **minimum.outcome
-        )
+        return PathResult(minimal_path, minimum.value, minimum.values, gap=gap, **minimum.outcome)
 
 
 @dataclass(frozen=True)

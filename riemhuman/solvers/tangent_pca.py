@@ -16,7 +16,6 @@ from riemhuman.checks import (
     generator,
     one_of,
     real_array,
-    refuse_type,
     whole_number,
 )
 from riemhuman.errors import ArgumentError
@@ -70,11 +69,7 @@ class ImageEstimator(Estimator):
 
     @property
     def _nearest(self) -> NearestSurface:
-        if self.nearest is None:
-            return NearestSurface()
-        if not isinstance(self.nearest, NearestSurface):
-            refuse_type(self.nearest, "nearest", "a NearestSurface(...)")
-        return self.nearest
+        return NearestSurface() if self.nearest is None else self.nearest
 
     def _embed(self, points: Points) -> Array:
         return self._metric.map(points) if self._takes_fields else points

@@ -32,7 +32,6 @@ from riemhuman.checks import (
     choice,
     flag,
     positive,
-    refuse_type,
     whole,
 )
 from riemhuman.errors import ArgumentError
@@ -139,8 +138,6 @@ class MotionTransfer:
                 'reference must be left out if transfer="pose": poses are transferred '
                 "unchanged, whatever the pose of the target"
             )
-        if not isinstance(motion, Iterable):
-            refuse_type(motion, "motion", "an array, or an iterable of surfaces")
         frames = (_one_surface(space, frame, f"motion[{k}]") for k, frame in enumerate(motion))
         first_frame = next(frames, None)
         if first_frame is None:

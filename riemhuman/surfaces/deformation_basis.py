@@ -23,7 +23,7 @@ from riemhuman.checks import (
     real_array,
     whole,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, shown
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.projections import with_positive_peaks
@@ -365,8 +365,7 @@ def frames_apart(
         )
     reference: Array | None = None
     n_motions = len(motions) if isinstance(motions, Sized) else None
-    listed = _iterate(motions, "motions")
-    bar = tqdm(listed, desc="Motions", total=n_motions, unit="motion", disable=not progress)
+    bar = tqdm(motions, desc="Motions", total=n_motions, unit="motion", disable=not progress)
     for index, motion in enumerate(bar):
         name, start = f"motions[{index}]", None
         for frame in _every_step(motion, step, name):
@@ -386,7 +385,7 @@ def frames_apart(
         raise ArgumentError("motions must hold at least one motion; found none")
 
 
-def _every_step(motion: object, step: int, name: str) -> Iterator[Array]:
+def _every_step(motion: MotionLike, step: int, name: str) -> Iterator[Array]:
     """Yield every step-th frame of a motion; of one on disk, or on demand, no others are read."""
     if _is_on_demand(motion):
         n_frames = len(motion)
@@ -399,7 +398,7 @@ def _every_step(motion: object, step: int, name: str) -> Iterator[Array]:
             yield frame.copy()
         return
     n_frames, n_vertices = 0, None
-    for number, vertices in enumerate(_iterate(motion, name)):
+    for number, vertices in enumerate(motion):  # type: ignore[arg-type]  # not on demand
         frame = _checked_frame(vertices, number, name, n_vertices)
         n_frames, n_vertices = number + 1, len(frame)
         if number % step == 0:
@@ -425,18 +424,9 @@ def _check_length(n_frames: int, step: int, name: str) -> None:
         )
 
 
-def _is_on_demand(motion: object) -> TypeGuard[PointsOnDemand]:
+def _is_on_demand(motion: MotionLike) -> TypeGuard[PointsOnDemand]:
     is_in_memory = isinstance(motion, (np.ndarray, list, tuple, str))
     return hasattr(motion, "__getitem__") and not is_in_memory
-
-
-def _iterate(items: object, name: str) -> Iterator[object]:
-    try:
-        return iter(items)  # type: ignore[call-overload, no-any-return]  # or a TypeError
-    except TypeError as error:
-        raise ArgumentTypeError(
-            f"{name} must be an array or an iterable; found {shown(items)}"
-        ) from error
 
 
 def singular_rows(

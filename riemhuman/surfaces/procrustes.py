@@ -12,7 +12,6 @@ from riemhuman.checks import (
     check_same_scale,
     checked,
     choice,
-    flag,
     longest_side,
     real_array,
     share,
@@ -29,11 +28,10 @@ _ROUNDING = 100 * np.finfo(np.float64).eps
 _REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 
 
-def _answer_or_none(value: object, name: str) -> bool | None:
-    return None if value is None else flag(value, name)
+_SCALES = (False, True, None)
 
 
-@checked(scale=_answer_or_none)
+@checked(scale=choice(*_SCALES))
 def procrustes(
     points: ArrayLike,
     to: ArrayLike | None = None,
@@ -87,7 +85,7 @@ def procrustes(
     return aligned
 
 
-@checked(scale=_answer_or_none, tolerance=share, max_iter=whole(minimum=1))
+@checked(scale=choice(*_SCALES), tolerance=share, max_iter=whole(minimum=1))
 def generalized_procrustes(
     points: ArrayLike,
     *,

@@ -21,8 +21,6 @@ TermType = TypeVar("TermType")
 
 def checked_terms(terms: Sequence[TermType], term_class: type[object]) -> tuple[TermType, ...]:
     """Return the terms of a metric after checking that they work triangle by triangle."""
-    if not isinstance(terms, Sequence) or isinstance(terms, str):
-        raise ArgumentTypeError(f"terms must be a sequence of terms; found {shown(terms)}")
     if not terms:
         raise ArgumentError("terms must hold at least one term; found none")
     for term in terms:
