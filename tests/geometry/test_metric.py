@@ -296,7 +296,6 @@ def test_times_are_checked(name):
 BAD_POINTS = {
     "nan": (lambda x: np.where(np.arange(x.size).reshape(x.shape) == 1, np.nan, x), "NaN"),
     "complex": (lambda x: x + 1j, "complex128"),
-    "string": (lambda x: "surface", "must be an array of real numbers; found str 'surface'"),
     "none": (lambda x: None, "must be an array of real numbers; found NoneType None"),
     "flat": (lambda x: x.ravel()[:-1], "must have shape"),
 }

@@ -380,16 +380,3 @@ def test_base_points_are_optional_where_they_do_not_matter():
 
 
 # Lengths of vectors.
-
-
-@every_case
-@pytest.mark.parametrize("size", [1e-80, 0.0])
-def test_vectors_are_as_short_as_they_like(case, size):
-    """As differences may be; only surfaces of such a size have no areas."""
-    metric, point = case.metric, case.points[0]
-    vector = case.space.random_tangent_vec(point, rng=0)
-    squared = metric.squared_norm(vector, point)
-    product = metric.inner_product(size * vector, vector, point)
-    np.testing.assert_allclose(product, size * squared, 1e-6, 1e-6 * size * squared)
-    assert metric.gram_matrix(size * vector[None], point).shape == (1, 1)
-    assert metric.covector(size * vector, point).shape == case.space.shape

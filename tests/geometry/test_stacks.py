@@ -60,7 +60,6 @@ def metric_knows_curvature(metric):
     "ebin 0.05 sphere",
     "flat",
     "pose triangle",
-    "rotation open, diffused",
     "gauge-invariant srnf open",
     "half-plane, inner product",
 )

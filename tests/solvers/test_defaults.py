@@ -18,7 +18,7 @@ def bodies():
     ("Metric", "weights"),
     [
         (rh.ElasticMetric, {"a": 0.0, "lam": 0.0, "c": 1.0}),
-        (rh.SobolevMetric, {}),
+        pytest.param(rh.SobolevMetric, {}, marks=pytest.mark.slow),
     ],
 )
 def test_exp_undoes_log_of_bodies(bodies, Metric, weights):

@@ -26,7 +26,7 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import DiscreteExponential
 from riemhuman.surfaces import DeformationBasis, Template
 
@@ -44,7 +44,7 @@ SURFACES = [
 PLANES = [CASES[name] for name in CASES if name.startswith("half-plane")]
 
 
-@pytest.mark.everyday("ebin 0.0001 sphere", "ebin 0.5 triangle", "rotations triangle")
+@pytest.mark.everyday("ebin 0.5 triangle")
 @pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
 def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
@@ -71,7 +71,7 @@ def test_exact_in_flat_space():
     np.testing.assert_allclose(one_more.end, start + 4.0 / 3.0 * velocity, atol=1e-12)
 
 
-@pytest.mark.everyday("all triangle", "half-plane, pulled back")
+@pytest.mark.everyday("all triangle")
 @pytest.mark.parametrize("case", SURFACES + PLANES, ids=name_of)
 def test_second_order_without_closed_forms(case):
     start = case.points[0]
@@ -144,16 +144,11 @@ def test_says_when_an_equation_was_not_solved():
 
 
 def test_metrics_take_it_as_exp_solver():
-    template = sphere_template()
     solver = DiscreteExponential(n_steps=2)
-    space = AlignedSurfaces(template)
-    metrics = [
-        ElasticMetric(space, 1.0, 0.1, 0.1, exp_solver=solver),
-        SRNFMetric(space, exp_solver=solver),
-        HyperbolicInnerProduct(HalfPlane(), exp_solver=solver),
-    ]
-    for metric, name in zip(
-        metrics, ("mixed sphere", "srnf sphere", "half-plane, inner product"), strict=True
+    space = AlignedSurfaces(sphere_template())
+    for metric, name in (
+        (ElasticMetric(space, 1.0, 0.1, 0.1, exp_solver=solver), "mixed sphere"),
+        (HyperbolicInnerProduct(HalfPlane(), exp_solver=solver), "half-plane, inner product"),
     ):
         start, velocity = CASES[name].points[0], 0.2 * CASES[name].tangent_vecs[0]
         end = metric.exp(velocity, start)
@@ -234,9 +229,8 @@ def test_derivatives_by_velocities_and_start():
         assert np.sum(slopes * step) == pytest.approx(difference, rel=1e-5)
 
 
-@pytest.mark.parametrize("n_steps", [2, 4])
-def test_derivatives_by_every_point_of_the_path(n_steps):
-    solver = DiscreteExponential(n_steps=n_steps, tolerance=1e-12)
+def test_derivatives_by_every_point_of_the_path():
+    solver = DiscreteExponential(n_steps=3, tolerance=1e-12)
     path = solver.solve(METRIC, VELOCITIES[0], START).path
     rng = np.random.default_rng(1)
     # Of differences between points, for translations are not determined.

@@ -34,11 +34,8 @@ def stationarity(metric, points):
 
 @pytest.mark.everyday(
     "ebin 0.0001 sphere",
-    "ebin 1 sphere",
-    "ebin 0.5 triangle",
     "normals triangle",
     "rotations triangle",
-    "general fields",
     "all open",
     "half-plane, distance",
 )
@@ -59,9 +56,7 @@ def test_all_three_solve_the_equation(case):
         assert np.abs(stationarity(case.metric, triple.points)).max() < 1e-6 * size
 
 
-@pytest.mark.everyday(
-    "ebin 0.05 sphere", "ebin 10 sphere", "normals sphere", "rotations sphere", "flat"
-)
+@pytest.mark.everyday("ebin 0.05 sphere", "normals sphere", "rotations sphere", "flat")
 @pytest.mark.parametrize("case", FIELDS, ids=name_of)
 def test_follows_closed_form_geodesics(case):
     """On a geodesic every point is halfway between its neighbours, at any distance."""

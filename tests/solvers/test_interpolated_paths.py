@@ -146,15 +146,10 @@ def test_message_says_how_far_the_surfaces_are(metric):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pose": np.zeros((5, 4))}, r"pose of parameters\(end\) must have shape .*\(5, 4\)"),
-        ({"pose": np.zeros(8)}, r"pose of parameters\(end\) must have shape .*\(8,\)"),
-        ({"pose": 0.0}, r"pose of parameters\(end\) must have shape .*found \(\)"),
         ({"pose": np.full((3, 3), np.nan)}, r"pose of parameters\(end\) holds 9 NaN"),
         ({"betas": "tall"}, r"betas of parameters\(end\) must be an array of real numbers"),
         ({"trans": np.zeros((1, 3))}, r"trans of parameters\(end\) must have shape"),
         ({"betas": np.zeros((1, 3))}, r"betas of parameters\(end\) must have shape"),
-        ({"pose": np.zeros((3, 3))}, "pose of the same shape"),
-        ({"betas": np.zeros(1)}, "betas of the same shape"),
     ],
 )
 def test_malformed_parameters_are_refused(metric, change, message):

@@ -1,5 +1,7 @@
 """L-BFGS with an operator: what it reaches, in how many evaluations, and how it stops."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -21,9 +23,10 @@ def descend(function, start, operator, **settings):
     return minimize(function, start, lambda x: operator, **settings)
 
 
-def problem(size=60, condition=1e4, rng=0):
-    """Return a convex function above 1 with its Hessian at the origin, and its minimum."""
-    rng = np.random.default_rng(rng)
+@cache
+def problem(condition=1e4):
+    """Return a convex function above 1, of minimum 1, with its Hessian at the origin."""
+    size, rng = 60, np.random.default_rng(0)
     axes = np.linalg.qr(rng.standard_normal((size, size)))[0]
     hessian = axes * np.geomspace(1.0, condition, size) @ axes.T
     slope = hessian @ rng.standard_normal(size)

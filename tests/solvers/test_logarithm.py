@@ -30,7 +30,7 @@ OTHERS = [
 ]
 
 
-@pytest.mark.everyday("ebin 1 sphere", "normals sphere")
+@pytest.mark.everyday("normals sphere")
 @pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
 def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
@@ -66,7 +66,7 @@ def test_inverse_of_the_exponential_in_all_coordinates(case):
     assert back.energy == pytest.approx(forward.energy, rel=1e-6)
 
 
-@pytest.mark.everyday("weights2")
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
 def test_inverse_of_the_exponential_on_bodies(weights):
     """With one time step exp∘log is the identity; with another it is to the second order."""
@@ -105,7 +105,7 @@ def squat(rng):
 LEGS = (("hip", -70), ("knee", 90), ("ankle", -20))
 
 
-@pytest.mark.everyday("squat-weights1")
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
 @pytest.mark.parametrize("change", ["squat", "arms"])
 def test_large_changes_of_pose(weights, change):
@@ -123,19 +123,6 @@ def test_large_changes_of_pose(weights, change):
     assert metric.norm(found.tangent_vec, start) == pytest.approx(np.sqrt(found.energy), rel=0.03)
     # A tenth of a millimetre, of half a metre.
     assert found.end_error < 1e-4
-
-
-@pytest.mark.slow
-@pytest.mark.everyday("weights0")
-@pytest.mark.parametrize("weights", [(1.0, 0.1, 0.1), (1.0, 1.0, 1.0)])
-def test_large_changes_of_pose_over_all_vertices(weights):
-    """Translations, which the metric does not see, go on uniformly: else millimetres are lost."""
-    metric = ElasticMetric(bodies.space(), *weights)
-    start, end = squat(np.random.default_rng(1))
-    found = DiscreteLogarithm().solve(metric, end, start)
-    assert found.converged
-    # Micrometres, of half a metre.
-    assert found.end_error < 2e-5
 
 
 def test_a_solver_may_be_given():
@@ -189,7 +176,6 @@ def distance_of_inverse(solver, result, metric, start, end):
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("67-60-40")
 @pytest.mark.parametrize(("first", "second", "n_steps"), [(67, 60, 40), (92, 90, 10)])
 def test_large_changes_of_pose_take_as_many_steps_as_they_need(first, second, n_steps):
     """With ten steps throughout, the first ended 458 mm from the other body."""
@@ -200,7 +186,7 @@ def test_large_changes_of_pose_take_as_many_steps_as_they_need(first, second, n_
     assert result.end_error < 1e-4
 
 
-@pytest.mark.everyday("18-17-False")
+@pytest.mark.slow
 @pytest.mark.parametrize("over_basis", [False, True])
 @pytest.mark.parametrize(("first", "second"), [(46, 44), (18, 17)])
 def test_converged_is_what_comes_back(over_basis, first, second):

@@ -31,7 +31,6 @@ from riemhuman.geometry import (
 from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,
-    FiniteDifferenceEnergy,
     LinearPath,
     PathStraightening,
     PoissonPath,
@@ -89,7 +88,7 @@ def check_result(metric, result, start, end):
 # What they reach.
 
 
-@pytest.mark.everyday("ebin 0.05 sphere", "ebin 0.5 triangle", "rotations sphere", "product")
+@pytest.mark.everyday("ebin 0.05 sphere", "ebin 0.5 triangle", "rotations sphere")
 @pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
 def test_the_geodesic_where_it_has_a_closed_form(case):
     # A product does not tell which coordinates belong together: its search takes many steps.
@@ -105,7 +104,6 @@ def test_the_geodesic_where_it_has_a_closed_form(case):
 def test_on_any_manifold(case):
     result = solve(case, n_nodes=7)
     check_result(case.metric, result, *case.points[:2])
-    np.testing.assert_array_equal(solve(case, n_nodes=7).path, result.path)
 
 
 @pytest.mark.everyday("resting-other build-weights1", "other build-knee raised-weights0")
@@ -127,7 +125,7 @@ def test_below_the_path_over_a_basis(weights, seed):
     assert result.energy < over_basis(4).solve(metric, *ends).energy
 
 
-@pytest.mark.everyday("weights1")
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_no_worse_than_the_papers_recipe(weights):
     metric, ends = (elastic(*weights), (bodies.body("resting"), bodies.body("elbow bent")))
@@ -137,18 +135,18 @@ def test_no_worse_than_the_papers_recipe(weights):
     assert result.n_evaluations < paper.n_evaluations / 3
 
 
-@pytest.mark.everyday("weights0")
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", WEIGHTS)
-def test_paths_backwards_between_natural_bodies(weights):
+@pytest.mark.parametrize(("start", "end"), [(4, 29), (36, 15), (7, 38)])
+def test_paths_backwards_between_natural_bodies(start, end, weights):
     """People with habits, soft tissue and hands on the body, in poses of each other."""
     points = load_open_bodies("coarse", variant="natural", people=5).points
-    for start, end in ((4, 29), (36, 15), (7, 38)):
-        there = over_basis(6).solve(elastic(*weights), points[start], points[end])
-        back = over_basis(6).solve(elastic(*weights), points[end], points[start])
-        assert back.energy == pytest.approx(there.energy, rel=1e-3)
+    there = over_basis(6).solve(elastic(*weights), points[start], points[end])
+    back = over_basis(6).solve(elastic(*weights), points[end], points[start])
+    assert back.energy == pytest.approx(there.energy, rel=1e-3)
 
 
-@pytest.mark.everyday("6-weights0", "7-weights2")
+@pytest.mark.everyday("7-weights2")
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("n_nodes", [3, 6, 7])
 def test_a_body_turned_by_half_a_turn_turns(weights, n_nodes):
@@ -230,13 +228,6 @@ def check_seen(metric, result, seen):
         assert metric.energy(path) == pytest.approx(energy, rel=1e-10)
 
 
-def test_other_energies():
-    ends, metric = (bodies.body("resting"), bodies.body("arm raised")), elastic(1, 1, 0)
-    finite = over_basis(5, energy=FiniteDifferenceEnergy()).solve(metric, *ends)
-    closed = over_basis(5).solve(metric, *ends)
-    assert finite.energy == pytest.approx(closed.energy, rel=0.05)
-
-
 @both_solvers
 def test_a_single_segment_has_no_search(make):
     ends = bodies.body("resting"), bodies.body("arm raised")
@@ -291,7 +282,7 @@ def test_what_the_first_runs_gained_counts_at_the_end():
     assert result.gap > 0.05
 
 
-@pytest.mark.everyday("0-4")
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "n_nodes"), [(0, 4), (2, 6), (9, 6)])
 def test_paths_on_which_triangles_vanish_are_starts_again(seed, n_nodes):
     """With λ next to none areas may vanish; turned, such a triangle must not round to one that has.
@@ -324,12 +315,12 @@ def test_a_warm_start_over_a_basis_on_which_a_triangle_has_vanished():
 def test_a_solver_gives_another_start():
     """It is taken where its path costs less than the others."""
     metric, ends = elastic(1.0, 0.1, 0.1), bodies.swung_arms(4)
-    found = over_basis(5).solve(metric, *ends)
-    settings = {"n_nodes": 5, "remove_drift": False}
-    result = PathStraightening(initial=over_basis(5), **settings).solve(metric, *ends)
+    found = over_basis(4).solve(metric, *ends)
+    settings = {"n_nodes": 4, "remove_drift": False}
+    result = PathStraightening(initial=over_basis(4), **settings).solve(metric, *ends)
     assert result.energies[0] == pytest.approx(found.energy, rel=1e-12)
     assert result.energy < found.energy
-    other = PathStraightening(initial=LinearPath(5), **settings).solve(metric, *ends)
+    other = PathStraightening(initial=LinearPath(4), **settings).solve(metric, *ends)
     without = PathStraightening(**settings).solve(metric, *ends)
     np.testing.assert_array_equal(other.path, without.path)
 
@@ -384,7 +375,7 @@ def test_the_tolerance_is_the_share_that_a_newton_step_would_gain(make, share, i
         assert result.n_evaluations == 1
 
 
-@pytest.mark.everyday("weights0", "weights2")
+@pytest.mark.everyday("weights2")
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_how_far_energies_are_above_the_minimum(weights):
     """Within a tenth of a per cent over a basis, half a per cent over all, and said so."""
@@ -409,7 +400,7 @@ def test_how_far_energies_are_above_the_minimum(weights):
 @both_solvers
 def test_drift_costs_nothing(make):
     metric, ends = elastic(1, 1, 0), (bodies.body("resting"), bodies.body("arm raised"))
-    removed, kept = (make(6, remove_drift=drift).solve(metric, *ends) for drift in (True, False))
+    removed, kept = (make(4, remove_drift=drift).solve(metric, *ends) for drift in (True, False))
     assert removed.energy == kept.energy
     assert np.abs(kept.path - removed.path).max() > 1e-6
     np.testing.assert_allclose(removed.path, metric.remove_drift(kept.path), atol=1e-12)
@@ -441,20 +432,17 @@ def test_ends_and_paths_that_do_not_fit(make):
         BasisPath(DeformationBasis(np.eye(6).reshape(6, 2, 3))).solve(metric, start, end)
 
 
-@pytest.mark.parametrize("place", [1, 2, 3])
-def test_every_point_of_the_start_must_lie_on_the_manifold(place):
+def test_every_point_of_the_start_must_lie_on_the_manifold():
     """Below the half-plane the inner product stays finite."""
     metric = HyperbolicInnerProduct(HalfPlane())
     start, end = np.array([0.0, 1.0]), np.array([1.0, 1.0])
-    path = linear_path(start, end, 5)
-    path[place, 1] = -0.3
-    assert np.isfinite(metric.energy(path))
-    with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
-        PathStraightening(n_nodes=5).solve(metric, start, end, path)
-
-
-def test_starts_off_the_manifold_are_refused():
-    """Between antipodal normals the straight path runs through 0."""
+    for place in (1, 2, 3):
+        path = linear_path(start, end, 5)
+        path[place, 1] = -0.3
+        assert np.isfinite(metric.energy(path))
+        with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
+            PathStraightening(n_nodes=5).solve(metric, start, end, path)
+    # Between antipodal normals the straight path runs through 0.
     space = NormalFields(sphere_template())
     start = space.random_point(rng=0)
     with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):

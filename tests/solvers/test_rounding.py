@@ -67,7 +67,7 @@ def test_paths_of_a_body_that_only_turns(name):
     assert LinearPath(5).solve(metric, body, end).energy > 1e-3
 
 
-@pytest.mark.everyday("basis-(1.0, 0.0001, 0.0)", "free-(0.0, 0.0, 1.0)")
+@pytest.mark.everyday("free-(0.0, 0.0, 1.0)")
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
 @pytest.mark.parametrize("basis", [bodies.basis, lambda: None], ids=["basis", "free"])
 def test_logarithm_and_exponential_that_stay(weights, basis):

@@ -82,6 +82,7 @@ def test_what_is_still_on_the_source_is_still_on_the_target():
     assert np.linalg.norm(moved[1] - target, axis=1).max() > 0.3
 
 
+@pytest.mark.everyday("jumping_jacks")
 @pytest.mark.parametrize("sequence", ["punching", "jumping_jacks", "running_on_spot"])
 def test_nearer_to_the_models_own_motion_than_offsets(sequence):
     """Mean vertex error on all others under 0.6 of that of adding the source's vertex offsets.
@@ -251,13 +252,10 @@ def test_heat_along_bones_keeps_the_torso():
     assert errors[1] < 1.06 * errors[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("resolution", "people", "number", "toward_other"),
-    [
-        ("coarse", 171, 4, True),
-        pytest.param("full", 31, 1, True, marks=pytest.mark.slow),
-        pytest.param("full", 31, 9, False, marks=pytest.mark.slow),
-    ],
+    [("coarse", 171, 4, True), ("full", 31, 1, True), ("full", 31, 9, False)],
 )
 def test_hard_pairs_converge(resolution, people, number, toward_other):
     """On some of the hardest of ten pairs.

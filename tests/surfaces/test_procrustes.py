@@ -157,13 +157,6 @@ def test_bad_arguments_are_refused_by_name(arguments, error, message):
         procrustes(**arguments)
 
 
-def test_bad_settings_are_refused_by_name(reference):
-    with pytest.raises(ArgumentError, match="tolerance"):
-        generalized_procrustes(reference[np.newaxis], tolerance=-1)
-    with pytest.raises(ArgumentError, match="max_iter"):
-        generalized_procrustes(reference[np.newaxis], max_iter=0)
-
-
 @pytest.mark.parametrize("up", AXES)
 def test_what_is_up_comes_to_y_by_a_rotation(up):
     turned = make_upright(np.eye(3), up=up)
@@ -193,9 +186,3 @@ def test_the_scale_of_a_mirrored_surface_is_the_best():
     aligned = aligned - aligned.mean(axis=0)
     # Where the scale is the best, the sum of squares does not change with it.
     assert np.sum(aligned * (target - aligned)) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_only_points_are_turned_upright():
-    with pytest.raises(ArgumentError, match="points must have shape"):
-        make_upright(np.zeros((4, 2)), "millimetres", up="z")
-    assert make_upright([[0.0, 0.0, 1700.0]], "millimetres", up="z").tolist() == [[0.0, 1.7, 0.0]]

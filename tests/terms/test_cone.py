@@ -100,6 +100,7 @@ def random_triangles(n, rng):
 
 
 # Where a = 0, paths over finitely many steps shear for nothing and are no oracle.
+@pytest.mark.everyday("weights0")
 @pytest.mark.parametrize("weights", [(0.5, 0.2, 1.0), (2.0, 0.05, 3.0)])
 def test_numerical_geodesics_of_random_triangles(weights):
     rng = np.random.default_rng(3)

@@ -124,7 +124,7 @@ LONG_TERMS = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7), Uncompil
 
 def test_long_paths_are_the_sum_of_their_parts():
     """They run in threads, a few triangles after the others; short paths run in one pass."""
-    template, n_parts = TEMPLATES["sphere"](), 100
+    template, n_parts = TEMPLATES["sphere"](), 55
     total, path = SumOfTerms(LONG_TERMS, template), surfaces(template, 12 * n_parts + 1, rng=3)
     energy, gradient = total.path_energy(path)
     expected, slopes = 0.0, np.zeros_like(path)
@@ -397,18 +397,6 @@ def test_bits_do_not_depend_on_company(term, fields, precision):
     # Tiles of eight points, as of the largest surfaces, which more threads have too.
     np.testing.assert_array_equal(distances(term, a, b, n_threads=9), whole)
     np.testing.assert_array_equal(distances(term, a, a, n_threads=9), within)
-
-
-@pytest.mark.parametrize("lam", [1e-8, 1e-4, 1.0, 1e4])
-def test_rounding_bounds_the_distance_to_what_is_kept(lam):
-    term, fields = EbinTerm(lam=lam), metric_fields(3)
-    double = features(term, fields, "double")
-    single, rounding = features_of_fields(term, fields, WEIGHTS, "single")
-    pair = (threads.of_one_kind(double), threads.of_one_kind(single.astype(float)))
-    gaps = np.sqrt(np.diag(term.squared_distances(*pair, WEIGHTS)))
-    assert np.all(gaps <= rounding * (1 + 1e-6))
-    # The bound is no waste either.
-    assert np.all(rounding < 1.5 * gaps)
 
 
 def test_pickles_of_metrics_of_an_earlier_version():
