@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -60,9 +60,8 @@ _FLOOR_NOISE = 0.001
 _CHANGE_OF_SHAPE = {1: 0.4, 2: -0.3}
 _VISIT_NOISE = 0.0005
 
-_STRIDE_SECONDS = 1.1
 _STRIDES = 4
-_FRAMES_PER_SECOND = 60
+_FRAMES_OF_STRIDE, _FRAMES_PER_SECOND = 66, 60
 _STEPS, _FRAMES_BETWEEN_STEPS = 11, 6  # one stride
 # Joint angles of a walk in degrees, at equal intervals of one stride of the left side, which begins
 # when its heel touches the floor.
@@ -226,22 +225,20 @@ def _on_the_floor(model: rh.BodyModel, betas: Array, angles: Angles) -> Points:
 def _walk(betas: Array) -> rh.datasets.ArrayMotion:
     """Return a walk in which the foot that carries the body does not slide."""
     model = rh.datasets.load_open_model("coarse")
-    n_frames = int(_STRIDE_SECONDS * _STRIDES * _FRAMES_PER_SECOND)
-    phases = np.arange(n_frames) / (_STRIDE_SECONDS * _FRAMES_PER_SECOND)
-    poses = np.stack(
-        [
-            rh.datasets.pose_vectors(rh.datasets.joint_rotations(_stride(phase), model), model)
-            for phase in phases
-        ]
-    )
+    phases = np.arange(_FRAMES_OF_STRIDE) / _FRAMES_OF_STRIDE
+    stride = [
+        rh.datasets.pose_vectors(rh.datasets.joint_rotations(angles, model), model)
+        for angles in _strides(phases)
+    ]
+    poses = np.tile(np.stack(stride), (_STRIDES, 1, 1))
     joints = model.joints(betas, poses)
     left, right = (
         joints[:, model.joint_names.index(f"{side}_ankle")] for side in ("left", "right")
     )
-    carries_left = (phases % 1.0) < 0.5
-    carrying = np.where(carries_left[:, None], left, right)
-    carried_on = np.where(carries_left[:-1, None], left[1:], right[1:])
-    translations = np.zeros((n_frames, 3))
+    carries_left = np.tile(phases < 0.5, _STRIDES)[:, None]
+    carrying = np.where(carries_left, left, right)
+    carried_on = np.where(carries_left[:-1], left[1:], right[1:])
+    translations = np.zeros((len(poses), 3))
     translations[1:] = np.cumsum(carrying[:-1] - carried_on, axis=0)
     translations[:, 1] = -model(betas, poses)[..., 1].min(axis=1)
     return rh.datasets.ArrayMotion(
@@ -249,22 +246,19 @@ def _walk(betas: Array) -> rh.datasets.ArrayMotion:
     )
 
 
-def _stride(phase: float) -> Angles:
-    """Return the joint angles of a walk at a phase in strides."""
-    angles: dict[str, tuple[str, *tuple[float, ...]]] = {"pelvis": ("x", 3)}
-    for side, sign, side_phase in (("left", 1, phase), ("right", -1, phase + 0.5)):
-        hip, knee, ankle, arm = _angles_at(side_phase)
-        angles[f"{side}_hip"] = ("zx", sign * 2, -hip)
-        angles[f"{side}_knee"] = ("x", knee)
-        angles[f"{side}_ankle"] = ("x", ankle)
-        angles[f"{side}_shoulder"] = ("zx", sign * -75, -arm)
-        angles[f"{side}_elbow"] = ("y", sign * -24)
-    return angles
-
-
-def _angles_at(phase: float) -> Array:
-    """Return the angles of hip, knee, ankle and arm at a phase of their side."""
+def _strides(phases: Array) -> Iterator[Angles]:
+    """Yield the joint angles of a walk at phases in strides."""
     angles = np.array([_HIP, _KNEE, _ANKLE, _ARM], dtype=np.float64).T
     closed = np.concatenate([angles, angles[:1]])
     curve = CubicSpline(np.linspace(0.0, 1.0, len(closed)), closed, bc_type="periodic")
-    return np.asarray(curve(phase % 1.0))
+    for sides in zip(curve(phases % 1.0), curve((phases + 0.5) % 1.0), strict=True):
+        pose: dict[str, tuple[str, *tuple[float, ...]]] = {"pelvis": ("x", 3)}
+        for side, sign, (hip, knee, ankle, arm) in zip(
+            ("left", "right"), (1, -1), sides, strict=True
+        ):
+            pose[f"{side}_hip"] = ("zx", sign * 2, -hip)
+            pose[f"{side}_knee"] = ("x", knee)
+            pose[f"{side}_ankle"] = ("x", ankle)
+            pose[f"{side}_shoulder"] = ("zx", sign * -75, -arm)
+            pose[f"{side}_elbow"] = ("y", sign * -24)
+        yield pose

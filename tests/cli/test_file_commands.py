@@ -4,7 +4,6 @@ import json
 import pickle
 import re
 import shutil
-import time
 from pathlib import Path
 
 import h5py
@@ -15,7 +14,7 @@ from marker_files import write_trc
 
 from riemhuman.cli._file_commands import mesh_facts
 from riemhuman.datasets import load_open_model
-from riemhuman.io import load_mesh, save_arrays, save_mesh
+from riemhuman.io import save_arrays, save_mesh
 from riemhuman.measurements import Measurements
 from riemhuman.registration import simulated_scan
 from riemhuman.surfaces import DeformationBasis, signed_volume
@@ -91,7 +90,7 @@ def test_folder(facts, scans, bodies, tmp_path):
     assert "b.ply is not registered to" in facts(tmp_path)["registered"]
 
 
-def test_archives(facts, run, scans, bodies, tmp_path):
+def test_archives(facts, bodies, tmp_path):
     DeformationBasis.from_laplacian(bodies.template, 6).save(tmp_path / "basis.npz")
     found = facts(tmp_path / "basis.npz")
     assert (found["kind"], found["deformations"]) == ("basis of deformations", 6)
@@ -104,11 +103,9 @@ def test_archives(facts, run, scans, bodies, tmp_path):
     with np.load(tmp_path / "model.npz") as saved:
         np.savez(tmp_path / "hands.npz", **saved, hands_meanl=np.zeros(45))
     assert "components of the hands" in facts(tmp_path / "hands.npz")["left_out"]
-    run("matrix", scans, "-o", tmp_path / "D.npz")
+    np.savez(tmp_path / "D.npz", distances=7.0 * np.eye(6), names=np.array([*"abcdef"]))
     found = facts(tmp_path / "D.npz")
-    assert (found["kind"], found["names"]) == ("distance matrix", 6)
-    with np.load(tmp_path / "D.npz") as saved:
-        assert found["largest"] == saved["distances"].max()
+    assert (found["kind"], found["names"], found["largest"]) == ("distance matrix", 6, 7.0)
     np.savez(tmp_path / "path.npz", path=bodies.points[:3], faces=bodies.template.faces)
     assert facts(tmp_path / "path.npz")["times"] == 3
     np.savez(tmp_path / "other.npz", some=np.zeros((2, 3)))
@@ -198,37 +195,6 @@ def test_of_many_arrays_the_first_are_listed(facts, tmp_path):
     assert found["others"] == "1,400 more arrays"
 
 
-def test_brackets_in_brackets_are_refused(run, tmp_path):
-    (tmp_path / "own.json").write_text("[" * 50_000 + "]" * 50_000)
-    finished = run("info", tmp_path / "own.json")
-    assert finished.code == 2
-    assert "own.json: damaged, or not definitions of measurements" in finished.err
-
-
-def seconds(function, *arguments):
-    """Return the least processor time of three calls."""
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        function(*arguments)
-        times.append(time.process_time() - start)
-    return min(times)
-
-
-@pytest.mark.slow
-def test_facts_cost_little_more_than_reading(tmp_path):
-    """Sorting rows in place of numbers takes three times as long as this allows."""
-    side = np.arange(300)
-    x, y = (axis.ravel() for axis in np.meshgrid(side, side, indexing="ij"))
-    height = np.random.default_rng(0).standard_normal(len(x))
-    first = (300 * side[:-1, None] + side[:-1]).ravel()
-    corners = [[first, first + 300, first + 1], [first + 1, first + 300, first + 301]]
-    faces = np.concatenate([np.stack(corner, axis=1) for corner in corners])
-    save_mesh(tmp_path / "grid.obj", np.stack([x, y, height], axis=1), faces)
-    vertices, faces = load_mesh(tmp_path / "grid.obj")
-    assert seconds(mesh_facts, vertices, faces) < 4 * seconds(load_mesh, tmp_path / "grid.obj")
-
-
 def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -240,12 +206,9 @@ def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
 
 
 @pytest.mark.slow
-def test_view_writes_films_and_refuses_other_endings(run, refused, scans, tmp_path):
+def test_view_writes_films(run, scans, tmp_path):
     run("view", scans / "body_0.ply", "-o", tmp_path / "turn.gif")
     assert (tmp_path / "turn.gif").read_bytes().startswith(b"GIF89a")
-    said = refused("view", scans / "body_0.ply", "-o", tmp_path / "turn.avi")
-    assert ".mp4" in said
-    assert not (tmp_path / "turn.avi").exists()
 
 
 def test_info_says_which_fields_of_a_recording_are_used(run, tmp_path):
@@ -329,8 +292,6 @@ def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
 
 
 def test_pages_are_not_written_under_the_ending_of_something_else(refused, scans, tmp_path):
-    for name in ("a.avi", "a.glb"):
-        message = refused("view", scans / "body_0.ply", "-o", tmp_path / name)
-        assert ".html" in message
-        assert name in message
+    message = refused("view", scans / "body_0.ply", "-o", tmp_path / "a.glb")
+    assert "a.glb: the ending must be one of .html, .png, .gif, .mp4" in message
     assert not list(tmp_path.iterdir())

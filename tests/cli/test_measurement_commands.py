@@ -207,6 +207,27 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
         )
 
 
+def test_options_reach_the_sheets(run, scans, tmp_path, monkeypatch):
+    given = {}
+
+    def make_sheets(files, output, **settings):
+        given.update(settings, files=files)
+        output.mkdir()
+        return output / "index.html"
+
+    monkeypatch.setattr(rh.report, "make_sheets", make_sheets)
+    command = ("sheet", scans / "body_0.ply", "-o", tmp_path / "sheets", "--stature", "1.7")
+    options = ("--output-units", "in", "--unit", "metres", "--up", "y", "--force")
+    finished = run(*command, *options, "--labels", scans / "labels.csv")
+    assert finished.out.startswith(f"open {tmp_path / 'sheets' / 'index.html'}")
+    assert given.pop("progress")
+    assert given == {
+        "files": [scans / "body_0.ply"], "labels": scans / "labels.csv", "measurements": None,
+        "stature": 1.7, "units": "in", "unit": "metres", "up": "y", "replace_output": True,
+    }  # fmt: skip
+
+
+@pytest.mark.slow
 @pytest.mark.filterwarnings("always:no PDF")
 def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
     """Two visits of each person, without PDF files, which need a browser or take long."""
