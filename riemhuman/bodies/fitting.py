@@ -170,7 +170,7 @@ def fit_model(
     Examples
     --------
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> bool(rh.bodies.fit_model(bodies.model, bodies[0]).mean_distance < 0.01)
+    >>> bool(bodies.model.fit(bodies[0]).mean_distance < 0.01)
     True
     """
     combine = correspondence_matrix(model, correspondence)

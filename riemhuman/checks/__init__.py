@@ -43,11 +43,8 @@ from riemhuman.checks.arrays import (
     weight_shares,
 )
 from riemhuman.checks.sizes import (
-    HUMAN_EXTENTS,
-    HUMAN_VOLUMES,
     SCALES,
     SUSPECTED_UNITS,
-    TAKE_ANY_SCALE,
     UNITS,
     check_human_size,
     check_resolution,
@@ -58,11 +55,8 @@ from riemhuman.checks.sizes import (
 )
 
 __all__ = [
-    "HUMAN_EXTENTS",
-    "HUMAN_VOLUMES",
     "SCALES",
     "SUSPECTED_UNITS",
-    "TAKE_ANY_SCALE",
     "UNITS",
     "OfOwner",
     "Rng",

@@ -17,25 +17,18 @@ UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 3
 SCALES = ("template", None)
 """Choices of a reference that surfaces must have about the same size as."""
 
-TAKE_ANY_SCALE = "scale=None (on the command line --any-scale) accepts them unchanged"
-"""Advice for users who mean surfaces of any size."""
-
 # Largest extents of human bodies, from infants to men with their arms raised.
 _BODY_METRES = (0.45, 2.8)
 # Feet are suspected in messages, but never inferred.
 SUSPECTED_UNITS = UNITS | {"feet": 3.2808}
 
-HUMAN_EXTENTS = (0.4, 4.0)
-"""Smallest and largest extent of a body with its surroundings, metres.
+# Smallest and largest extent of a body with its surroundings, metres. Their ratio is 10, as between
+# centimetres and millimetres, so that one unit fits at most.
+_HUMAN_EXTENTS = 0.4, 4.0
 
-Their ratio is 10, as between centimetres and millimetres, so that one unit fits at most.
-"""
-
-HUMAN_VOLUMES = (0.002, 0.65)
-"""Volumes of the smallest and of the heaviest people who have lived, cubic metres.
-
-Newborns have 3 litres and more. A volume is the same in every pose, which an extent is not.
-"""
+# Volumes of the smallest and of the heaviest people who have lived, cubic metres. Newborns have 3
+# litres and more. A volume is the same in every pose, which an extent is not.
+_HUMAN_VOLUMES = 0.002, 0.65
 
 # An infant and a tall man with raised arms differ by less than this, and units by more, but for
 # centimetres and inches, which differ by 2.54.
@@ -64,8 +57,8 @@ def is_human_size(extent: float, volume: float = math.nan, unit: float = 1.0) ->
 
     `unit` is the number of units in a metre; NaN is the volume of an open surface.
     """
-    low, high = HUMAN_EXTENTS
-    least, most = HUMAN_VOLUMES
+    low, high = _HUMAN_EXTENTS
+    least, most = _HUMAN_VOLUMES
     if not low * unit <= extent < high * unit:
         return False
     return math.isnan(volume) or least * unit**3 <= abs(volume) <= most * unit**3
@@ -76,13 +69,14 @@ def check_human_size(extent: float, volume: float, name: str) -> None:
     if is_human_size(extent, volume):
         return
     units = [unit for unit, size in SUSPECTED_UNITS.items() if is_human_size(extent, volume, size)]
-    least, most = (1000 * litres for litres in HUMAN_VOLUMES)
+    shortest, longest = _HUMAN_EXTENTS
+    least, most = (1000 * litres for litres in _HUMAN_VOLUMES)
     encloses = "" if math.isnan(volume) else f" and encloses {1000 * abs(volume):.4g} litres"
     raise ArgumentError(
         f"{name} is {extent:.4g} m long{encloses}, which no human body is"
         + (f", but a body in {' or '.join(units)} would be" if units else "")
-        + f"; bodies must be in metres, {HUMAN_EXTENTS[0]:g} to {HUMAN_EXTENTS[1]:g} m long and of "
-        f"{least:g} to {most:g} litres"
+        + f"; bodies must be in metres, {shortest:g} to {longest:g} m long and of {least:g} to "
+        f"{most:g} litres"
         + ("; files are converted by unit, on the command line --unit" if units else "")
     )
 
@@ -94,7 +88,7 @@ def check_same_scale(
     reference_name: str,
     *,
     error: type[Exception] = ArgumentError,
-    remedy: str = TAKE_ANY_SCALE,
+    remedy: str = "scale=None (on the command line --any-scale) accepts them unchanged",
 ) -> None:
     """Raise an error if a surface, shape (..., V, 3), is over 8 times larger or smaller.
 

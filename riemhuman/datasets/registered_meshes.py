@@ -451,7 +451,7 @@ def no_meshes(root: Path) -> FileError:
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
-class LabelColumns(TypedDict, total=False):
+class LabelColumns(TypedDict):
     """Labels of bodies by the names of their fields."""
 
     subject: Integers
@@ -494,12 +494,14 @@ def _load(
 
 def _label_columns(texts: Mapping[str, Sequence[str]]) -> LabelColumns:
     """Return the fields of `Bodies` for the texts of the columns of a table."""
-    columns: LabelColumns = {}
-    if "subject" in texts:
-        columns["subject_names"], columns["subject"] = _numbered(texts["subject"])
-    if "pose" in texts:
-        columns["pose_names"], columns["pose"] = _numbered(texts["pose"])
-    return columns
+    subject_names, subject = _numbered(texts["subject"])
+    pose_names, pose = _numbered(texts["pose"])
+    return {
+        "subject": subject,
+        "pose": pose,
+        "subject_names": subject_names,
+        "pose_names": pose_names,
+    }
 
 
 def _numbered(cells: Sequence[str]) -> tuple[tuple[str, ...], Integers]:

@@ -10,7 +10,7 @@ from scipy import sparse
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Transformer
+from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import in_blocks, principal_components
 
@@ -21,7 +21,7 @@ _ROUNDING = 1e-12
 _N_SCALED = 64
 
 
-class MetricCodes(Transformer):
+class MetricCodes(Estimator):
     r"""Codes of bodies whose Euclidean distances approximate those of a metric.
 
     Codes consist of principal components of `RiemannianMetric.lower_bound_coordinates` for your own
@@ -121,7 +121,7 @@ class MetricCodes(Transformer):
             Bodies, or rows (n, 3V).
         """
         self._require_fit("scale_")
-        return self._in_container(self._encode(self._coordinates(X)), X)
+        return self._encode(self._coordinates(X))
 
     def fit_transform(self, X: Array, y: object = None) -> Array:
         """Fit the codes to bodies, and return the codes of the same bodies.
@@ -133,11 +133,6 @@ class MetricCodes(Transformer):
             Not used.
         """
         return self.fit(X).transform(X)
-
-    def _n_outputs(self) -> int:
-        self._require_fit("scale_")
-        n_outputs: int = len(self.components_) + self._projection.shape[1]
-        return n_outputs
 
     def _encode(self, coordinates: Array) -> Array:
         centered = coordinates - self.mean_

@@ -33,9 +33,6 @@ from riemhuman.mocap.performances import Performed, RetargetingErrors, perform
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 from riemhuman.surfaces.procrustes import AXES
 
-ASK_FOR_FEWER = "ask for fewer frames_per_second"
-"""What to do if a recording is too long for the memory."""
-
 # Distances from recorded joints that the message says, metres.
 _UNLIKE = 0.10
 _RECORDED = "recorded"

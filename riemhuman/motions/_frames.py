@@ -21,9 +21,6 @@ from riemhuman.motions._travel import ground_places, surface_space
 Motion: TypeAlias = Array | PointsOnDemand
 """An array (n_frames, V, 3), or anything with a length whose slices are such arrays."""
 
-FEWER_FRAMES = "take every second frame of the motions, or coarser bodies"
-"""What to do about a lack of memory."""
-
 # Frames that are read together.
 _RUN = 16
 

@@ -340,7 +340,6 @@ class MotionComponents(Estimator):
         fields.equip_with_metric(ProductMetric, weights=weights)
         images = np.stack([self._image(motion) for motion in self.mean.aligned_])
         self._pca = TangentPCA(fields, self.n_components, mean=self._image(self.mean_))
-        self._pca.set_output(transform="default")
         self.scores_ = self._pca.fit_transform(images)
         self.explained_variance_ = self._pca.explained_variance_
         self.explained_variance_ratio_ = self._pca.explained_variance_ratio_

@@ -12,7 +12,7 @@ from riemhuman.plots.difference_views import plot_difference, view_difference
 from riemhuman.plots.figures import figure_style
 from riemhuman.plots.map_views import view_map
 from riemhuman.plots.maps import describe_stress, embed, plot_embedding, stress
-from riemhuman.plots.match_plots import plot_match, position_colors
+from riemhuman.plots.match_plots import plot_match
 from riemhuman.plots.measurement_views import plot_measurements, view_measurements
 from riemhuman.plots.motion_views import view_motions
 from riemhuman.plots.rendering import render, surfaces_html
@@ -56,7 +56,6 @@ __all__ = [
     "plot_precision_recall",
     "plot_scan",
     "plot_sweep",
-    "position_colors",
     "render",
     "save_picture",
     "stress",

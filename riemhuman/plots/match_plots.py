@@ -35,19 +35,7 @@ _A_RESULT = instance(RegisteredScan, "a registered scan")
 
 
 def position_colors(points: Points) -> Array:
-    """Return colours of points by how far left and how high they are, shape (N, 3).
-
-    Parameters
-    ----------
-    points : array, shape (N, 3)
-        Points in upright axes, x to the left and y up; NaN gives grey.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.plots.position_colors(bodies[0]).shape
-    (1202, 3)
-    """
+    """Return colours of points (N, 3) by how far left and how high they are; NaN gives grey."""
     points = real_array(points, "points", ("n_points", 3), batched=False, finite=False)
     is_seen = np.isfinite(points).all(axis=1)
     colors = np.tile(_UNSEEN, (len(points), 1))

@@ -23,7 +23,6 @@ from riemhuman.registration.scans import Scan, load_landmarks, load_scan
 from riemhuman.registration.scans_over_bodies import ScanOverBody, lay_over_body
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 from riemhuman.registration.template_registration import TemplateRegistration
-from riemhuman.surfaces.measures import find_inward_triangles
 
 __all__ = [
     "FolderResult",
@@ -38,7 +37,6 @@ __all__ = [
     "SimulatedScan",
     "TemplateRegistration",
     "correspondence",
-    "find_inward_triangles",
     "geodesic_errors",
     "lay_over_body",
     "load_landmarks",

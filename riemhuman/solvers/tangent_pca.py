@@ -19,7 +19,7 @@ from riemhuman.checks import (
     whole_number,
 )
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Estimator, Transformer
+from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import metric_of, sample_count, stack_samples, surface_space
 from riemhuman.geometry.strategies import MeanSolver
@@ -96,7 +96,7 @@ class ImageEstimator(Estimator):
         return metric.space.check_point(point, "mean")
 
 
-class TangentPCA(ImageEstimator, Transformer):
+class TangentPCA(ImageEstimator):
     r"""Principal directions of logarithms at the Karcher mean, orthonormal in the metric there.
 
     With :math:`v_i = \log_{\bar x} x_i` minus their average, the directions :math:`u_k` maximise
@@ -243,8 +243,8 @@ class TangentPCA(ImageEstimator, Transformer):
         logs = metric.log(self._embed(points), self._base) - self.offset_
         covectors = metric.covector(self.components_, self._base)
         rows, columns = joined_axes(logs, logs.ndim - 1), joined_axes(covectors, logs.ndim - 1).T
-        scores = rows @ columns
-        return self._in_container(scores, X)
+        scores: Array = rows @ columns
+        return scores
 
     def fit_transform(self, X: Array, y: object = None, base_point: Points | None = None) -> Array:
         r"""Fit, and return the coordinates of the same points.
@@ -255,10 +255,6 @@ class TangentPCA(ImageEstimator, Transformer):
             See `fit`.
         """
         return self.fit(X, base_point=base_point).transform(X)
-
-    def _n_outputs(self) -> int:
-        self._require_fit("components_")
-        return self.n_components_
 
     def inverse_transform(self, X: Array) -> Array:
         r"""Return the points exp(offset + Σ_k z_k u_k), for surfaces those with the nearest fields.

@@ -15,7 +15,7 @@ from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.checks.labels import class_numbers
 from riemhuman.errors import ArgumentError
-from riemhuman.estimator import Transformer
+from riemhuman.estimator import Estimator
 from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import in_blocks, principal_components
@@ -27,7 +27,7 @@ LEDOIT_WOLF = "ledoit-wolf"
 _ROUNDING = 1e-9
 
 
-class LearnedMetric(Transformer):
+class LearnedMetric(Estimator):
     r"""A metric fitted to labels, in which classes are compact.
 
     Another metric maps points to coordinates x in a vector space, its
@@ -127,8 +127,8 @@ class LearnedMetric(Transformer):
             Points, or rows.
         """
         self._require_fit("components_")
-        coordinates = (self._coordinates(X) - self.mean_) @ self.components_.T
-        return self._in_container(coordinates, X)
+        coordinates: Array = (self._coordinates(X) - self.mean_) @ self.components_.T
+        return coordinates
 
     def fit_transform(self, X: Array, y: Sequence[Hashable] | Array) -> Array:
         """Learn the metric, and return the coordinates of the same points.
@@ -185,10 +185,6 @@ class LearnedMetric(Transformer):
             distances[np.ix_(points_a, points_a)] += within_a
             distances[np.ix_(points_b, points_b)] += within_b
         return distances
-
-    def _n_outputs(self) -> int:
-        self._require_fit("components_")
-        return len(self.components_)
 
     def _coordinates(self, X: ArrayLike) -> Array:
         check_metric(self.metric)

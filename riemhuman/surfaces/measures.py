@@ -179,20 +179,6 @@ def find_inward_triangles(points: Array, faces: Triangles) -> Booleans:
     A part consists of triangles connected by consistently oriented neighbours. It faces outward if
     its triangles face away from its centre; small or nearly flat parts are oriented like the whole
     mesh.
-
-    Parameters
-    ----------
-    points : array, shape (V, 3)
-        Vertices.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> inward_faces = bodies.template.faces[:, ::-1]
-    >>> bool(rh.registration.find_inward_triangles(bodies[0], inward_faces).all())
-    True
     """
     points, faces = check_mesh(points, faces)
     centres = points[faces].mean(axis=1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from riemhuman.plots import position_colors
+from riemhuman.plots.match_plots import position_colors
 
 
 def test_colours_are_those_of_places():

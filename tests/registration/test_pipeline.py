@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_bodies import surface_noise
-from riemhuman.registration import ScanRegistration, find_inward_triangles, simulated_scan
+from riemhuman.registration import ScanRegistration, simulated_scan
 from riemhuman.registration._constants import LARGEST_OVERLAP
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_lost_limbs, find_overlaps
 from riemhuman.registration._verdict import _other_units
 from riemhuman.registration.scans import as_scan
+from riemhuman.surfaces.measures import find_inward_triangles
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
