@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,10 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
-    from riemhuman.arrays import Array, Points
+    from riemhuman.arrays import Array
     from riemhuman.bodies import BodyModel
     from riemhuman.datasets import Motion
 
@@ -140,6 +139,7 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     cli.option("--seed", "seed of the random bodies", default=0, metavar="S"),
     cli.flag("--standard-pose", "bring bodies to the standard pose of their model first"),
     inputs.MEASURED_MODEL,
+    cli.needs("--model", "--standard-pose"),
     inputs.metric_options("the first mesh", _COMPONENTS_METRIC),
 )
 def _components(options: argparse.Namespace) -> cli.Answer:
@@ -158,8 +158,6 @@ def _components(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError(
             f"--samples must be from 0 to {_MOST_SAMPLES:,}; found {options.samples}"
         )
-    cli.check_needs(options, "--model", "--standard-pose")
-    cli.check_needs(options, "--definitions", "--model NPZ")
     points = surfaces[:]
     metric = inputs.chosen_metric(options, surfaces.template)
     if options.standard_pose:
@@ -234,11 +232,11 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     surfaces = inputs.read_surfaces(options, [*options.meshes, options.onto])
     files, onto = surfaces.files[:-1], surfaces.files[-1]
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
-    recorded: list[Points] = []
     with options.task(f"Transfer of {counted(len(files), 'mesh', 'meshes')}"):
         solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
-        with tqdm(range(len(files)), disable=not options.bars, unit="mesh") as numbers:
-            moved = solver.solve(space, _kept(recorded, surfaces, numbers), surfaces[len(files)])
+        recorded = surfaces[: len(files)]
+        with tqdm(recorded, disable=not options.bars, unit="mesh") as meshes:
+            moved = solver.solve(space, meshes, surfaces[len(files)])
     moved = rh.plots.on_the_ground(moved, like=recorded)
     replayed = counted(len(files), "mesh", "meshes")
     description = f"{replayed}, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
@@ -246,15 +244,6 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     record = {"files": files, "onto": onto, "axes": options.axes}
     record |= {"transfer": options.transfer, "n_frames": len(moved)}
     return cli.Answer({"meshes": len(moved)}, record)
-
-
-def _kept(
-    recorded: list[Points], surfaces: inputs.Surfaces, numbers: Iterable[int]
-) -> Iterator[Points]:
-    """Return surfaces one after the other, and keep them."""
-    for number in numbers:
-        recorded.append(surfaces[number])
-        yield recorded[-1]
 
 
 @cli.command(
@@ -307,7 +296,7 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     cli.FILES,
     cli.output("FOLDER", names=r"aligned\.html|(?is:.+\.(ply|obj|off))", always="aligned.html"),
     cli.template("the first mesh", "to align with"),
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
 )
 def _align(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
@@ -345,7 +334,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     cli.MODEL,
     cli.ANY_SCALE,
     cli.UNIT,
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
     cli.PICTURE,
 )
 def _fit(options: argparse.Namespace) -> cli.Answer:

@@ -12,7 +12,6 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, NoReturn, TypeAlias, TypedDict, Unpack
 
-from riemhuman.cli._one_line import one_line
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.optional import import_matplotlib
 
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 
 _HELP_WIDTH = 92  # letters
+_LONGEST_WORD = 600  # letters; paths may have hundreds
 UNITS = ("metres", "centimetres", "millimetres", "inches")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MESH_ENDINGS = (".ply", ".obj", ".off")
@@ -184,13 +184,24 @@ def several(
     return declare
 
 
-def check_needs(options: argparse.Namespace, names: str, *needed: str) -> None:
-    """Raise an error if an option is given without any of those that it needs."""
-    if any(getattr(options, _attribute(need.split()[0])) for need in needed):
-        return
-    for name in names.split():
-        if getattr(options, _attribute(name)):
-            raise ArgumentError(f"{name} needs {' or '.join(needed)}; add that, or leave it out")
+def needs(names: str, *needed: str) -> Argument:
+    """Return the declaration that options are given with one of those that they need."""
+
+    def check(options: argparse.Namespace) -> None:
+        if any(getattr(options, _attribute(need.split()[0])) for need in needed):
+            return
+        for name in names.split():
+            if getattr(options, _attribute(name)):
+                raise ArgumentError(
+                    f"{name} needs {' or '.join(needed)}; add that, or leave it out"
+                )
+
+    return checked(check)
+
+
+def checked(check: Callable[[argparse.Namespace], None]) -> Argument:
+    """Return the declaration of a check that is made before a command runs."""
+    return lambda parser: parser.set_defaults(checks=(*parser.get_default("checks"), check))
 
 
 def _attribute(flags: str) -> str:
@@ -304,7 +315,7 @@ def output(
         declared(parser)
         if attribute == "output":  # one --force is enough for a command of several outputs
             FORCE(parser)
-        parser.set_defaults(checks=(*parser.get_default("checks"), check))
+        checked(check)(parser)
 
     return declare
 
@@ -345,6 +356,12 @@ PICTURE = output(
     required=False,
 )
 MODEL = path_option("--model", "FILE", "body model (default: the open one)")
+OUTPUT_UNITS = choice(
+    "--output-units",
+    "units of what is printed and shown: centimetres, litres and kilograms, or inches and pounds; "
+    "CSV and JSON keep metres and kilograms",
+    *("cm", "in"),
+)
 _COMMON = (
     flag("--json", "print JSON, with all digits"),
     flag("-q --quiet", "print results only, no progress"),
@@ -354,6 +371,19 @@ _DEBUG = option(
 )
 # Options that commands read without declaring them.
 _DEFAULTS = dict.fromkeys(("any_scale", "align", "force", "has_figure"), False)
+
+
+def one_line(text: str) -> str:
+    """Return a text in one line, with codes for what could make a terminal do something."""
+    return " ".join(_harmless(word) for word in text.split())
+
+
+def _harmless(word: str) -> str:
+    """Return a word with codes for control characters; the middle of a very long one left out."""
+    if len(word) > _LONGEST_WORD:
+        part = _LONGEST_WORD // 2
+        word = f"{word[:part]}…{word[-part:]}"
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in word)
 
 
 class Parser(argparse.ArgumentParser):

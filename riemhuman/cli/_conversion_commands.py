@@ -14,6 +14,7 @@ from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Points, Triangles
+    from riemhuman.mocap.motions import ModelMotion
 
 _MESHES = (".ply", ".obj", ".off", ".stl", ".glb")
 _WRITTEN_MESHES = (".ply", ".obj", ".off", ".glb")
@@ -59,7 +60,7 @@ def _target(parser: argparse._ActionsContainer) -> None:
             raise ArgumentError("give one output: `riemhuman convert IN OUT`, or -o OUT")
         options.output = options.output or options.target
 
-    parser.set_defaults(checks=(*parser.get_default("checks"), check))
+    cli.checked(check)(parser)
 
 
 @cli.command(
@@ -188,10 +189,7 @@ def _convert_motion(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError(
             f"{options.output} must be a motion ({', '.join(_MOTIONS)}): {options.source} holds one"
         )
-    motion = inputs.load_recording(options.source, options)
-    motion.save(options.output)
-    record = {"frames": len(motion), "frames_per_second": motion.frames_per_second}
-    return cli.Answer(record, record)
+    return _saved_motion(inputs.load_recording(options.source, options), options)
 
 
 def _convert_photographs_to_motion(options: argparse.Namespace) -> cli.Answer:
@@ -200,6 +198,10 @@ def _convert_photographs_to_motion(options: argparse.Namespace) -> cli.Answer:
     topology = rh.topologies.TopologyMap.load(options.map)
     rate = _RATE_OF_VIDEOS if options.fps is None else options.fps
     motion = topology.to_motion(photographed.places, rate, name=options.source.stem)
+    return _saved_motion(motion, options)
+
+
+def _saved_motion(motion: ModelMotion, options: argparse.Namespace) -> cli.Answer:
     motion.save(options.output)
     record = {"frames": len(motion), "frames_per_second": motion.frames_per_second}
     return cli.Answer(record, record)

@@ -11,7 +11,6 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, counted
 from riemhuman.optional import import_matplotlib
 
@@ -24,6 +23,11 @@ if TYPE_CHECKING:
 _QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
 _N_COMPONENTS = 100  # of the basis of Dynamic FAUST
 _N_NODES = 11  # surfaces of a path
+
+
+def _check_people(options: argparse.Namespace) -> None:
+    if options.people is not None and (options.bodies or options.faust or options.reader):
+        raise ArgumentError("--people SEED is for the open bodies")
 
 
 _BODY_SET = cli.several(
@@ -54,20 +58,14 @@ _BODY_SET = cli.several(
         "--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"
     ),
     cli.UNIT,
+    cli.needs("--labels --unit --up", "--bodies FOLDER"),
+    cli.needs("--template --allow-missing", "--faust FOLDER", "--bodies FOLDER"),
+    cli.checked(_check_people),
 )
-
-
-def _check_body_set(options: argparse.Namespace) -> None:
-    """Refuse options that do not belong to the bodies that are chosen."""
-    cli.check_needs(options, "--labels --unit --up", "--bodies FOLDER")
-    cli.check_needs(options, "--template --allow-missing", "--faust FOLDER", "--bodies FOLDER")
-    if options.people is not None and (options.bodies or options.faust or options.reader):
-        raise ArgumentError("--people SEED is for the open bodies")
 
 
 def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     """Return the bodies that the options choose, the open bodies at a resolution."""
-    _check_body_set(options)
     template, allow_missing = options.template, options.allow_missing
     bodies: Bodies
     if options.faust is not None:
@@ -219,6 +217,7 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
     cli.flag("--paths", "also find paths and their lengths"),
     cli.option("--n-nodes", f"surfaces of a path (default: {_N_NODES})", type=int, metavar="N"),
     inputs.BASIS,
+    cli.needs("--n-nodes --basis --n-components", "--paths"),
     inputs.metric_options("the first mesh"),
 )
 def _matrix(options: argparse.Namespace) -> cli.Answer:
@@ -230,7 +229,6 @@ def _matrix(options: argparse.Namespace) -> cli.Answer:
         raise ArgumentError("nothing to write; give -o NPZ, --csv CSV, or both")
     if options.json and options.csv == "-":
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
-    cli.check_needs(options, "--n-nodes --basis --n-components", "--paths")
     if options.paths and options.precision != "double":
         raise ArgumentError("--precision single cannot be combined with --paths; leave out one")
     surfaces = inputs.read_surfaces(options, rh.datasets.find_meshes(options.folder))
@@ -542,7 +540,7 @@ def _map_page(
     ),
     cli.path_option("--scans", "FOLDER", "also show the scans registered into this folder"),
     cli.flag("--quick", "a smaller report, in half a minute"),
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
 )
 def _report(options: argparse.Namespace) -> cli.Answer:
     for place in (options.bodies, options.faust, options.dfaust, options.scans):
@@ -551,7 +549,6 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.outputs import absolute
 
     absolute(options.output)  # before the work, not after it
-    _check_body_set(options)
     import_matplotlib(extra="report")  # before the work, not after it
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
     with options.task("Loading the bodies"):

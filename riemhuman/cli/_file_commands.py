@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
-from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
     cli.FPS,
     cli.ANY_SCALE,
     cli.UNIT,
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
 )
 def _view(options: argparse.Namespace) -> cli.Answer:
     first = options.meshes[0]
@@ -180,7 +179,7 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
     cli.path_option("file", "FILE", "file or folder"),
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
 )
 def _info(options: argparse.Namespace) -> cli.Answer:
     facts = {"file": str(options.file), **_facts(options.file)}
@@ -531,11 +530,8 @@ def _fields_of_recording(file: Path) -> dict[str, str]:
 
 
 def _skeleton_facts(file: Path) -> JSONRecord:
-    readers: dict[str, Callable[[Path], rh.datasets.SkeletonMotion]] = {
-        ".bvh": rh.datasets.load_bvh,
-        ".amc": rh.datasets.load_amc,
-    }
-    motion = readers[file.suffix.lower()](file)
+    load = rh.datasets.load_amc if file.suffix.lower() == ".amc" else rh.datasets.load_bvh
+    motion = load(file)
     return {
         "kind": "motion capture recording",
         "joints": len(motion.joint_names),

@@ -155,6 +155,7 @@ MEASURED_MODEL = cli.several(
     cli.path_option(
         "--definitions", "JSON", "measurements of the model (default: the open model's)"
     ),
+    cli.needs("--definitions", "--model NPZ"),
 )
 
 
@@ -229,9 +230,9 @@ def chosen_metric(
     weights = {"-a": options.a, "-l": options.lam, "-c": options.c}
     flags = ", ".join(flag for flag, weight in weights.items() if weight is not None)
     is_added = options.extension is not None
-    preset = f"metric {options.extension}" if is_added else options.metric
-    if preset and flags:
-        raise ArgumentError(f"--{preset} sets all weights; leave it out, or leave out {flags}")
+    chosen = f"metric {options.extension}" if is_added else options.metric
+    if chosen and flags:
+        raise ArgumentError(f"--{chosen} sets all weights; leave it out, or leave out {flags}")
     if is_added:
         added: RiemannianMetric = rh.extensions.extension("metrics", options.extension)(space)
         return added
@@ -245,14 +246,9 @@ def chosen_metric(
             return rh.PersonMetric(space)
     if options.metric == "area" or by_default:
         return rh.AreaMetric(space)
-    a, lam, c = _PRESETS.get(options.metric, options.default_metric)
-    if options.a is not None:
-        a = options.a
-    if options.lam is not None:
-        lam = options.lam
-    if options.c is not None:
-        c = options.c
-    return rh.ElasticMetric(space, a, lam, c)
+    preset_weights = _PRESETS.get(options.metric, options.default_metric)
+    pairs = zip(weights.values(), preset_weights, strict=True)
+    return rh.ElasticMetric(space, *(preset if given is None else given for given, preset in pairs))
 
 
 def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> RiemannianMetric:

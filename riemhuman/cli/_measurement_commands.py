@@ -12,7 +12,6 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ _DEFINITIONS = cli.several(
     inputs.MEASURED_MODEL,
     cli.option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
     cli.UNIT,
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
 )
 
 
@@ -208,20 +207,9 @@ _Change = tuple[str, str, float, float, float, float, bool]
 
 def _changes(result: VisitComparison) -> list[_Change]:
     """Return a row for each measurement: name, unit, before, after, change, threshold, verdict."""
-    rows: list[_Change] = []
-    for number, (name, unit) in enumerate(zip(result.names, result.units, strict=True)):
-        rows.append(
-            (
-                name,
-                unit,
-                float(result.before[number]),
-                float(result.after[number]),
-                float(result.changes[number]),
-                float(result.thresholds[number]),
-                bool(result.is_significant[number]),
-            )
-        )
-    return rows
+    numbers = (result.before, result.after, result.changes, result.thresholds)
+    columns = [column.tolist() for column in (*numbers, result.is_significant)]
+    return list(zip(result.names, result.units, *columns, strict=True))
 
 
 def _shown_unit(unit: str, system: str) -> ReadableUnit:
@@ -238,14 +226,8 @@ def _table_of_changes(result: VisitComparison, system: str) -> list[str]:
     lines = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
     for name, si_unit, before, after, change, threshold, is_significant in _changes(result):
         unit = _shown_unit(si_unit, system)
-        numbers = " ".join(
-            [
-                unit.text(before, 9),
-                unit.text(after, 9),
-                unit.text(change, 9, "+"),
-                unit.text(threshold, 9),
-            ]
-        )
+        texts = (unit.text(before, 9), unit.text(after, 9), unit.text(change, 9, "+"))
+        numbers = " ".join([*texts, unit.text(threshold, 9)])
         mark = "  changed" if is_significant else ""
         lines.append(f"{name:{width}}  {numbers} {unit.name}{mark}")
     return lines
@@ -258,18 +240,14 @@ def _view_differences(
     options: argparse.Namespace,
 ) -> None:
     """Write the page, or a picture, of where two bodies differ."""
-    names = (files[0].stem, files[1].stem)
+    settings: JSONRecord = {"names": (files[0].stem, files[1].stem), "measurements": measurements}
+    settings["system"] = options.output_units
     with options.task("Page"):
         if options.view.suffix.lower() == ".html":
-            viewer = rh.plots.view_difference(
-                result, names=names, measurements=measurements, system=options.output_units
-            )
-            viewer.save(options.view)
+            rh.plots.view_difference(result, **settings).save(options.view)
             return
         with rh.plots.figure_style():
-            figure = rh.plots.plot_difference(
-                result, names=names, measurements=measurements, system=options.output_units
-            )
+            figure = rh.plots.plot_difference(result, **settings)
             rh.plots.figures.save_figure(figure, options.view)
 
 
@@ -296,10 +274,9 @@ def _view_differences(
     cli.option("--stature", "stature of the one body, measured by hand, metres", type=float),
     inputs.MEASURED_MODEL,
     cli.UNIT,
-    OUTPUT_UNITS,
+    cli.OUTPUT_UNITS,
 )
 def _sheet(options: argparse.Namespace) -> cli.Answer:
-    cli.check_needs(options, "--definitions", "--model NPZ")
     options.written.append(options.output)
     measurements = None
     if options.model is not None:
@@ -328,7 +305,6 @@ def _read(
 
     from riemhuman.surfaces.template import check_body_sizes
 
-    cli.check_needs(options, "--definitions", "--model NPZ")
     meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = rh.Template(meshes[0], meshes.faces)
     measurements = inputs.measurements_of(options, template, files[0], pose)

@@ -299,18 +299,12 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     cli.path_option("b_motion", "MOTION", "motion to search"),
     _TEMPLATE,
     cli.option("-k", "largest number of parts to print", default=5, metavar="K"),
-    cli.option(
-        "--shortest",
-        "length of the shortest part, as a share of the query's",
-        default=0.5,
-        metavar="S",
-    ),
     _METRIC,
 )
 def _find(options: argparse.Namespace) -> cli.Answer:
     read = _read_pair(options)
     metric = _space(read, options.metric).frames.metric
-    search = rh.motions.MotionSearch(metric, options.bars, shortest=options.shortest)
+    search = rh.motions.MotionSearch(metric, options.bars)
     query, motion = read.motions
     parts = search.find(query, motion, options.k)
     record: list[JSONRecord] = [

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _terminal as terminal
-from riemhuman.cli._readable_units import OUTPUT_UNITS
 from riemhuman.errors import ArgumentError, FileError, RiemhumanError
 
 if TYPE_CHECKING:
@@ -68,14 +67,13 @@ _UP = cli.option(
     cli.flag("--sheet", "also write a sheet for each person: measurements, percentiles, pictures"),
     cli.option("--sex", "sex of the person, for the sheet of one scan", choices=("woman", "man")),
     cli.option("--stature", "stature by hand, metres, for the sheet of one scan", type=float),
-    OUTPUT_UNITS,
-    cli.flag("--verbose", "also print the log-likelihood of the scan for the body"),
+    cli.needs("--sex --stature", "--sheet"),
+    cli.OUTPUT_UNITS,
 )
 def _register(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.outputs import check_output_file
 
     is_folder = options.scans.is_dir()
-    cli.check_needs(options, "--sex --stature", "--sheet")
     _check_input_options(options)
     if not is_folder:
         check_output_file(options.output, cli.MESH_ENDINGS, force=options.force)
@@ -128,10 +126,9 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
         result = registration.solve(scan, landmarks=landmarks)
     median = float(np.median(result.distances[~result.background]))
     share = share_of_surface(result.points, registration.model.faces, result.matched)
-    record = {name: getattr(result, name) for name in ("trusted", "message", "unit")}
+    names = ("trusted", "message", "unit", "likelihood")
+    record = {name: getattr(result, name) for name in names}
     record |= {"scan": options.scans, "median_distance": median, "matched_share": share}
-    if options.verbose:
-        record["likelihood"] = result.likelihood
     missing = _missing_measurements(registration.model, result)
     record["missing_measurements"] = missing
     _note_message(options.scans, result, missing)
@@ -149,13 +146,11 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
         terminal.note(f"the sheet is {sheets['.html']}{printed}")
     if not is_written:
         text = "the body is not written; --untrusted writes it anyway"
-        text += _details(options, result)
         return cli.Answer(text, record, trusted=False, written=False)
     gap = rh.measurements.readable_gap(median, options.output_units)
     text = (
         f"{gap} from the scan in the median, "
         f"{100 * share:.0f} % of the body seen; scan in {result.unit}, body in metres"
-        f"{_details(options, result)}"
     )
     return cli.Answer(text, record, trusted=result.trusted)
 
@@ -183,11 +178,6 @@ def _write_sheet(
         )
         for place in places:
             sheet.save(place)
-
-
-def _details(options: argparse.Namespace, result: RegisteredScan) -> str:
-    """Return the line that --verbose adds to the answer."""
-    return f"\nlog-likelihood {result.likelihood:.2f}" if options.verbose else ""
 
 
 def _missing_measurements(model: BodyModel, result: RegisteredScan) -> list[str]:

@@ -14,8 +14,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, TextIO
 
-from riemhuman.cli._commands import Answer
-from riemhuman.cli._one_line import one_line
+from riemhuman.cli._commands import Answer, one_line
 from riemhuman.errors import ConvergenceWarning, counted
 
 if TYPE_CHECKING:
@@ -106,33 +105,29 @@ def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     )
 
 
-class StatusLine:
-    """The last line of a terminal, which names the task."""
+# Names of tasks that are being worked on; the last line of a terminal shows the latest.
+_tasks: list[str] = []
 
-    def __init__(self) -> None:
-        self._tasks: list[str] = []
 
-    @contextmanager
-    def of_task(self, name: str) -> Iterator[None]:
-        """Show the name of a task, and repeat it below anything written in the meantime."""
-        with self.above():
-            self._tasks.append(name)
-        try:
-            yield
-        finally:
-            self._tasks.pop()
-
-    @contextmanager
-    def above(self) -> Iterator[None]:
-        """Make room for whole lines, and show the current task below them."""
-        if sys.stderr.isatty():
-            say("\r\x1b[K")
+@contextmanager
+def _shown(name: str) -> Iterator[None]:
+    """Show the name of a task, and repeat it below anything written in the meantime."""
+    with _above_tasks():
+        _tasks.append(name)
+    try:
         yield
-        if self._tasks:
-            say(f"{self._tasks[-1]} ...")
+    finally:
+        _tasks.pop()
 
 
-status = StatusLine()
+@contextmanager
+def _above_tasks() -> Iterator[None]:
+    """Make room for whole lines, and show the current task below them."""
+    if sys.stderr.isatty():
+        say("\r\x1b[K")
+    yield
+    if _tasks:
+        say(f"{_tasks[-1]} ...")
 
 
 def say(text: str) -> None:
@@ -149,7 +144,7 @@ def say(text: str) -> None:
 def note(text: str) -> None:
     """Write a line to standard error, above progress bars and the name of the task."""
     tqdm = sys.modules.get("tqdm")  # only progress bars import it
-    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), status.above():
+    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), _above_tasks():
         say(f"riemhuman: {one_line(text)}\n")
 
 
@@ -177,12 +172,12 @@ def discard(stream: TextIO) -> None:
 def task(options: argparse.Namespace, name: str) -> Iterator[None]:
     """Report a task and its duration on standard error; on a terminal, also when it begins."""
     start = time.perf_counter()
-    with status.of_task(name) if options.bars else nullcontext():
+    with _shown(name) if options.bars else nullcontext():
         yield
     if not options.quiet:
         # On a terminal, this replaces the name of the task.
         begin = "\r" if options.bars else ""
-        with status.above():
+        with _above_tasks():
             say(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
