@@ -18,6 +18,7 @@ IMPORTS = {"np": np, "rh": rh}  # which examples leave out, as those of NumPy do
 
 
 OBJECTS = public_objects()
+PACKAGES = sorted({name.rpartition(".")[0] for name in OBJECTS})
 
 
 @pytest.fixture
@@ -42,7 +43,8 @@ def test_every_name_has_an_example():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", OBJECTS)
+@pytest.mark.parametrize("package", PACKAGES)
 @pytest.mark.usefixtures("quick")
-def test_examples(name):
-    assert not failures(inspect.getdoc(OBJECTS[name]), name)
+def test_examples(package):
+    names = [name for name in OBJECTS if name.rpartition(".")[0] == package]
+    assert not "".join(failures(inspect.getdoc(OBJECTS[name]), name) for name in names)

@@ -13,10 +13,6 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
 TUTORIALS = sorted((ROOT / "tutorials").glob("*.ipynb"))
-# They register a model to a mesh, and make films and maps, in seconds.
-SLOW = {"other_topologies", "recipes"}
-
-every = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 
 
 def text_of(page):
@@ -56,7 +52,7 @@ def test_the_worked_change_of_contributing_runs():
 
 
 @pytest.mark.slow
-@every
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 def test_python_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(python_blocks(text_of(page)), str(page))
@@ -69,9 +65,13 @@ def test_the_first_block_prints_what_is_shown(capsys):
     assert capsys.readouterr().out == shown[1]
 
 
-@pytest.mark.parametrize("page", [*PAGES, *TUTORIALS], ids=lambda path: path.stem)
-def test_public_names_exist(page):
-    for dotted in set(re.findall(r"\brh\.([A-Za-z_][\w.]*\w)", text_of(page))):
+def test_public_names_exist():
+    names = {
+        (page, dotted)
+        for page in [*PAGES, *TUTORIALS]
+        for dotted in re.findall(r"\brh\.([A-Za-z_][\w.]*\w)", text_of(page))
+    }
+    for page, dotted in names:
         found = riemhuman
         for name in dotted.split("."):
             assert not name.startswith("_"), f"{page.name} speaks of rh.{dotted}, which is private"
@@ -79,9 +79,8 @@ def test_public_names_exist(page):
             found = getattr(found, name)
 
 
-@every
-def test_links_lead_somewhere(page):
-    assert broken_links(page) == []
+def test_links_lead_somewhere():
+    assert {page.name: links for page in PAGES if (links := broken_links(page))} == {}
 
 
 @pytest.mark.parametrize(

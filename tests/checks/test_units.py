@@ -40,9 +40,8 @@ def test_bodies_of_one_unit_pass(bodies):
 
 
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
-@pytest.mark.parametrize("person", range(0, 100, 10))
-def test_other_units_are_named(unit, person, bodies):
-    points = UNITS[unit] * bodies.points[person : person + 10]
+def test_other_units_are_named(unit, bodies):
+    points = UNITS[unit] * bodies.points[::10]
     reference = bodies.points[55]
     with pytest.raises(ArgumentError, match=rf"f\[0\] is .* large as T, as if one were in {unit}"):
         check_same_scale(points, longest_side(reference), "f", "T")
@@ -89,7 +88,7 @@ def meetings(bodies, space, far):
     }
 
 
-@pytest.mark.parametrize("factor", [1000.0, 100.0, 39.37])
+@pytest.mark.parametrize("factor", [1000.0, 39.37])
 def test_units_are_told_apart_wherever_bodies_meet(factor, bodies):
     space = rh.AlignedSurfaces(bodies.template)
     ways = meetings(bodies, space, factor * bodies[2])
@@ -141,8 +140,6 @@ DOORS = {
             r"5\.\d+ m long and encloses \d+ litres, .* but a body in feet would be; .*in metres",
         ),
         (0.3, r"0\.\d+ m long and encloses 1\.\d+ litres, which no human body is; "),
-        (0.2, "which no human body is"),
-        (2.5, "which no human body is"),
     ],
 )
 def test_sizes_that_no_human_has_are_refused(door, factor, message, bodies):
@@ -153,15 +150,15 @@ def test_sizes_that_no_human_has_are_refused(door, factor, message, bodies):
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "metres"])
 def test_the_unit_of_an_impossible_body_is_suspected(unit, bodies):
     measurements = rh.measurements.Measurements(bodies.model)
-    for number in range(0, 100, 9):
+    for number in (0, 55):
         with pytest.raises(ArgumentError, match=f"but a body in .*{unit}"):
             measurements.measure(UNITS[unit] * bodies.points[number])
 
 
 def test_children_and_giants_are_measured(bodies):
     measurements = rh.measurements.Measurements(bodies.model, ["stature", "volume"])
-    for factor in (0.35, 0.45, 0.6, 1.0, 1.6):  # newborn to the tallest of men
-        for number in range(0, 100, 7):
+    for factor in (0.35, 0.6, 1.6):  # newborn to the tallest of men
+        for number in (7, 35, 91):
             values = measurements.measure(factor * bodies.points[number]).values
             assert np.isfinite(values).all()
 

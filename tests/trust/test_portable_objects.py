@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import CASES, name_of, sphere_template, surfaces
+from cases import KINDS, name_of, sphere_template, surfaces
 from open_bodies import coarse_bodies
 
 import riemhuman as rh
@@ -46,7 +46,7 @@ def use(case):
     return [np.asarray(result) for result in results]
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+@pytest.mark.parametrize("case", KINDS, ids=name_of)
 def test_metrics(case):
     described, number = json.dumps(describe(case.metric)), hash(case.metric)
     unused = pickle.loads(pickle.dumps(case.metric))
