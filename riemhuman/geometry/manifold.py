@@ -89,11 +89,6 @@ class Manifold(PointSpace):
         make = self.default_metric() if Metric is None else Metric
         if make is None:
             raise ArgumentTypeError(f"{type(self).__name__} has no default metric: pass one")
-        if not callable(make):
-            raise ArgumentTypeError(
-                "Metric must be a metric class, followed by its parameters by name, as in "
-                f"equip_with_metric(ElasticMetric, a=1.0); found {type(make).__name__}"
-            )
         self.metric = make(self, **metric_kwargs)
         return self
 

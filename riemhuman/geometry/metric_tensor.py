@@ -362,8 +362,6 @@ class MetricTensor(Unchanging, ABC):
         point : array, shape (..., \*shape)
         neighbors : array, shape (n, \*shape)
         """
-        if not len(neighbors):
-            raise ArgumentError("neighbors must hold at least one point; found none")
         lead = point.shape[: point.ndim - self.space.point_ndim]
         distances = self.dist(point.reshape(*lead, 1, *self.space.shape), neighbors)
         return np.argmin(distances, axis=-1)

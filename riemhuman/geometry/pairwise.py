@@ -213,11 +213,6 @@ def squared_dist_rectangle(
             exact = bulk.squared_distances(exact_a, exact_b, n_threads)
             window = np.ix_(rows, columns)
             squared[window] = np.where(close[window], exact, squared[window])
-            if not np.isfinite(exact).all():
-                raise ArgumentError(
-                    "a distance is too large for double precision: use a larger unit for the "
-                    "points, or for the weights of the metric"
-                )
     if within:
         squared = np.triu(squared, 1)
         squared += squared.T

@@ -16,11 +16,9 @@ from riemhuman.checks import (
     each,
     generator,
     instance,
-    items_of,
     joint_shape,
     metric_weight,
     real_array,
-    whole_number,
 )
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
@@ -70,12 +68,6 @@ class ProductManifold(Manifold):
         ----------
         points : sequence of array, the k-th with the shape of the k-th factor
         """
-        points = items_of(points, "points", "a list of arrays, one for each factor")
-        if len(points) != len(self.factors):
-            raise ArgumentError(
-                f"points must hold one array for each of {len(self.factors)} factors; "
-                f"found {len(points)}"
-            )
         flat = []
         for k, (factor, point) in enumerate(zip(self.factors, points, strict=True)):
             point = real_array(point, f"points[{k}]", factor.shape)
@@ -104,14 +96,12 @@ class ProductManifold(Manifold):
         point : array, shape (..., size)
         index : int
         """
-        last = len(self.factors) - 1
-        if not -last - 1 <= whole_number(index, "index") <= last:
-            raise ArgumentError(f"index must be that of a factor, from 0 to {last}; found {index}")
+        factor = self.factors[index]
         index %= len(self.factors)
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
         flat = point[..., start : self._ends[index]]
-        return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
+        return np.reshape(flat, flat.shape[:-1] + factor.shape)
 
     def belongs(self, point: Points, atol: float = 1e-9) -> Booleans:
         point, finite = self._candidates(point, "point")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
-from typing import Unpack
+from typing import Unpack, cast
 
 import autograd.numpy as np
 import numpy as onp
@@ -23,7 +23,7 @@ from riemhuman.checks import (
     real_array,
     values_of,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.fields import (
     EbinMetric,
     GeneralElasticFieldMetric,
@@ -227,11 +227,13 @@ class SurfaceMetric(MetricOfTerms):
     @cached_property
     def target_metric(self) -> RiemannianMetric:
         spaces = SpacesOverTemplate(self.space.template)
-        factors = [_space_of(term, spaces) for term in self.terms]
+        # The product checks that all are manifolds with a metric.
+        factors = [cast("Manifold", term.target_space(spaces)) for term in self.terms]
         weights = [term.weight for term in self.terms]
+        product = ProductManifold(factors).equip_with_metric(ProductMetric, weights=weights)
         if weights == [1.0] and isinstance(factors[0].metric, FlatMetric):
             return factors[0].metric  # a vector space needs no product around it
-        return ProductManifold(factors).equip_with_metric(ProductMetric, weights=weights).metric
+        return product.metric
 
     @checked(point=POINT)
     def map(self, point: Points) -> Array:
@@ -288,18 +290,6 @@ class SpacesOverTemplate:
     def vector_fields(self, n_features: int) -> Manifold:
         space = VectorSpace((self.template.n_faces, n_features))
         return space.equip_with_metric(FlatMetric, weights=self.template.face_areas)
-
-
-def _space_of(term: Term, spaces: SpacesOverTemplate) -> Manifold:
-    """Return the space of a term's fields after checking that it has a metric."""
-    space = term.target_space(spaces)
-    if not isinstance(space, Manifold) or not space.is_equipped:
-        raise ArgumentTypeError(
-            f"target_space of {type(term).__name__} must return a manifold equipped with a metric, "
-            f"such as spaces.vector_fields(1); found {type(space).__name__}"
-            f"{' without one' if isinstance(space, Manifold) else ''}"
-        )
-    return space
 
 
 class ElasticMetric(SurfaceMetric):

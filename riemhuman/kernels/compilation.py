@@ -20,8 +20,6 @@ from pathlib import Path
 from types import FunctionType
 from typing import TypeAlias, TypeVar, overload
 
-from riemhuman.errors import ArgumentError
-
 FUSED = {"contract", "nsz"}
 """Value of `fastmath` for functions in loops over pairs: products may join sums."""
 
@@ -160,13 +158,7 @@ compilation_time = CompilationTime()
 
 
 def _njit(function: Callable[..., object], options: Options) -> Callable[..., object]:
-    try:
-        import numba
-    except ValueError as error:  # of its environment variables, it refuses this one
-        n_threads = os.environ.get("NUMBA_NUM_THREADS")
-        raise ArgumentError(
-            f"NUMBA_NUM_THREADS must be a whole number of at least 1; found {n_threads!r}"
-        ) from error
+    import numba
 
     compilation_time.listen()
     # With Python's error model, every division would check whether to raise. Unless fastmath is

@@ -266,11 +266,6 @@ class TangentPCA(ImageEstimator):
         """
         self._require_fit("components_")
         scores = real_array(X, "X", ("n", "n_components"), batched=False)
-        if scores.shape[1] > self.n_components_:
-            raise ArgumentError(
-                f"X holds {scores.shape[1]} coordinates per point; there are "
-                f"{self.n_components_} components"
-            )
         directions = self.components_[: scores.shape[1]]
         vectors = self.offset_ + np.tensordot(scores, directions, axes=1)
         return self._restore(self._image_metric.exp(vectors, self._base), self.mean_)
