@@ -430,8 +430,3 @@ def test_multiples_of_multiples_and_bad_numbers():
     for scale, error in ((0.0, ArgumentError), (-1.0, ArgumentError), ("two", ArgumentTypeError)):
         with pytest.raises(error, match="scale must be"):
             ScalarProductMetric(metric, scale)
-
-
-def test_texts_name_the_metric():
-    metric = VectorSpace((3,)).metric
-    assert repr(2.0 * metric) == f"2.0 * {metric!r}"

@@ -1,6 +1,5 @@
 """Where compiled functions cannot be kept, everything works as well, and one warning says so."""
 
-import builtins
 import os
 import shutil
 import subprocess
@@ -9,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from riemhuman.errors import ArgumentError
 from riemhuman.kernels import compilation
 
 ROOT = Path(__file__).parents[2]
@@ -193,17 +191,3 @@ def test_a_long_compilation_is_told_once(monkeypatch):
     taken._begin()
     taken._end()
     assert (len(told), taken.seconds) == (1, 7.5)
-
-
-def test_a_number_of_threads_that_numba_refuses(monkeypatch):
-    importing = builtins.__import__
-
-    def refuse(name, *arguments):
-        if name == "numba":
-            raise ValueError(name)
-        return importing(name, *arguments)
-
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "0")
-    monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(ArgumentError, match="NUMBA_NUM_THREADS must be .* at least 1; found '0'"):
-        compilation._njit(len, {})

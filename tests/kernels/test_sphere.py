@@ -8,7 +8,7 @@ from autograd import grad, jacobian
 from scipy.spatial.transform import Rotation
 
 from riemhuman.kernels import sphere
-from riemhuman.terms.normals import NormalTerm, squared_arc
+from riemhuman.terms.normals import NormalTerm
 
 N_PAIRS = 40
 
@@ -125,19 +125,6 @@ def test_parallel_transport_is_the_rotation_along_the_great_circle(angle):
     there = sphere.exp(velocity, n)
     carried = sphere.parallel_transport(velocity, n, velocity)
     np.testing.assert_allclose(sphere.exp(-carried, there), n, atol=1e-14)
-
-
-def test_slopes_of_the_squared_arc_at_its_ends():
-    coincident, antipodal = (0.0, 4.0), (4.0, 0.0)
-    assert grad(squared_arc, 0)(*coincident) == 1.0
-    assert grad(squared_arc, 1)(*coincident) == 0.0
-    assert grad(squared_arc, 0)(*antipodal) == 0.0
-    assert grad(squared_arc, 1)(*antipodal) == 0.0
-    # θ² = 4 arcsin²(√p/2) with q = 4 − p: the slope along the sphere is θ/sin θ.
-    for theta in (1e-6, 0.3, 1.5, 3.0, 3.1415):
-        p, q = 4 * np.sin(0.5 * theta) ** 2, 4 * np.cos(0.5 * theta) ** 2
-        slope = grad(squared_arc, 0)(p, q) - grad(squared_arc, 1)(p, q)
-        assert slope == pytest.approx(theta / np.sin(theta), rel=1e-10)
 
 
 def test_unit_vectors_stay_so_over_many_steps():

@@ -22,15 +22,6 @@ def test_chunks_are_in_order_and_cover_everything(size, threaded):
     assert [number for part in parts for number in part] == list(range(size))
 
 
-@pytest.mark.parametrize("threaded", [False, True])
-def test_errors_come_through(threaded):
-    def fail(first, last):
-        raise ZeroDivisionError("from a chunk")
-
-    with pytest.raises(ZeroDivisionError, match="from a chunk"):
-        threads.in_chunks(fail, 10, threaded=threaded)
-
-
 def test_one_thread_is_the_calling_one():
     for n_threads in (1, 2, 3):
         ran = set(threads.mapped(lambda _: threading.get_ident(), range(10), n_threads))

@@ -83,19 +83,6 @@ def test_energies_do_not_depend_on_headings(case, name):
     check_energies(case.metric, solver, *case.points[:2], rtol=4e-3 if name == "all" else 1e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "solver",
-    [
-        lambda: BasisPath(bodies.basis(), n_nodes=5),
-        lambda: PoissonPath(5),
-    ],
-    ids=["basis", "poisson"],
-)
-def test_energies_of_bodies(solver):
-    check_energies(shape_metric(), solver(), *bodies.swung_arms(1))
-
-
 def test_a_path_turns_evenly():
     """About its centroid, by the angle of its ends, and moves evenly."""
     metric, (start, end) = shape_metric(), bodies.swung_arms(1)
@@ -164,16 +151,6 @@ def test_means_of_bodies(in_batches, settings):
     np.testing.assert_allclose(seen[-1], found.point, atol=1e-9)
     # It stands as the first of the members.
     assert np.median(np.linalg.norm(found.point - members[0], axis=1)) < 0.1
-
-
-def test_means_stand_as_their_start():
-    metric, points = shape_metric(), mean_members()
-    solver = BasisMean(bodies.basis())
-    start = turned(points[0], 100.0, (0.0, 1.0, 0.0))
-    found = solver.solve(metric, points, initial_point=start)
-    assert np.median(np.linalg.norm(found.point - start, axis=1)) < 0.1
-    upright = solver.solve(metric, points, initial_point=points[0])
-    assert found.variance == pytest.approx(upright.variance, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -92,39 +92,6 @@ def test_inverse_of_the_exponential_on_bodies(weights):
     assert orders(gaps[::-1]) > 1.4
 
 
-def squat(rng):
-    """Return a body that stands and squats, arms raised, each joint a little off."""
-    model = bodies.model()
-    legs = {f"{side}_{joint}": (angle, 0, 0) for side in ("left", "right") for joint, angle in LEGS}
-    arms = {"left_shoulder": (0, 0, 60), "right_shoulder": (0, 0, -60)}
-    poses = np.stack([bodies.pose(), bodies.pose(**legs, **arms)])
-    poses += rng.normal(0.0, 0.05, poses.shape)
-    return model(betas=rng.normal(size=model.n_betas), pose=poses)
-
-
-LEGS = (("hip", -70), ("knee", 90), ("ankle", -20))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
-@pytest.mark.parametrize("change", ["squat", "arms"])
-def test_large_changes_of_pose(weights, change):
-    """The path that turns limbs is not given up for one within the basis, and can be followed.
-
-    By normals alone, that holds for some squats: of seeds 1 to 5, for 3 and 5. Of 1 and 4 the
-    logarithm warned; that of 2 took 20 steps.
-    """
-    metric, basis = ElasticMetric(bodies.space(), *weights), bodies.basis()
-    seed = 3 if weights == (0.0, 0.0, 1.0) else 1
-    start, end = bodies.swung_arms(4) if change == "arms" else squat(np.random.default_rng(seed))
-    found = DiscreteLogarithm(basis).solve(metric, end, start)
-    assert found.converged
-    assert found.energy <= 1.011 * BasisPath(basis).solve(metric, start, end).energy
-    assert metric.norm(found.tangent_vec, start) == pytest.approx(np.sqrt(found.energy), rel=0.03)
-    # A tenth of a millimetre, of half a metre.
-    assert found.end_error < 1e-4
-
-
 def test_a_solver_may_be_given():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")

@@ -242,17 +242,6 @@ def test_steps_that_never_lower_the_variance_end():
     assert (result.n_iterations, result.variance, result.converged) == (0, 5.0, False)
 
 
-def test_gradient_of_smoothed_distances():
-    space = FIELDS["metrics"]
-    points = near_points(space, 4)
-    dispersion = Dispersion(space.metric, points).smoothed(1e-3)
-    x = space.projection(points.mean(axis=0))
-    direction = space.random_tangent_vec(x, rng=3)
-    ahead, behind = (dispersion.value(x + step * direction) for step in (1e-5, -1e-5))
-    slope = np.sum(dispersion.value_and_gradient(x)[1] * direction)
-    assert slope == pytest.approx((ahead - behind) / 2e-5, rel=1e-6)
-
-
 def test_points_without_weight_do_not_count():
     space = FIELDS["normals"]
     points = near_points(space, 3)

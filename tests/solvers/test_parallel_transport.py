@@ -6,7 +6,6 @@ import pytest
 from cases import CASES, cases_that, name_of
 from oracles import orders
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
@@ -227,17 +226,3 @@ def test_no_vector_and_no_way_are_carried_as_they_are(ladder):
     nothing = ladder().solve(case.metric, np.zeros(2), start, path=path)
     np.testing.assert_array_equal(nothing.tangent_vecs, 0.0)
     assert (nothing.n_iterations, nothing.n_evaluations, nothing.converged) == (0, 0, True)
-
-
-@pytest.mark.slow
-def test_over_all_vertices_between_poses():
-    """Along a path to raised arms, every equation is solved, and the norm is kept."""
-    data = load_open_bodies("coarse")
-    metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
-    start, end = data.points[0], data.points[1]
-    path = PathStraightening(n_nodes=4, tolerance=1e-6).solve(metric, start, end).path
-    build = data.points[10] - start
-    found = PoleLadder().solve(metric, build, start, path=path)
-    assert found.converged
-    norms = metric.norm(build, start), metric.norm(found.tangent_vec, path[-1])
-    assert norms[1] == pytest.approx(norms[0], rel=2e-3)

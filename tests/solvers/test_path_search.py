@@ -9,7 +9,6 @@ import pytest
 from cases import (
     CASES,
     HalfPlane,
-    HyperbolicDistance,
     HyperbolicInnerProduct,
     cases_that,
     name_of,
@@ -18,7 +17,6 @@ from cases import (
 from paper_recipe import paper_path
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning, DegenerateSurfaceError
 from riemhuman.geometry import (
     ElasticMetric,
@@ -135,17 +133,6 @@ def test_no_worse_than_the_papers_recipe(weights):
     assert result.n_evaluations < paper.n_evaluations / 3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("weights", WEIGHTS)
-@pytest.mark.parametrize(("start", "end"), [(4, 29), (36, 15), (7, 38)])
-def test_paths_backwards_between_natural_bodies(start, end, weights):
-    """People with habits, soft tissue and hands on the body, in poses of each other."""
-    points = load_open_bodies("coarse", variant="natural", people=5).points
-    there = over_basis(6).solve(elastic(*weights), points[start], points[end])
-    back = over_basis(6).solve(elastic(*weights), points[end], points[start])
-    assert back.energy == pytest.approx(there.energy, rel=1e-3)
-
-
 @pytest.mark.everyday("7-weights2")
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("n_nodes", [3, 6, 7])
@@ -180,19 +167,6 @@ def test_searches_go_on_where_a_triangle_all_but_vanishes():
         assert result.converged
         energies.append(result.energy)
     assert np.ptp(energies) < 5e-3 * max(energies)
-
-
-@pytest.mark.parametrize("metric_class", [HyperbolicInnerProduct, HyperbolicDistance])
-def test_users_metrics_on_any_manifold(metric_class):
-    start, end = np.array([-2.0, 0.5]), np.array([1.5, 1.0])
-    solver = PathStraightening(n_nodes=41, tolerance=1e-10)
-    result = solver.solve(metric_class(HalfPlane()), start, end)
-    expected = HyperbolicDistance(HalfPlane()).squared_dist(start, end)
-    np.testing.assert_allclose(result.energy, expected, rtol=1e-3)
-    # Geodesics are circles around a point of the real axis.
-    center = (end @ end - start @ start) / (2 * (end[0] - start[0]))
-    radii = np.linalg.norm(result.path - [center, 0.0], axis=1)
-    np.testing.assert_allclose(radii, radii[0], rtol=2e-3)
 
 
 class Counting(SegmentEnergy):

@@ -24,7 +24,6 @@ from riemhuman.geometry import (
 from riemhuman.solvers import BasisMean, TangentPCA, inverted_triangles, tangent_pca
 from riemhuman.solvers._mixed_poses import _MOST_TURNED, turned_share
 from riemhuman.surfaces import DeformationBasis, generalized_procrustes
-from riemhuman.surfaces.measures import triangle_areas
 
 FIELDS = {
     "normals": NormalFields(sphere_template()),
@@ -168,41 +167,6 @@ def bodies_and_pca(which):
         return points, pca.fit(points)
 
 
-def area_changes(points, reference):
-    """Return the mean relative change of the areas of triangles, each by its area."""
-    faces = load_open_bodies("coarse").template.faces
-    areas, original = triangle_areas(points, faces), triangle_areas(reference, faces)
-    changes = np.maximum(areas / original, original / areas) - 1.0
-    return float(np.average(changes, weights=original))
-
-
-def euclidean(points, n_components):
-    """Return the reconstructions of principal component analysis of the vertices."""
-    mean, rows = points.mean(axis=0), (points - points.mean(axis=0)).reshape(len(points), -1)
-    _, _, vectors = np.linalg.svd(rows, full_matrices=False)
-    kept = vectors[:n_components]
-    return mean + (rows @ kept.T @ kept).reshape(points.shape)
-
-
-@pytest.mark.slow
-def test_bodies_are_distorted_less_than_by_euclidean_components():
-    points, pca = bodies_and_pca("poses")
-    metric = pca.space.metric
-    scores = pca.transform(points)
-    some = [0, 8]
-    errors, rows = [], points[some]
-    for k in (1, 3, 9):
-        ours = pca.inverse_transform(scores[some, :k])
-        theirs = euclidean(points, k)[some]
-        errors.append(np.sum(metric.squared_dist(ours, rows)))
-        if k < 9:
-            assert 3.0 * area_changes(ours, rows) < area_changes(theirs, rows)
-            assert errors[-1] < np.sum(metric.squared_dist(theirs, rows))
-    assert np.all(np.diff(errors) < 0)
-    # With all components, Φ and the nearest surface are inverse to each other.
-    assert errors[-1] < 1e-4 * errors[0]
-
-
 def test_generated_bodies_are_bodies():
     """No triangle is turned over, and few more pass through others than on the people.
 
@@ -246,26 +210,6 @@ def test_samples_with_inverted_triangles_are_drawn_anew(monkeypatch):
     assert verdicts == []
 
 
-def share_between(scores, labels):
-    """Return the share of the variance along each direction that lies between classes."""
-    means = np.stack([scores[labels == label].mean(axis=0) for label in labels])
-    return means.var(axis=0) / scores.var(axis=0)
-
-
-@pytest.mark.slow
-def test_weights_of_the_metric_say_what_is_analysed():
-    bodies = load_open_bodies("coarse")
-    chosen = bodies.subject % 3 == 0
-    points, subject, pose = bodies.points[chosen], bodies.subject[chosen], bodies.pose[chosen]
-    with pytest.warns(MixedPosesWarning):
-        shape = TangentPCA(equipped(1.0, 1.0, 0.0), 2, mean=points[0]).fit_transform(points)
-    stance = TangentPCA(equipped(0.0, 0.0, 1.0), 2, mean=points[0]).fit_transform(points)
-    flat = PCA(2).fit_transform(points.reshape(len(points), -1))
-    assert share_between(shape, subject)[0] > 0.99
-    assert np.all(share_between(stance, pose) > 0.98)
-    assert np.all(share_between(flat, subject) < 0.3)
-
-
 def test_refusals():
     space = VectorSpace((3,))
     points = np.random.default_rng(1).standard_normal((4, 3))
@@ -284,8 +228,6 @@ def test_refusals():
     with pytest.raises(ArgumentError, match="mean must have shape"):
         TangentPCA(space, mean=points).fit(points)
     pca = TangentPCA(space, 2).fit(points)
-    with pytest.raises(ArgumentError, match="3 coordinates per point; there are 2"):
-        pca.inverse_transform(np.zeros((1, 3)))
     with pytest.raises(ArgumentError, match="n_samples"):
         pca.sample(0)
     surface_space = AlignedSurfaces(sphere_template(), equip=False)

@@ -109,9 +109,3 @@ def test_edges_out_of_range_are_refused():
 def test_without_triangles_nothing_is_closed():
     assert not is_closed(np.empty((0, 3), dtype=int))
     assert np.isnan(signed_volume(np.eye(4, 3), np.empty((0, 3), dtype=int)))
-
-
-def test_lists_are_triangles_and_shared_edges_are_ascending():
-    assert triangle_areas(np.eye(4, 3), [[0, 1, 3]]).tolist() == [0.5]
-    _, edges = adjacent_triangles(np.array([[0, 2, 1], [2, 3, 1]]))
-    assert edges.tolist() == [[1, 2]]

@@ -144,12 +144,6 @@ def test_bad_arrays_are_refused_by_name(vertices, faces, error, message):
         Template(vertices, faces)
 
 
-def test_check_points_passes_surfaces_that_fit(template):
-    surfaces = np.stack([[template.vertices] * 3] * 2)
-    np.testing.assert_array_equal(template.check_points(surfaces), surfaces)
-    assert template.check_points(template.vertices.tolist()).dtype == np.float64
-
-
 def test_check_points_refuses_others_by_name(template):
     with pytest.raises(ArgumentError, match=r"end_point has 161 vertices.*template has 162"):
         template.check_points(template.vertices[1:], "end_point")

@@ -271,31 +271,7 @@ def test_coordinates_of_triangles_without_area_are_the_apex(size):
         np.testing.assert_allclose(found[2], 1e-5 * size, rtol=1e-15)
 
 
-@pytest.mark.parametrize("sizes", [(1.0, 1.0), (1e8, 1e8), (1e-8, 1e-8), (1e6, 1e-3)])
-def test_matrices_that_have_lost_their_shape(sizes):
-    """1 − cos² of the angle is ε times 1e5 where det g has five digits left."""
-    e, g = sizes
-    for share, lost in ((3e4, True), (3e5, False)):
-        m = np.sqrt(e * g * (1.0 - share * np.finfo(float).eps))
-        assert _cone_geodesics.has_lost_its_shape(np.array([[e, m], [m, g]])) == lost
-    assert _cone_geodesics.has_lost_its_shape(np.zeros((2, 2)))
-
-
 # Relations.
-
-
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_frames_do_not_matter(lam):
-    """d²(AᵀgA) = |det A| d²(g): what makes the integral independent of the template."""
-    rng = np.random.default_rng(3)
-    g1, g2 = matrices(50, 3.0, rng), matrices(50, 2.0, rng)
-    frames = np.eye(2) + rng.uniform(-0.6, 0.6, (50, 2, 2))
-    areas = np.abs(np.linalg.det(frames))
-    assert areas.min() > 0.05
-    turned = (np.swapaxes(frames, 1, 2) @ g @ frames for g in (g1, g2))
-    np.testing.assert_allclose(
-        squared_dist(*turned, lam), areas * squared_dist(g1, g2, lam), rtol=1e-9
-    )
 
 
 # Derivatives of the custom primitives.

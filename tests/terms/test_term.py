@@ -228,7 +228,7 @@ def test_a_space_of_fields_without_metric_is_refused():
         def target_space(self, spaces):
             return VectorSpace((spaces.template.n_faces, 1), equip=False)
 
-    with pytest.raises(ArgumentTypeError, match="equipped with a metric.*VectorSpace without one"):
+    with pytest.raises(ArgumentError, match="equipped with a metric.*VectorSpace without one"):
         SurfaceMetric(SPACE, [Bare()]).map(POINTS[0])
 
 
