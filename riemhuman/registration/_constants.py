@@ -63,6 +63,15 @@ IN_PLANE = 0.4
 # Points with more than this multiple of the median spacing may be remnants of a floor.
 SPARSER_SPACINGS = 1.5
 
+# Strays of a depth sensor have as large a spacing, and are at most this share of the points.
+FEW_STRAYS = 0.05
+
+# A denser surface is sought within this multiple of their spacing.
+STRAY_REACH = 3.0
+
+# It is there if so many times as many points are within this distance as on an even surface.
+CROWDED = 5.0
+
 # Least width of the cells in which points are connected, metres.
 CELL_METRES = 0.05
 

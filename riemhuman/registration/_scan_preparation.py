@@ -23,8 +23,10 @@ from riemhuman.registration._constants import (
     BLUR_METRES,
     CELL_METRES,
     CELL_QUANTILE,
+    CROWDED,
     DENSE_METRES,
     FEW_SPARSE,
+    FEW_STRAYS,
     FIRST_POINTS,
     FLOOR_METRES,
     FLOOR_SHARE,
@@ -58,6 +60,7 @@ from riemhuman.registration._constants import (
     SPARSE_SPACINGS,
     SPARSER_SPACINGS,
     STRAY_METRES,
+    STRAY_REACH,
     WIDEST_CELL,
     WIDEST_SPACING,
 )
@@ -415,17 +418,31 @@ def _quantile_over_area(spacing: Array, share: float) -> float:
 
 
 def _find_sparse_points(points: Array, wanted: Booleans) -> Booleans:
-    """Return which loose points are remnants of floors and stands, far from their neighbours."""
+    """Return which loose points are remnants of floors and stands, or strays of a sensor."""
     sparse_points = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
     spacing = point_spacing(chosen)
+    is_stray = _find_strays_of_sensor(chosen, spacing)
     usual, areas = _quantile_over_area(spacing, 0.5), _areas(spacing)
-    is_remnant = spacing > max(SPARSE_METRES, SPARSE_SPACINGS * usual)
+    is_remnant = ~is_stray & (spacing > max(SPARSE_METRES, SPARSE_SPACINGS * usual))
     if areas[is_remnant].sum() > FEW_SPARSE * areas.sum():
         is_remnant &= spacing > LONELY_METRES
     is_remnant |= _find_sparse_floor(chosen, spacing > max(SPARSE_METRES, SPARSER_SPACINGS * usual))
-    sparse_points[wanted] = is_remnant
+    sparse_points[wanted] = is_remnant | is_stray
     return sparse_points
+
+
+def _find_strays_of_sensor(points: Array, spacing: Array) -> Booleans:
+    """Return which points a depth sensor put between an edge and what lies behind it."""
+    is_stray = np.zeros(len(points), dtype=bool)
+    sparse_ones = np.flatnonzero(spacing > SPARSE_METRES)
+    if len(sparse_ones) < FEW_STRAYS * len(points):
+        around = cKDTree(points).query_ball_point(
+            points[sparse_ones], STRAY_REACH * spacing[sparse_ones], return_length=True
+        )
+        # On a surface that is sampled evenly, numbers grow with the area.
+        is_stray[sparse_ones] = around > CROWDED * N_CLOSE * STRAY_REACH**2
+    return is_stray
 
 
 def _find_sparse_floor(points: Array, is_sparse: Booleans) -> Booleans:

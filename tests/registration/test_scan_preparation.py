@@ -162,6 +162,20 @@ def test_a_sparse_floor_below_an_uneven_cloud_is_background(bodies):
     assert background[: len(cloud)].mean() < 0.01
 
 
+def test_strays_behind_the_edges_of_a_depth_scan_are_background(bodies):
+    rng, view = np.random.default_rng(2), np.array([0.0, 0.0, 1.0])
+    faces = bodies.template.faces
+    scan = simulated_scan(bodies[3], faces, rng, n_points=24_000, view=view, rotate=False)
+    nearest = cKDTree(scan.body).query(scan.points)[1]
+    sideways = np.abs(rh.kernels.surface.vertex_normals(scan.body, faces)[nearest] @ view)
+    edges = scan.points[np.argsort(sideways)[:1500]]
+    strays = rng.choice(edges, 250) - rng.exponential(0.08, (250, 1)) * view
+    background = prepare_scan(as_scan(np.concatenate([scan.points, strays]))).background
+    far = cKDTree(scan.points).query(strays)[0] > 0.05
+    assert background[len(scan.points) :][far].mean() > 0.75
+    assert background[: len(scan.points)].mean() < 0.01
+
+
 def test_normals_of_rings_are_those_of_the_surface(full, bodies):
     *_, (_, rings) = clouds(full, bodies)
     body = bodies[3]
