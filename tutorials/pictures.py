@@ -178,7 +178,8 @@ def path_and_mean(bodies, space, people) -> None:
     squat, hands = (bodies.pose_names.index(name) for name in ("squat", "hands_on_hips"))
     path = rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, people[6, squat], people[6, hands])
     figure, ax = plt.subplots(figsize=(9, 2.5), layout="constrained")
-    rh.plots.plot_path(path.path, faces, ax=ax, spacing=1.15)
+    standing = rh.plots.on_the_ground(path.path)
+    rh.plots.plot_path(standing, faces, ax=ax, spacing=1.15)
     save(figure, "path")
 
     some = people[[1, 4, 8], 0]
