@@ -11,7 +11,7 @@ contradictions show in the Mahalanobis distance :math:`r^T S^{-1} r`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc, ndtr
@@ -37,6 +37,10 @@ class Group:
     reason: str
     advice: str
     others: tuple[str, ...] = ()  # measurements that are spoilt as well
+
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        return (*self.effects, *self.others)
 
 
 GROUPS = (
@@ -77,20 +81,10 @@ GROUPS = (
 )
 
 
-@dataclass(frozen=True)
-class ImplausibleGroup:
-    """A group of which hardly any adult has the measurements, and why, in words."""
-
-    name: str
-    measurements: tuple[str, ...]
-    reason: str
-    advice: str
-
-
 def implausible_groups(
     values: Mapping[str, float], deviations: Mapping[str, float], sex: str
-) -> list[ImplausibleGroup]:
-    """Return the groups whose measurements hardly any adult combines.
+) -> list[Group]:
+    """Return the groups whose measurements hardly any adult combines, and why, in words.
 
     Parameters
     ----------
@@ -105,13 +99,9 @@ def implausible_groups(
             for population in ([sex] if sex in SEXES else SEXES)
         ]
         if max(in_direction for in_direction, _ in shares) < _RARE_DIRECTION:
-            reason = group.reason
+            found.append(group)
         elif max(in_any for _, in_any in shares) < _RARE:
-            reason = f"hardly any adult has such {group.name}"
-        else:
-            continue
-        names = (*group.effects, *group.others)
-        found.append(ImplausibleGroup(group.name, names, reason, group.advice))
+            found.append(replace(group, reason=f"hardly any adult has such {group.name}"))
     return found
 
 

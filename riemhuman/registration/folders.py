@@ -290,11 +290,12 @@ def _register_file(
         result = registration.solve(scan, start=before)
     except RiemhumanError as error:
         return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
-    return _record(file.stem, result, scan), result if result.trusted else None
+    return record_of(file.stem, result), result if result.trusted else None
 
 
-def _record(name: str, result: RegisteredScan, scan: Scan) -> ScanRecord:
+def record_of(name: str, result: RegisteredScan) -> ScanRecord:
     """Return the record of a result, with some points of its scan."""
+    scan = result.scan
     seen = np.flatnonzero(~result.background)
     shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
     arrays = {

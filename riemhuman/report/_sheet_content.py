@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -9,10 +10,10 @@ from functools import cache, cached_property
 import numpy as np
 
 from riemhuman.arrays import Array, Triangles
+from riemhuman.measurements import MeasurementSet
 from riemhuman.measurements.populations import largest_body_mass_index
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
-from riemhuman.report._client_words import capital, sentences_of
 from riemhuman.report._sheet_pictures import (
     LARGEST_CHANGE,
     Picture,
@@ -45,6 +46,9 @@ _WHOLE = 0.98  # share of the vertices from which a body counts as seen
 _RULERS = {"cm": (0.2, 0.01), "in": (0.3048, 0.0254)}
 _RULER_SHARE = 0.09  # width of a ruler over the height of its picture
 _TITLE_PIXELS = 34
+_HIPS = ("left_trochanterion", "right_trochanterion")
+# What names functions, arguments or options says nothing to a client.
+_CODE = re.compile(r"--\w|\w=|\w\(|\w_\w|[A-Z]\w*[a-z][A-Z]|\w\.\w")
 
 
 @dataclass(frozen=True)
@@ -178,20 +182,20 @@ class Content:
 
 
 def content_of(
-    subject: SheetSubject, values: SheetValues, faces: Triangles, across: Array, units: str
+    definitions: MeasurementSet, subject: SheetSubject, values: SheetValues, units: str
 ) -> Content:
-    """Return the words and drawings of a sheet.
+    """Return the words and drawings of a sheet of a body, and of what is known about it.
 
     Parameters
     ----------
-    subject, values
-        The body and what is known about it.
-    faces : array of int, shape (F, 3)
-    across : array, shape (3,)
-        From the right to the left hip.
+    definitions : MeasurementSet
+        The measurements of the body, with its triangles and landmarks.
+    subject : SheetSubject
+    values : SheetValues
     units : {"cm", "in"}
     """
-    scan, body = body_pictures(subject, faces, front_facing(across))
+    faces = definitions.faces
+    scan, body = body_pictures(subject, faces, front_facing(_across(definitions, subject)))
     pictures = []
     if scan is not None:
         what = f"The scan, {subject.file}" if subject.file else "The scan"
@@ -226,7 +230,7 @@ def content_of(
         visits=tuple(when for when, _ in values.visits[-_MOST_VISITS:]),
         trend=_trend(values, units),
         changes=_changes(values, faces, units),
-        remarks=tuple(f"{capital(remark)}." for remark in values.remarks),
+        remarks=tuple(f"{_capital(remark)}." for remark in values.remarks),
         all_rows=tuple(
             row_text(row, units) for row in values.rows if row.name not in _repeated(values)
         ),
@@ -242,6 +246,18 @@ def content_of(
     )
 
 
+def _across(definitions: MeasurementSet, subject: SheetSubject) -> Array:
+    """Return the direction from the right to the left hip; without hips, the body faces z."""
+    places = []
+    for name in _HIPS:
+        if name not in definitions.landmarks:
+            return np.array([1.0, 0.0, 0.0])
+        vertices, weights = definitions.landmarks[name]
+        places.append(weights @ subject.points[vertices])
+    left, right = places
+    return np.asarray(left - right)
+
+
 def badge(subject: SheetSubject, values: SheetValues) -> tuple[str, str]:
     """Return the class and the words of the badge of a body."""
     if subject.is_measurable and values.implausible:
@@ -254,6 +270,18 @@ def badge(subject: SheetSubject, values: SheetValues) -> tuple[str, str]:
         share = float(subject.known_vertices.mean())
         limits = limits or ("parts" if share < _WHOLE else "")
     return badge_of(subject.is_measurable, limits, share)
+
+
+def sentences_of(message: str) -> list[str]:
+    """Return what a message of a registration says to a client, as sentences."""
+    clauses = [part.replace(" (not trusted)", "").strip() for part in message.split(";")]
+    known = dict.fromkeys(clause.rstrip(".") for clause in clauses)
+    return [f"{_capital(clause)}." for clause in known if clause and not _CODE.search(clause)]
+
+
+def _capital(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]
 
 
 def _about(subject: SheetSubject) -> list[str]:

@@ -1,31 +1,54 @@
-"""The pages of people's sheets: a page for a person, and the index of a folder."""
+"""The pages of people's sheets: a page or PDF file for a person, and the index of a folder."""
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 import PIL.Image
 
+from riemhuman.io.files import write_text
 from riemhuman.plots.rendering import image_source
 from riemhuman.plots.viewer import web_file
 from riemhuman.report._page import template
 from riemhuman.report._sheet_content import NOTHING, Content, row_text
+from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import SheetSubject, SheetValues
 
 _THUMBNAIL = 150  # pixels
 
 
-def sheet_page(content: Content, version: str, *, printed: bool = False, index: str = "") -> str:
+@cache
+def _library_version() -> str:
+    try:
+        return metadata.version("riemhuman")
+    except metadata.PackageNotFoundError:
+        return "from its source folder"
+
+
+def save_pdf(content: Content, file: Path, browser: str) -> None:
+    """Write a two-page PDF by a browser."""
+    # In the same folder, because a browser in a container may see no other.
+    page = file.with_name(f"print-{secrets.token_hex(4)}.html")
+    write_text(page, sheet_page(content, printed=True))
+    try:
+        print_page(browser, page, file)
+    finally:
+        page.unlink(missing_ok=True)
+
+
+def sheet_page(content: Content, *, printed: bool = False, index: str = "") -> str:
     """Return the page of a sheet.
 
     Parameters
     ----------
     content : Content
-    version : str
-        Of riemhuman.
     printed : bool
         Whether it is made for printing, with all its tables unfolded.
     index : str
@@ -34,7 +57,7 @@ def sheet_page(content: Content, version: str, *, printed: bool = False, index: 
     return template("sheet.html").render(
         **vars(content),
         css=web_file("report", "sheet.css"),
-        version=version,
+        version=_library_version(),
         printed=printed,
         index=index,
     )
@@ -120,7 +143,6 @@ def index_page(
     entries: Sequence[Entry],
     failures: Sequence[tuple[str, str]],
     tables: Sequence[str],
-    version: str,
 ) -> str:
     """Return the page of all people, with scans that have no body and the reasons."""
     return template("sheets.html").render(
@@ -129,7 +151,7 @@ def index_page(
         tables=tables,
         titles=list(INDEX_NUMBERS.values()),
         css=web_file("report", "sheet.css"),
-        version=version,
+        version=_library_version(),
         has_sex=any(entry.sex for entry in entries),
         has_visits=any(entry.visit for entry in entries),
         has_changes=any(entry.changed for entry in entries),

@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
-import numpy as np
-
-from riemhuman.arrays import Array, Booleans, Points, Triangles
+from riemhuman.arrays import Triangles
 from riemhuman.datasets import RegisteredMeshes, find_meshes
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
@@ -18,8 +16,6 @@ from riemhuman.io.label_tables import LABELS, LabelRow, read_label_rows, rows_of
 from riemhuman.io.meshes import load_trusted
 from riemhuman.measurements.adults import check_values
 from riemhuman.registration import ScanRecord, read_records
-from riemhuman.registration.registered_scans import apply_transform
-from riemhuman.report.registered_scans import shown_share
 from riemhuman.report.sheet_values import SheetSubject
 from riemhuman.representation import join_names
 
@@ -203,7 +199,7 @@ def _in_folder(folder: Path, unit: str | None, up: str | None) -> _Subjects:
     if not (folder / _RECORDS).is_dir():
         return _in_files(find_meshes(folder), unit, up)
     records = sorted(read_records(folder), key=lambda record: natural_key(record.name))
-    subjects = [subject_of_record(record) for record in records if record.arrays]
+    subjects = [SheetSubject.of_record(record) for record in records if record.arrays]
     faces = [record.arrays["faces"] for record in records if record.arrays]
     failures = [(record.name, record.message) for record in records if not record.arrays]
     names = {record.name for record in records}
@@ -226,7 +222,7 @@ def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> _Subje
     for file in files:
         record = _record_beside(file, records_of_folders)
         if record is not None:
-            subjects.append(subject_of_record(record))
+            subjects.append(SheetSubject.of_record(record))
             faces.append(record.arrays["faces"])
             continue
         meshes = RegisteredMeshes([file], scale=None, unit=unit, up=up)
@@ -259,48 +255,3 @@ def _record_beside(
             record = records_of_folders[folder][file.stem]
             return record if record.arrays else None
     return None
-
-
-def subject_of_record(record: ScanRecord) -> SheetSubject:
-    """Return the body of a registered scan, or raise an error if it has none."""
-    if not record.arrays:
-        raise ArgumentError(f"{record.name} was not registered: {record.message}")
-    arrays = record.arrays
-    return subject_of_scan(
-        record.name,
-        arrays["points"],
-        arrays["transform"],
-        arrays["shown"],
-        arrays["trusted_vertices"].astype(bool),
-        is_trusted=record.trusted,
-        message=record.message,
-        median_distance=record.median_distance,
-        matched_share=shown_share(record),
-    )
-
-
-# More than eight arguments: what results of registration and records on disk share.
-def subject_of_scan(
-    name: str,
-    points: Points,
-    transform: Array,
-    scan: Points,
-    trusted_vertices: Booleans,
-    *,
-    is_trusted: bool,
-    message: str,
-    median_distance: float,
-    matched_share: float,
-) -> SheetSubject:
-    """Return a registered scan in upright axes."""
-    return SheetSubject(
-        name=name,
-        points=apply_transform(transform, np.asarray(points, dtype=np.float64)),
-        file=name,
-        trusted_vertices=trusted_vertices,
-        is_trusted=is_trusted,
-        message=message,
-        scan=apply_transform(transform, np.asarray(scan, dtype=np.float64)),
-        median_distance=median_distance,
-        matched_share=matched_share,
-    )

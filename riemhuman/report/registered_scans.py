@@ -20,7 +20,6 @@ from riemhuman.plots.scan_views import colour_end, scan_pictures, view_scan
 from riemhuman.plots.viewer import web_file
 from riemhuman.registration import ScanRecord, lay_over_body, read_records
 from riemhuman.report._page import Image, Section, fill, page
-from riemhuman.surfaces.measures import share_of_surface
 
 _HEIGHT = 300  # pixels
 _VIEWS = "views"  # folder of the pages of scans over their bodies
@@ -99,7 +98,6 @@ def scan_section(
         records=[(record, _pictures(record, limit, unit)) for record in records],
         views=views or {},
         badge=_badge,
-        shown_share=shown_share,
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
         colors=SIGNED_COLORS,
@@ -119,15 +117,7 @@ def badge_of(trusted: bool, message: str, share: float) -> tuple[str, str]:
 
 
 def _badge(record: ScanRecord) -> tuple[str, str]:
-    return badge_of(record.trusted, record.message, shown_share(record))
-
-
-def shown_share(record: ScanRecord) -> float:
-    """Return the share of a body's surface that its scan shows."""
-    if "matched" not in record.arrays:
-        return record.matched_share
-    arrays = record.arrays
-    return share_of_surface(arrays["points"], arrays["faces"], arrays["matched"])
+    return badge_of(record.trusted, record.message, record.matched_share)
 
 
 def _pictures(record: ScanRecord, limit: float, gap: ReadableUnit) -> list[tuple[Image, str]]:

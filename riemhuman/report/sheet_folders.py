@@ -17,14 +17,8 @@ from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_fold
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
-from riemhuman.report._sheet_content import Content
-from riemhuman.report._sheet_making import (
-    average_for,
-    content_for,
-    library_version,
-    save_pdf,
-)
-from riemhuman.report._sheet_page import Entry, index_page, sheet_page
+from riemhuman.report._sheet_content import Content, content_of
+from riemhuman.report._sheet_page import Entry, index_page, save_pdf, sheet_page
 from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
 from riemhuman.report._storage import Progress, a_progress
@@ -147,8 +141,8 @@ class _Sheets:
 
     def content(self, number: int) -> Content:
         subject = self.labelled.subjects[number]
-        measurements = self.measurements[len(subject.points)]
-        return content_for(measurements, subject, self.values[number], self.units)
+        definitions = self.measurements[len(subject.points)].definitions
+        return content_of(definitions, subject, self.values[number], self.units)
 
 
 def _measured(
@@ -170,12 +164,9 @@ def _measured(
     values: dict[int, SheetValues] = {}
     for n_vertices, numbers in numbers_by_size.items():
         measurements_of_size = measurements_by_size[n_vertices]
-        average = average_for(measurements_of_size)
         for part, words in _parts(numbers):
             with progress(f"Measurements of {words}"):
-                values_of_part = values_of(
-                    measurements_of_size, [subjects[k] for k in part], average
-                )
+                values_of_part = values_of(measurements_of_size, [subjects[k] for k in part])
             values |= dict(zip(part, values_of_part, strict=True))
     for number, subject in enumerate(subjects):
         measurements_of_size = measurements_by_size[len(subject.points)]
@@ -240,7 +231,6 @@ def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
 def _write(folder: Path, sheets: _Sheets, browser: str | None, progress: Progress) -> None:
     """Write all files of a folder of sheets."""
     subjects = sheets.labelled.subjects
-    version = library_version()
     names = _file_names([subject.name for subject in subjects])
     files = [(f"{name}.html", f"{name}.pdf" if browser else "") for name in names]
     entries: list[Entry] = []
@@ -255,7 +245,7 @@ def _write(folder: Path, sheets: _Sheets, browser: str | None, progress: Progres
             entry = Entry.of(subjects[number], sheets.values[number], content, page, pdf)
             entries.append(entry)
     tables = _write_tables(folder, list(zip(subjects, sheets.values, strict=True)))
-    write_text(folder / _INDEX, index_page(entries, sheets.labelled.failures, tables, version))
+    write_text(folder / _INDEX, index_page(entries, sheets.labelled.failures, tables))
 
 
 def _write_files(
@@ -268,7 +258,7 @@ def _write_files(
 
     def write(number: int) -> None:
         page, pdf = files[number]
-        write_text(folder / page, sheet_page(contents[number], library_version(), index=_INDEX))
+        write_text(folder / page, sheet_page(contents[number], index=_INDEX))
         if browser:
             save_pdf(contents[number], folder / pdf, browser)
 

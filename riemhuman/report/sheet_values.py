@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
 from riemhuman.arrays import Array, Booleans, JSONValue, Points, Triangles
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import (
     Measurements,
@@ -23,13 +24,15 @@ from riemhuman.measurements import (
     pose_distance,
     posture_angles,
 )
-from riemhuman.measurements.plausibility import ImplausibleGroup, implausible_groups
+from riemhuman.measurements.plausibility import Group, implausible_groups
 from riemhuman.measurements.populations import (
     has_percentiles,
     is_of_adults,
     percentages,
     spread_of_adults,
 )
+from riemhuman.registration import ScanRecord
+from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
 
 # Quotients of two measurements, and powers of the second.
@@ -128,6 +131,28 @@ class SheetSubject:
     matched_share: float = float("nan")  # of the surface
     stature: float = float("nan")  # typed in, metres
 
+    @classmethod
+    def of_record(cls, record: ScanRecord) -> SheetSubject:
+        """Return the body of a registered scan, upright; raise an error if it has none."""
+        arrays = record.arrays
+        if not arrays:
+            raise ArgumentError(f"{record.name} was not registered: {record.message}")
+        points, scan = (
+            apply_transform(arrays["transform"], np.asarray(arrays[name], dtype=np.float64))
+            for name in ("points", "shown")
+        )
+        return cls(
+            name=record.name,
+            points=points,
+            file=record.name,
+            trusted_vertices=arrays["trusted_vertices"].astype(bool),
+            is_trusted=record.trusted,
+            message=record.message,
+            scan=scan,
+            median_distance=record.median_distance,
+            matched_share=record.matched_share,
+        )
+
     @property
     def is_measurable(self) -> bool:
         return self.is_trusted and (
@@ -155,7 +180,7 @@ class SheetValues:
     changes: VisitComparison | None = None
     since: str = ""
     doubt: str = ""  # whether both visits are of one person
-    implausible: tuple[ImplausibleGroup, ...] = ()  # their measurements are withheld
+    implausible: tuple[Group, ...] = ()  # their measurements are withheld
     pairs: tuple[PairedRow, ...] = ()  # of the left and the right side
     visits: tuple[tuple[str, Mapping[str, float]], ...] = ()  # up to this one, if more than two
 
@@ -172,9 +197,7 @@ class SheetValues:
         return {group: rows for group, rows in groups.items() if rows}
 
 
-def values_of(
-    measurements: Measurements, subjects: Sequence[SheetSubject], average: Average
-) -> list[SheetValues]:
+def values_of(measurements: Measurements, subjects: Sequence[SheetSubject]) -> list[SheetValues]:
     """Return what is known about bodies, whose measurements are taken together."""
     measurable = [number for number, subject in enumerate(subjects) if subject.is_measurable]
     standing: dict[int, Points] = {}
@@ -195,13 +218,11 @@ def values_of(
         if measured is None or number not in standing:
             values = np.full(len(measurements.names), np.nan)
             reasons = dict.fromkeys(measurements.names, "the registration is not trusted")
-            results.append(_values(measurements, subject, values, reasons, None, average))
+            results.append(_values(measurements, subject, values, reasons, None))
             continue
         place = measurable.index(number)
         reasons = {name: reason for (k, name), reason in measured.why_missing.items() if k == place}
-        known = _values(
-            measurements, subject, measured.values[place], reasons, standing[number], average
-        )
+        known = _values(measurements, subject, measured.values[place], reasons, standing[number])
         results.append(replace(known, pairs=_pairs(known, left_sides, subject)))
     return results
 
@@ -249,26 +270,13 @@ def _pairs(
     return tuple(rows)
 
 
-class Average:
-    """Average adults for comparison, made once for a stature in millimetres and a sex."""
-
-    def __init__(self, resolution: str, faces: Triangles) -> None:
-        self.faces = faces
-        self._resolution = resolution
-        self._bodies: dict[tuple[int, str], Points] = {}
-
-    def of(self, stature: float, sex: str) -> Points | None:
-        """Return the average body, or None if the stature is unknown or no adult has it."""
-        if not np.isfinite(stature):
-            return None
-        millimetres = round(1000 * stature)
-        key = (millimetres, sex)
-        if key not in self._bodies:
-            try:
-                self._bodies[key] = average_adult(millimetres / 1000, sex, self._resolution)
-            except ArgumentError:
-                return None
-        return self._bodies[key]
+@cache
+def _average_body(millimetres: int, sex: str, resolution: str) -> Points | None:
+    """Return the average body of a stature and sex, or None if no adult has the stature."""
+    try:
+        return average_adult(millimetres / 1000, sex, resolution)
+    except ArgumentError:
+        return None
 
 
 def _values(
@@ -277,7 +285,6 @@ def _values(
     values: Array,
     reasons: Mapping[str, str],
     standing: Points | None,
-    average: Average,
 ) -> SheetValues:
     named = dict(zip(measurements.names, values.tolist(), strict=True))
     distance = 0.0
@@ -315,14 +322,18 @@ def _values(
         for name, unit in zip(measurements.names, measurements.units, strict=True)
     )
     posture, said = _posture(measurements, subject)
-    body = average.of(stature, subject.sex) if standing is not None else None
+    is_coarse = len(subject.points) == load_open_model("coarse").n_vertices
+    resolution = "coarse" if is_coarse else "full"
+    average = None
+    if standing is not None and np.isfinite(stature):
+        average = _average_body(round(1000 * stature), subject.sex, resolution)
     return SheetValues(
         rows=rows,
         ratios=_ratios(named),
         posture=posture,
         standing=standing,
-        average=body,
-        average_faces=average.faces,
+        average=average,
+        average_faces=load_open_model(resolution).faces,
         remarks=(*remarks, *said),
         implausible=tuple(implausible),
     )
@@ -330,7 +341,7 @@ def _values(
 
 def _implausible(
     named: Mapping[str, float], deviations: Mapping[str, float], subject: SheetSubject
-) -> list[ImplausibleGroup]:
+) -> list[Group]:
     """Return groups of measurements that no adult combines; none for children."""
     if not is_of_adults(named.get("stature", float("nan")), subject.sex):
         return []

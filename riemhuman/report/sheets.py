@@ -20,21 +20,16 @@ from riemhuman.measurements import Measurements, VisitComparison
 from riemhuman.measurements.adults import check_values
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
-from riemhuman.report._sheet_content import Content, badge
-from riemhuman.report._sheet_making import average_for, content_for, library_version, save_pdf
-from riemhuman.report._sheet_page import sheet_page
-from riemhuman.report._sheet_subjects import subject_of_record, subject_of_scan
+from riemhuman.registration.folders import record_of
+from riemhuman.report._sheet_content import Content, badge, content_of
+from riemhuman.report._sheet_page import save_pdf, sheet_page
 from riemhuman.report.printing import printing_browser
 from riemhuman.report.sheet_values import (
     SheetRow,
     SheetSubject,
-    SheetValues,
     values_of,
     with_changes,
 )
-from riemhuman.surfaces.measures import share_of_surface
-
-_MOST_POINTS = 12_000  # of a scan that are drawn
 
 
 def a_stature(value: float, name: str) -> float:
@@ -91,7 +86,7 @@ class Sheet:
     @cached_property
     def html(self) -> str:
         """The page."""
-        return sheet_page(self.content, library_version())
+        return sheet_page(self.content)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the page (.html), or the two-page PDF (.pdf), by Chromium, Chrome or Edge.
@@ -166,18 +161,11 @@ def sheet(
         subject = replace(subject, stature=stature)
     measurements = _measurements_of(model, points)
     real_array(points, "body", (measurements.definitions.n_vertices, 3), batched=False)
-    average = average_for(measurements)
-    values = values_of(measurements, [subject], average)[0]
+    (values,) = values_of(measurements, [subject])
     if before is not None:
         earlier, first = _subject(before, "before", name, sex, "the earlier visit")
         real_array(earlier, "before", points.shape, batched=False)
         values = with_changes(measurements, values, first, subject)
-    return _sheet(measurements, subject, values, units)
-
-
-def _sheet(
-    measurements: Measurements, subject: SheetSubject, values: SheetValues, units: str
-) -> Sheet:
     return Sheet(
         name=subject.person or subject.name,
         sex=subject.sex,
@@ -185,7 +173,7 @@ def _sheet(
         measurements=values.rows,
         posture=dict(values.posture),
         changes=values.changes,
-        content=content_for(measurements, subject, values, units),
+        content=content_of(measurements.definitions, subject, values, units),
     )
 
 
@@ -194,20 +182,9 @@ def _subject(
 ) -> tuple[Points, SheetSubject]:
     """Return a body and what is known about it, from whatever holds it."""
     if isinstance(body, RegisteredScan):
-        shown = body.scan.points[~body.background]
-        subject = subject_of_scan(
-            name or "body",
-            body.points,
-            body.transform,
-            shown[:: max(1, len(shown) // _MOST_POINTS)],
-            body.trusted_vertices,
-            is_trusted=body.trusted,
-            message=body.message,
-            median_distance=float(np.median(body.distances[~body.background])),
-            matched_share=share_of_surface(body.points, body.faces, body.matched),
-        )
-    elif isinstance(body, ScanRecord):
-        subject = subject_of_record(body)
+        body = record_of(name or "body", body)
+    if isinstance(body, ScanRecord):
+        subject = SheetSubject.of_record(body)
     else:
         points = real_array(body, argument, ("n_vertices", 3), batched=False)
         subject = SheetSubject(name=name or "body", points=points)

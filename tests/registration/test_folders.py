@@ -45,10 +45,15 @@ def registered(registration, folders, solved):
     return register_folder(registration, *folders)
 
 
-def test_bodies_are_apart_by_trust(registered, registration, folders):
+def test_bodies_are_apart_by_trust(registered, registration, result, folders):
     assert [record.name for record in registered] == ["anna", "ben", "box", "broken"]
     assert [record.trusted for record in registered] == [True, True, False, False]
     assert "line 2 is not valid: '4 5'; it has 2 numbers" in registered[3].message
+    # Hands hold many vertices and little surface.
+    areas = rh.surfaces.triangle_areas(result.points, result.faces)
+    share = areas @ result.matched[result.faces].mean(axis=1) / areas.sum()
+    assert registered[0].matched_share == pytest.approx(share)
+    assert registered[0].matched_share != pytest.approx(result.matched.mean(), abs=1e-3)
     output = folders[1]
     points, faces = rh.load_mesh(output / "anna.ply")
     np.testing.assert_array_equal(faces, registration.model.faces)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.report._sheet_pictures import body_pictures, front_facing, silhouette_picture
-from riemhuman.report.sheet_values import Average, SheetSubject, values_of
+from riemhuman.report.sheet_values import SheetSubject, values_of
 
 
 def opaque_rows(pixels):
@@ -58,7 +58,7 @@ def test_scan_and_body_share_viewpoint_and_scale(bodies):
 def test_the_silhouette_of_the_average_has_no_difference(bodies, measurements):
     faces = bodies.template.faces
     average = rh.measurements.average_adult(1.65, "woman", "coarse")
-    (values,) = values_of(measurements, [SheetSubject("x", average)], Average("coarse", faces))
+    (values,) = values_of(measurements, [SheetSubject("x", average)])
 
     def coloured(standing):
         picture = silhouette_picture(replace(values, standing=standing, average=average), faces)

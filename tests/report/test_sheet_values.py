@@ -6,7 +6,6 @@ import numpy as np
 
 import riemhuman as rh
 from riemhuman.measurements.populations import spread_of_adults
-from riemhuman.report._sheet_making import average_for
 from riemhuman.report.sheet_values import SheetSubject, values_of
 
 
@@ -65,7 +64,7 @@ def test_both_sides_are_measured_alike(bodies):
 def _values_of(points, bodies):
     measurements = rh.measurements.Measurements(bodies.model)
     subject = SheetSubject(name="body", points=points)
-    return values_of(measurements, [subject], average_for(measurements))[0]
+    return values_of(measurements, [subject])[0]
 
 
 def test_percentiles_that_the_pose_hides_are_left_out(bodies):

@@ -9,9 +9,8 @@ import pytest
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.registration._messages import MARK_WRISTS
-from riemhuman.report import _sheet_content, _sheet_making
-from riemhuman.report._client_words import sentences_of
-from riemhuman.report._sheet_content import percentile_text, posture_texts
+from riemhuman.report import _sheet_content
+from riemhuman.report._sheet_content import percentile_text, posture_texts, sentences_of
 from riemhuman.report._sheet_page import sheet_page
 
 
@@ -49,8 +48,8 @@ def test_pictures_are_encoded_once_for_the_page_and_the_pdf(bodies, monkeypatch)
 
     monkeypatch.setattr(_sheet_content, "image_source", counted)
     content = rh.report.sheet(bodies[3], sex="woman").content
-    page = sheet_page(content, "1.0")
-    printed = sheet_page(content, "1.0", printed=True)
+    page = sheet_page(content)
+    printed = sheet_page(content, printed=True)
     assert len(encoded) == 2  # the body and its silhouette
     for number in (1, 2):
         assert f'"picture {number}"' in page
@@ -74,19 +73,6 @@ def test_a_child_has_no_percentiles_of_adults(bodies):
         assert words not in sheet.html
         assert words in rh.report.sheet(unknown, sex="woman").html
     assert f"a stature of {stature / 0.0254:.1f} in" in rh.report.sheet(child, units="in").html
-
-
-def test_the_share_that_a_scan_shows_is_one_of_the_surface(record, bodies):
-    """Hands hold many vertices and little surface."""
-    faces = bodies.template.faces
-    matched = bodies[0][:, 1] > np.median(bodies[0][:, 1])
-    seen = replace(record, arrays=record.arrays | {"matched": matched})
-    areas = rh.surfaces.triangle_areas(bodies[0], faces)
-    share = areas @ matched[faces].mean(axis=1) / areas.sum()
-    assert abs(share - matched.mean()) > 0.02
-    sheet = rh.report.sheet(seen)
-    assert sheet.badge == f"partly seen: {100 * share:.0f} %"
-    assert f"shows {100 * share:.0f} % of the body" in sheet.html
 
 
 def test_inches_and_pounds(bodies, record):
@@ -187,10 +173,3 @@ def test_values_that_hair_explains_are_withheld(bodies, measurements):
         assert np.isnan(known["head girth"])
         assert np.isfinite(known["hip girth"])
     assert "cover the hair with a tight cap" in sheet.html
-
-
-# Folders.
-
-
-def test_the_version_is_on_the_sheet(bodies):
-    assert f"riemhuman {_sheet_making.library_version()}" in rh.report.sheet(bodies[0]).html
