@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
 from riemhuman.checks import checked, instance, integer_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
+from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs, triangle_sides
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.scans import Scan
@@ -194,7 +194,7 @@ def _without_jumps(points: Array, faces: Triangles, targets: Array, farthest: fl
     A hand that the registration has lost is taken for the trunk next to it. Every such place is
     plausible alone, but around the wrist, neighbours in the scan go to places far apart.
     """
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges = triangle_sides(faces)
     before, after = (
         np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
         for places in (points, targets)
@@ -311,8 +311,7 @@ def _shortcut_graph(points: Array, faces: Triangles) -> sparse.csr_array:
         faces[triangles].sum(axis=1) - edges.sum(axis=1)
         for triangles in pairs.T  # the corners off the edge
     ]
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    joined = np.concatenate([sides, np.stack(opposite, axis=1)])
+    joined = np.concatenate([triangle_sides(faces), np.stack(opposite, axis=1)])
     ends, *_ = distinct_pairs(np.sort(joined, axis=1))
     ends = ends[ends[:, 0] != ends[:, 1]]
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)

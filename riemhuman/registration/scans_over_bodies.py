@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
-from riemhuman.checks import mask, real_array, whole_number
+from riemhuman.checks import checked, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
@@ -217,13 +217,13 @@ class ScanOverBody:
         ----------
         kept : array of bool, shape (N,)
         """
-        kept = mask(kept, "kept", [(len(self.scan_points),)])
         triangles = None
         if self.scan_faces is not None:
             numbers = np.cumsum(kept) - 1
             triangles = numbers[self.scan_faces[kept[self.scan_faces].all(axis=1)]]
         return self._with_points(np.flatnonzero(kept), triangles)
 
+    @checked(most_points=whole(minimum=1))
     def thinned(self, most_points: int) -> ScanOverBody:
         """Return the scan with at most about this many points, evenly spread.
 
@@ -234,7 +234,6 @@ class ScanOverBody:
         ----------
         most_points : int
         """
-        whole_number(most_points, "most_points", minimum=1)
         if len(self.scan_points) <= most_points:
             return self
         kept = thin_points(self.scan_points, most_points, np.random.default_rng(0))

@@ -10,19 +10,15 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
-from riemhuman.checks import Rng, checked, flag, generator, real, real_array, share, whole
+from riemhuman.checks import Rng, checked, flag, generator, real, real_array, whole
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.io.mesh_arrays import check_mesh, triangle_sides
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.surfaces.measures import split_triangles, triangle_areas
 
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
 _FLOOR_METRES, _FLOOR_SPACING = 1.6, 0.012
-# More than scanners return; each takes a few hundred bytes of memory.
-_MOST_POINTS = 100_000_000
-# Wider bodies are in another unit: a scanner would see a hundred million pixels of them.
-_WIDEST_METRES = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +54,10 @@ class SimulatedScan:
 
 # More than eight arguments, because each keyword is one fault of scanners.
 @checked(
-    n_points=whole(minimum=1, maximum=_MOST_POINTS),
+    n_points=whole(minimum=1),
     mesh=flag,
     noise=real(minimum=0.0),
-    missing=share,
+    missing=real(minimum=0.0, maximum=0.99),
     rotate=flag,
     clothing=real(minimum=0.0),
     floor=flag,
@@ -120,9 +116,7 @@ def simulated_scan(
     if triangle_areas(vertices, triangles).sum() <= 0.0:
         raise DegenerateSurfaceError("points and faces have no area that could be scanned")
     random = generator(rng)
-    if missing == 1.0:
-        raise ArgumentError("missing must be less than 1; found 1")
-    direction = None if view is None else _direction(view, vertices)
+    direction = None if view is None else _direction(view)
     surface = vertices
     if clothing:
         surface = _add_clothes(vertices, triangles, clothing, random)
@@ -152,20 +146,13 @@ def simulated_scan(
     return SimulatedScan(scan, new_faces, vertices)
 
 
-def _direction(view: ArrayLike, vertices: Array) -> Array:
-    """Return the unit vector to a scanner, of a body that is not too wide for its pixels."""
+def _direction(view: ArrayLike) -> Array:
+    """Return the unit vector to a scanner."""
     vector = real_array(view, "view", (3,), batched=False)
-    size = np.abs(vector).max()
-    if size == 0.0:
+    length = np.linalg.norm(vector)
+    if length == 0.0:
         raise ArgumentError("view must be a direction; found a vector of length 0")
-    extent = float(np.ptp(vertices, axis=0).max())
-    if extent > _WIDEST_METRES:
-        raise ArgumentError(
-            f"points must be in metres to be seen by a scanner; found {extent:.4g} m from end to "
-            "end"
-        )
-    scaled: Array = vector / size  # its square might be 0
-    unit: Array = scaled / np.linalg.norm(scaled)
+    unit: Array = vector / length
     return unit
 
 
@@ -182,7 +169,7 @@ def remesh(
     sampled = np.unique(triangles[sampled, 0])
     rng.shuffle(sampled)
     chosen = _spread_apart(fine, sampled, n_vertices, float(areas.sum()))
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = triangle_sides(triangles)
     lengths = np.linalg.norm(fine[edges[:, 0]] - fine[edges[:, 1]], axis=1) + 1e-12
     graph = sparse.csr_array((lengths, edges.T), shape=(len(fine), len(fine)))
     graph = graph.maximum(graph.T)

@@ -14,6 +14,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import (
     Measurements,
+    MeasurementSet,
     VisitComparison,
     average_adult,
     compare_visits,
@@ -212,7 +213,7 @@ def values_of(measurements: Measurements, subjects: Sequence[SheetSubject]) -> l
             missing="nan",
             trusted_vertices=np.stack([subjects[number].known_vertices for number in measurable]),
         )
-    left_sides = _left_sides(measurements)
+    left_sides = _left_sides(measurements.definitions)
     results = []
     for number, subject in enumerate(subjects):
         if measured is None or number not in standing:
@@ -227,9 +228,9 @@ def values_of(measurements: Measurements, subjects: Sequence[SheetSubject]) -> l
     return results
 
 
-def _left_sides(measurements: Measurements) -> Measurements | None:
+@cache
+def _left_sides(definitions: MeasurementSet) -> Measurements | None:
     """Return the measurements of the left side, by their names on the right, where there are."""
-    definitions = measurements.definitions
     mirrored = [
         measurement_from_dict(_mirrored(definition.to_dict()))
         for definition in definitions.measurements

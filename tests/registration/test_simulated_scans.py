@@ -45,7 +45,7 @@ def test_rotation_is_about_the_vertical_and_takes_the_body_along():
 def test_holes_have_the_share_that_was_asked_for():
     whole, holed = scan_of(), scan_of(missing=0.3)
     assert 0.6 < len(holed.points) / len(whole.points) <= 0.7
-    with pytest.raises(ArgumentError, match="missing must be less than 1; found 1"):
+    with pytest.raises(ArgumentError, match=r"missing must be at most 0\.99; found 1"):
         scan_of(missing=1.0)
 
 
