@@ -41,7 +41,6 @@ from riemhuman.measurements.definitions import (
     nearest_name,
 )
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies, axes_of_frame
-from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
 DATA = Path(__file__).parent / "data"
@@ -288,8 +287,8 @@ class MeasurementSet:
             The other template. For lengths along joints it must be a body model that has joints of
             these names.
         correspondence : array_like of int, pair, or sparse matrix
-            Where each vertex of this template lies on the other, as `correspondence_to` says, or
-            as for `rh.bodies.correspondence_matrix`.
+            Where each vertex of this template lies on the other, such as
+            `rh.surfaces.nearest_points` returns it, as for `rh.bodies.correspondence_matrix`.
         """
         surface = _surface_of(template)
         matrix = correspondence_matrix(surface, correspondence)
@@ -313,24 +312,6 @@ class MeasurementSet:
         return MeasurementSet(
             template, self.measurements, landmarks, parts, self.frame, self.axes, standard_pose
         )
-
-    def correspondence_to(self, template: Template | BodyModel) -> tuple[Integers, Array]:
-        """Return the points of another template nearest to the vertices of this one.
-
-        Parameters
-        ----------
-        template : Template or BodyModel
-            The other template, in the same position as this one.
-
-        Returns
-        -------
-        triangles : array of int, shape (V,)
-        coordinates : array, shape (V, 3)
-            Barycentric coordinates.
-        """
-        surface = _surface_of(template)
-        places, _ = nearest_points(self.vertices, surface.vertices, surface.faces)
-        return places.triangles, places.barycentric
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write measurements, landmarks and parts as a JSON file.

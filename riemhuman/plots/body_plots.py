@@ -328,23 +328,17 @@ class Contributions(Record):
 
     Examples
     --------
-    >>> float(rh.plots.Contributions([1.0], [0.5]).total[0])
+    >>> float(rh.plots.Contributions(np.ones(1), np.full(1, 0.5)).total[0])
     1.5
     """
 
     metric: Array
     normal: Array
 
-    def __post_init__(self) -> None:
-        metric = real_array(self.metric, "metric")
-        normal = real_array(self.normal, "normal", metric.shape, batched=False)
-        object.__setattr__(self, "metric", metric)
-        object.__setattr__(self, "normal", normal)
-
     @property
     def total(self) -> Array:
         """Their sum m_t + n_t, shape (..., F); the sum over triangles is the squared distance."""
-        return np.add(self.metric, self.normal)
+        return self.metric + self.normal
 
 
 @checked(metric=instance(ElasticMetric, "an ElasticMetric(...)"))

@@ -13,7 +13,7 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import check_instance
 from riemhuman.errors import warn
 from riemhuman.io.files import atomic_file, file_path
@@ -171,6 +171,12 @@ def figure_files(figure: Figure, dots_an_inch: int = FIGURE_DPI) -> tuple[str, b
         content, format="png", dpi=dots_an_inch, facecolor="white", metadata={"Software": None}
     )
     return svg, content.getvalue()
+
+
+def hexadecimal(color: ArrayLike) -> str:
+    """Return red, green and blue between 0 and 1 as style sheets write them."""
+    red, green, blue = np.round(255 * np.asarray(color)).astype(int).tolist()
+    return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def rgb(hexadecimal: str) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from riemhuman.checks import real_array, values_of
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.plots._web_files import fill
-from riemhuman.plots.figures import class_colors
+from riemhuman.plots.figures import class_colors, hexadecimal
 from riemhuman.plots.maps import free_places, named_classes
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
@@ -52,7 +52,7 @@ class MapPanel:
 
     def data(self) -> dict[str, object]:
         """Return the name and the colour of each item."""
-        colors = _hexadecimal(self.labels)
+        colors = self._colors()
         return {"items": [list(item) for item in zip(self._titles(), colors, strict=True)]}
 
     def html(self, identifier: str) -> Markup:
@@ -62,7 +62,7 @@ class MapPanel:
         places = (self.positions - low) * scale * [1, -1] + [_MARGIN, 0]
         places[:, 1] += _MARGIN - places[:, 1].min()
         width, height = places.max(axis=0) + _MARGIN
-        colors = _hexadecimal(self.labels)
+        colors = self._colors()
         return fill(
             "map.html",
             width=f"{width:.1f}",
@@ -75,6 +75,10 @@ class MapPanel:
     def picture(self, height: int) -> Image | None:
         """Return nothing: a picture of some bodies stands in."""
         return None
+
+    def _colors(self) -> list[str]:
+        """Return the colours of items, those of their classes."""
+        return list(map(hexadecimal, class_colors(int(self.labels.max()) + 1)[self.labels]))
 
     def _titles(self) -> list[str]:
         """Return the names of items with those of their classes."""
@@ -100,12 +104,6 @@ class MapPanel:
             (round(float(x), 2), round(float(y) + _LINE / 4, 2), title, colors[numbers[0]])
             for (x, y), title, numbers in zip(middles, titles, members, strict=True)
         ]
-
-
-def _hexadecimal(labels: Integers) -> list[str]:
-    """Return the colours of classes as in style sheets."""
-    colors = np.round(255 * class_colors(int(labels.max()) + 1)[labels]).astype(int)
-    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors]
 
 
 def view_map(

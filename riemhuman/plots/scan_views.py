@@ -23,7 +23,7 @@ from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.body_plots import draw_bar
-from riemhuman.plots.figures import SIGNED_COLORS, SKIN, new_figure, value_colors
+from riemhuman.plots.figures import SIGNED_COLORS, SKIN, hexadecimal, new_figure, value_colors
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
@@ -130,15 +130,10 @@ class ScanPanel:
 def _bars(counts: Integers) -> list[tuple[float, float, str]]:
     """Return the left edge and the height of each bar in percent, and its colour."""
     heights = 100 * counts / max(int(counts.max(initial=0)), 1)
-    colors = np.round(255 * value_colors(np.linspace(-1.0, 1.0, len(counts)), 1.0, signed=True))
+    colors = value_colors(np.linspace(-1.0, 1.0, len(counts)), 1.0, signed=True)
     left_edges = 100 * np.arange(len(counts)) / len(counts)
     bars = zip(left_edges.round(2).tolist(), heights.round(1).tolist(), colors, strict=True)
-    return [(left, height, _hexadecimal(color)) for left, height, color in bars]
-
-
-def _hexadecimal(color: Array) -> str:
-    red, green, blue = color.astype(int).tolist()
-    return f"#{red:02x}{green:02x}{blue:02x}"
+    return [(left, height, hexadecimal(color)) for left, height, color in bars]
 
 
 def local_means(over: ScanOverBody) -> Array:

@@ -21,6 +21,7 @@ from riemhuman.plots.figures import (
     VALUE_COLORS,
     colour_limit,
     has_sign,
+    hexadecimal,
     value_colors,
 )
 from riemhuman.plots.rendering import vertex_values
@@ -212,11 +213,10 @@ class ViewedBody:
 
 def body_record(body: ViewedBody, faces: Triangles) -> JSONRecord:
     """Return the data of a body in types that JSON can hold."""
-    red, green, blue = (round(255 * channel) for channel in body.color)
     record: JSONRecord = {
         "label": body.label,
         "n_frames": len(body.frames),
-        "color": f"#{red:02x}{green:02x}{blue:02x}",
+        "color": hexadecimal(body.color),
         "ground": body.ground,
     }
     if isinstance(body.frames, ModelMotion):

@@ -106,7 +106,7 @@ def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
 
 def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[Pose]]]:
     """Return a body whose forearms are turned to be nearest to the scan, and doubtful arms."""
-    doubtful, scales = {}, DENSE_SCALES
+    doubtful = {}
     for arm in task.body.arm_surfaces:
         points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
         if not len(points):
@@ -118,19 +118,18 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface,
         current, *others = elastic_arms(task, arm, points, doubtful[arm])
         nearest = min(others, key=lambda fit: fit.cost)
         if are_less(nearest.strained, current.strained):
-            pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, scales)
+            pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, DENSE_SCALES)
     return pose, doubtful
 
 
 def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[Pose]) -> list[Pose]:
     """Return a body with one arm as in other poses, fitted again where that moves it."""
-    scales = DENSE_SCALES[N_FIRST_STEPS:]
     starts = []
     for candidate in poses:
         local = pose.local.copy()
         local[arm.joints[1:]] = candidate.local[arm.joints[1:]]
         starts.append(pose._replace(local=local))
-    fitted = fit_starts(task, arm.joints[1:], arm.samples, starts, scales)
+    fitted = fit_starts(task, arm.joints[1:], arm.samples, starts, DENSE_SCALES[N_FIRST_STEPS:])
     return _different(arm, fitted, [pose])
 
 
@@ -142,10 +141,12 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array) -> li
         for wrist in WRIST_ANGLES
     ]
     # Many starts soon lead to the same arm.
-    n_first, scales = N_FIRST_STEPS, DENSE_SCALES
     fitted = starts
-    for some_scales, known in ((scales[:n_first], []), (scales[n_first:], [pose])):
-        fitted = fit_starts(task, arm.joints[1:], arm.samples, fitted, some_scales)
+    for scales, known in (
+        (DENSE_SCALES[:N_FIRST_STEPS], []),
+        (DENSE_SCALES[N_FIRST_STEPS:], [pose]),
+    ):
+        fitted = fit_starts(task, arm.joints[1:], arm.samples, fitted, scales)
         fitted = _different(arm, fitted, known)
     likelihoods = find_likelihoods(task.body, fitted, task.scan, task.up)
     least = max(likelihoods, default=0.0) - ARM_LEAST_LIKELY
@@ -201,7 +202,7 @@ def pose_hands(
     """Return a body whose hands come nearest to the scan, with its prior, and all fits of hands."""
     # The elastic step would hide a wrong one: it presses fingers into a fist. Only points on
     # the hand count, because those on the forearm lie as near in all poses.
-    n_betas, scales = task.body.model.n_betas, DENSE_SCALES
+    n_betas = task.body.model.n_betas
     # Twice, because the wrist moves with the first change, if there is one.
     tried: dict[ArmSurface, Pose] = {}
     hand_fits: dict[ArmSurface, list[HandFit]] = {}
@@ -223,7 +224,7 @@ def pose_hands(
         is_explained = nearest.cost < UNEXPLAINED_METRES
         if is_explained and are_less(nearest.distances, current.distances):
             task = replace(task, prior=nearest.prior)
-            pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, scales)
+            pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, DENSE_SCALES)
     return task, pose, hand_fits
 
 
@@ -232,8 +233,8 @@ def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
     start = pose._replace(betas=np.append(pose.betas[:n_betas], hands))
-    task, scales = replace(task, prior=prior), DENSE_SCALES
-    fitted = fit_joints(task, arm.joints[1:], arm.samples, scales, start)
+    task = replace(task, prior=prior)
+    fitted = fit_joints(task, arm.joints[1:], arm.samples, DENSE_SCALES, start)
     return _hand_as_it_is(prior, fitted, arm, points)
 
 

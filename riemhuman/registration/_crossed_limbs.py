@@ -58,10 +58,9 @@ class Crossing:
         """Return the distances of the points, raised if the arms are implausible, metres."""
         surface = task.body.surface(pose)[self.vertices]
         faces = faces_among(task.body.model.faces, self.vertices)
-        farthest = EXCHANGED_METRES
         arms = task.body.arm_surfaces if self.joint == "elbow" else []
         strain = np.mean([arm.strain(pose.local) for arm in arms]) if arms else 1.0
-        strained: Array = strain * limited_distances(self.points, surface, faces, farthest)
+        strained: Array = strain * limited_distances(self.points, surface, faces, EXCHANGED_METRES)
         return strained
 
 
@@ -104,9 +103,8 @@ def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose,
     starts = [(pose._replace(local=mirrored[0]), task.prior._replace(local=mirrored[1]))]
     if len(pairs) == len(_LIMBS[joint]):
         starts.append((_swap_ends(task.samples.skeleton, pose, joint, np.array(pairs)), task.prior))
-    scales = DENSE_SCALES
     return [
-        (fit_joints(replace(task, prior=prior), moving, samples, scales, start), prior)
+        (fit_joints(replace(task, prior=prior), moving, samples, DENSE_SCALES, start), prior)
         for start, prior in starts
     ]
 

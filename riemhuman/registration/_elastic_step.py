@@ -79,11 +79,12 @@ def _fit_surface(task: DenseTask, pose: Pose, points: Array, weights: Array) -> 
     numbers = task.samples.numbers
     is_vertex = (numbers >= 0)[:, np.newaxis]
     shares = task.samples.areas * weights[numbers]
-    longest = DENSE_LONGEST_ROTATION
     for _ in range(N_SURFACE_STEPS):
         posed = pose_body(task.samples, pose)
         gaps = np.where(is_vertex, points[numbers] - posed.points, 0.0)
-        pose = take_step(posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0, longest)
+        pose = take_step(
+            posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0, DENSE_LONGEST_ROTATION
+        )
     return pose
 
 

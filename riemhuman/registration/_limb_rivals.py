@@ -345,16 +345,16 @@ def _displaced_in_rivals(
     seen = seen[:: max(len(seen) // N_RIVAL_COMPARED, 1)]
     skin, faces = task.body.samples(None).only(vertices), task.body.model.faces
     surface_of_limb = _LimbSurface(limb, skin, faces_among(faces, vertices))
-    n_first, scales = N_FIRST_STEPS, DENSE_SCALES
     unfitted = [pose, *(start.pose for start in starts)]
-    first = fit_starts(task, limb.joints, limb.samples, unfitted, scales[:n_first])
-    few, farthest = seen[::RIVAL_COMPARED_EVERY], EXCHANGED_METRES
-    costs = surface_of_limb.costs([pose, *first], few, farthest)
+    first = fit_starts(task, limb.joints, limb.samples, unfitted, DENSE_SCALES[:N_FIRST_STEPS])
+    few = seen[::RIVAL_COMPARED_EVERY]
+    costs = surface_of_limb.costs([pose, *first], few, EXCHANGED_METRES)
     # Fits that are still far away will not come nearer.
     near = np.flatnonzero(costs[2:] < RIVAL_MOST_FARTHER * min(costs[:2]))
     nearer = [first[0], *(first[1 + k] for k in near)]
-    poses = [pose, *fit_starts(task, limb.joints, limb.samples, nearer, scales[n_first:])]
-    costs = surface_of_limb.costs(poses, seen, farthest)
+    later = fit_starts(task, limb.joints, limb.samples, nearer, DENSE_SCALES[N_FIRST_STEPS:])
+    poses = [pose, *later]
+    costs = surface_of_limb.costs(poses, seen, EXCHANGED_METRES)
     surfaces = [surface_of_limb.points(candidate) for candidate in poses]
     joints = [limb.joint_positions(candidate) for candidate in poses]
     for k, surface, cost, rival in zip(near, surfaces[2:], costs[2:], joints[2:], strict=True):

@@ -56,8 +56,8 @@ def leave_out_lost_limbs(
         return fitted, shown  # the limb may be where points are far from the body
     without = _fit_without(fitted, shown.lost)
     # If the limb is in the scan after all, its points are now far from the body.
-    farther = FARTHER_WITHOUT_LIMBS
-    is_farther = _distances_from(without).mean() > farther * _distances_from(fitted).mean()
+    before, after = (_distances_from(body).mean() for body in (fitted, without))
+    is_farther = after > FARTHER_WITHOUT_LIMBS * before
     if is_farther or not _explains_scan(without):
         return fitted, shown
     return without, find_shown_parts(without, scan)
@@ -76,8 +76,8 @@ def _fit_without(fitted: BodyFit, lost: Booleans) -> BodyFit:
     task = replace(
         task, visible=visible, samples=samples, prior=task.prior._replace(local=expected)
     )
-    start, scales = fitted.fit.pose._replace(local=local), DENSE_SCALES
-    pose = fit_closest(samples, start, task.prior, task.scan, scales)
+    start = fitted.fit.pose._replace(local=local)
+    pose = fit_closest(samples, start, task.prior, task.scan, DENSE_SCALES)
     return replace(fitted, task=task, fit=leave_model(task, pose))
 
 

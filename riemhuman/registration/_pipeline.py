@@ -129,8 +129,7 @@ def register_scan(task: ScanTask, known: KnownBody | None = None) -> Registratio
     if first.verdict.trusted:
         return first
     retry = _register_again(task, first, again=known is None)
-    gain = RETRY_GAIN
-    likelier = retry.verdict.likelihood > first.verdict.likelihood + gain
+    likelier = retry.verdict.likelihood > first.verdict.likelihood + RETRY_GAIN
     return retry if retry.verdict.trusted or likelier else first
 
 

@@ -145,8 +145,7 @@ class PreparedScan:
     def match(self, points: Array, normals: Array, scale: float) -> Matches:
         """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
         places = self._places(points, normals)
-        count = N_MATCHED
-        far, near = self._tree.query(places, k=count, workers=_n_workers(len(places)))
+        far, near = self._tree.query(places, k=N_MATCHED, workers=_n_workers(len(places)))
         shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / BLUR_METRES**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points

@@ -190,8 +190,7 @@ def advance(
     """Return the likeliest candidates after one round, the best first."""
     advanced = _fit_starts(body, candidates, stage, scan)
     advanced.sort(key=lambda candidate: -candidate.likelihood)
-    samples, same_metres = body.samples(stage.n_model), SAME_METRES
-    return _different(advanced, samples, stage.n_best, same_metres)
+    return _different(advanced, body.samples(stage.n_model), stage.n_best)
 
 
 def _fit_starts(
@@ -220,9 +219,7 @@ def _fit_start(
     return replace(start, pose=pose, likelihood=likelihood)
 
 
-def _different(
-    candidates: list[Candidate], samples: ModelSamples, n_best: int, same_metres: float
-) -> list[Candidate]:
+def _different(candidates: list[Candidate], samples: ModelSamples, n_best: int) -> list[Candidate]:
     """Return the best candidates that are not close to a better one."""
     different: list[Candidate] = []
     surfaces: list[Array] = []
@@ -230,7 +227,7 @@ def _different(
         if len(different) == n_best:
             break
         points = pose_body(samples, candidate.pose).points
-        if all(np.sqrt(np.mean((points - better) ** 2) * 3) > same_metres for better in surfaces):
+        if all(np.sqrt(np.mean((points - better) ** 2) * 3) > SAME_METRES for better in surfaces):
             different.append(candidate)
             surfaces.append(points)
     return different
@@ -264,8 +261,7 @@ def find_likelihood_of_area(
 
 def anneal_finely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> Pose:
     """Return a body after soft assignment with smaller deviations than in the search."""
-    stage = FINE_ROUND
-    return advance(body, [best], stage, replace(scan, landmarks={}))[0].pose
+    return advance(body, [best], FINE_ROUND, replace(scan, landmarks={}))[0].pose
 
 
 _UP = np.array([0.0, 1.0, 0.0])
@@ -438,8 +434,7 @@ def _likely_ups(
         best.setdefault(tuple(candidate.up), candidate.likelihood)
     likeliest = max(best.values())
     axes = sorted(best, key=lambda axis: -best[axis])[:2]
-    margin = UP_MARGIN
-    return np.array([axis for axis in axes if best[axis] > likeliest - margin])
+    return np.array([axis for axis in axes if best[axis] > likeliest - UP_MARGIN])
 
 
 def _follow(

@@ -283,14 +283,13 @@ def find_margin(search: Search) -> float:
     shown = np.ones(len(surface), bool)
     if end is not None:
         shown = (samples.areas > 0) & end.shows(surface)
-    farthest = RIVAL_METRES
     elsewhere = [
         candidate.likelihood
         for candidate in candidates[1:]
         if np.linalg.norm(
             (pose_body(samples, candidate.pose).points - surface)[shown], axis=1
         ).mean()
-        > farthest
+        > RIVAL_METRES
     ]
     return candidates[0].likelihood - max(elsewhere, default=-np.inf)
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix
 from riemhuman.datasets import load_open_bodies, load_open_model, load_open_motions
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.measurements import open_measurements
+from riemhuman.surfaces import nearest_points
 
 
 @pytest.fixture(scope="module")
@@ -238,12 +238,13 @@ def test_a_joint_that_moves_nothing_stays(model):
 @pytest.mark.slow
 def test_from_coarse_to_full_and_back(model):
     full, fit = load_open_model("full"), model.fit(load_open_bodies("coarse").points[9:10])
-    there = open_measurements(model).correspondence_to(full)
+    rests = [(one.template.vertices, one.faces) for one in (model, full)]
+    there, _ = nearest_points(rests[0][0], *rests[1])
     converted = full.fit(model(fit.betas, fit.pose, fit.trans), correspondence=there)
     assert converted.betas.shape == fit.betas.shape
     assert converted.mean_distance.max() < 1e-3
     np.testing.assert_allclose(converted.betas, fit.betas, atol=0.2)
-    here = open_measurements(full).correspondence_to(model)
+    here, _ = nearest_points(rests[1][0], *rests[0])
     posed = full(converted.betas, converted.pose, converted.trans)
     back = model.fit(posed, correspondence=here)
     # Vertices of the full skin lie up to some millimetres off the coarse triangles.

@@ -18,6 +18,7 @@ from riemhuman.measurements import (
     open_measurements,
 )
 from riemhuman.measurements.measurement_set import DATA
+from riemhuman.surfaces import nearest_points
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +88,8 @@ def test_every_equivalent_is_named_once():
 def test_mapped_to_the_other_resolution(coarse):
     """By closest points of the templates, as for any template that lies on another."""
     full = open_measurements("full")
-    mapped = full.mapped(coarse.template, full.correspondence_to(coarse.template))
+    places, _ = nearest_points(full.vertices, coarse.vertices, coarse.faces)
+    mapped = full.mapped(coarse.template, places)
     points = coarse.template(np.random.default_rng(1).normal(size=(3, 32)))
     measurements, through = (Measurements(s).measure(points) for s in (coarse, mapped))
     metres = [unit == "m" for unit in Measurements(coarse).units]
