@@ -157,30 +157,12 @@ class DiscreteExponential(ExpSolver):
         for doubling in range(self.n_doublings + 1):
             n_steps = self.n_steps * 2**doubling
             may_double = doubling < self.n_doublings
-            result, is_fine = self._walk(
-                metric, base_point[None], n_steps, n_steps, velocity, may_double
-            )
+            result, is_fine = self._walk(metric, velocity, base_point, n_steps, may_double)
             n_iterations += result.n_iterations
             n_evaluations += result.n_evaluations
             if is_fine:
                 break
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
-
-    @checked(n_steps=whole(minimum=1))
-    def extend(self, metric: RiemannianMetric, path: Points, n_steps: int) -> ExponentialResult:
-        r"""Continue a discrete geodesic beyond its end, with the same time step.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-        path : array, shape (n_nodes, \*shape)
-            Path over unit time, of at least two points; only the last two matter.
-        n_steps : int
-            Number of points to add.
-        """
-        path = path_array(path, metric.space, batched=False)
-        result, _ = self._walk(metric, path, len(path) - 1, n_steps)
-        return finish(self, result)
 
     @checked(max_iter=whole(minimum=1))
     def derivatives(
@@ -240,29 +222,25 @@ class DiscreteExponential(ExpSolver):
     def _walk(
         self,
         metric: RiemannianMetric,
-        path: Points,
-        steps_per_unit: int,
+        velocity: TangentVectors,
+        base_point: Points,
         n_steps: int,
-        velocity: TangentVectors | None = None,
-        stop_early: bool = False,
+        stop_early: bool,
     ) -> tuple[ExponentialResult, bool]:
-        """Add points to a path, the first of them by a velocity if there is one.
+        """Return the geodesic of so many steps.
 
-        Return the geodesic, and whether all steps were possible and, if the walk may stop early,
-        short enough.
+        Also whether all steps were possible and, if the walk may stop early, short enough.
         """
-        points = list(path)
-        displacement = None if velocity is None else velocity / steps_per_unit
-        direction = points[-1] - points[-2] if displacement is None else displacement
-        basis = None if self.basis is None else self.basis.extend(direction[None])
+        points, displacement = [base_point], velocity / n_steps
+        basis = None if self.basis is None else self.basis.extend(displacement[None])
         equation = GeodesicEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
         status, message = Status.CONVERGED, "all steps were completed"
         obstacle, is_too_long = "", False
         for step in range(1, n_steps + 1):
             check_interrupt()
-            if step == 1 and displacement is not None:
-                triple = equation.both_sides(points[0], displacement)
+            if step == 1:
+                triple = equation.both_sides(base_point, displacement)
             else:
                 triple = equation.next_point(points[-2], points[-1])
             n_iterations += triple.n_iterations
@@ -284,8 +262,8 @@ class DiscreteExponential(ExpSolver):
         squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
         result = ExponentialResult(
             path,
-            steps_per_unit**2 * np.array(squared),
-            steps_per_unit,
+            n_steps**2 * np.array(squared),
+            n_steps,
             complete=not obstacle,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Self
 
 import numpy as np
@@ -10,9 +9,7 @@ import numpy as np
 from riemhuman.arrays import Array, ArrayLike, Points
 from riemhuman.checks import (
     Rng,
-    a_function,
     a_solver,
-    checked,
     generator,
     one_of,
     real_array,
@@ -270,23 +267,16 @@ class TangentPCA(ImageEstimator):
         vectors = self.offset_ + np.tensordot(scores, directions, axes=1)
         return self._restore(self._image_metric.exp(vectors, self._base), self.mean_)
 
-    @checked(accept=a_function)
-    def sample(
-        self,
-        n_samples: int = 1,
-        rng: Rng = 0,
-        accept: Callable[[Array], bool] | None = None,
-    ) -> Array:
+    def sample(self, n_samples: int = 1, rng: Rng = 0) -> Array:
         r"""Draw points from the normal distribution of the coordinates.
+
+        Surfaces with `inverted_triangles` are redrawn, at most a hundred times.
 
         Parameters
         ----------
         n_samples : int
         rng : int or numpy.random.Generator
             Seed, or the generator to draw from.
-        accept : callable, optional
-            Returns whether a point is acceptable; others are redrawn, at most a hundred times. By
-            default only surfaces with `inverted_triangles` are rejected.
 
         Returns
         -------
@@ -295,21 +285,19 @@ class TangentPCA(ImageEstimator):
         self._require_fit("components_")
         n_samples = sample_count(n_samples, self._metric.space.shape)
         rng = generator(rng)
-        if accept is None:
-            accept = self._is_sound
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[Array] = []
         n_drawn = 0
         while len(accepted) < n_samples:
             if n_drawn >= _MOST_DRAWN * n_samples:
                 raise ArgumentError(
-                    f"accept must accept at least one point in {_MOST_DRAWN}; it accepted "
-                    f"{len(accepted)} of {n_drawn}"
+                    "X must hold surfaces alike enough for samples without inverted triangles; "
+                    f"{len(accepted)} of {n_drawn} drawn have none"
                 )
             noise = rng.standard_normal((n_samples - len(accepted), self.n_components_))
             points = self.inverse_transform(noise * deviations)
             n_drawn += len(points)
-            accepted += [point for point in points if accept(point)]
+            accepted += [point for point in points if self._is_sound(point)]
         return stack_samples(np.stack(accepted), n_samples)
 
     def _is_sound(self, point: Points) -> bool:

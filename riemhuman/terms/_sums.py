@@ -20,7 +20,7 @@ a time.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -58,15 +58,13 @@ class SumOnSurfaces(Protocol):
         """Return the energy of a path, infinite where it has none, and its gradient if wanted."""
 
 
-class TablesOfTerms:
+class TablesOfTerms(ABC):
     """Distances of many pairs, by a weighted sum of terms over triangles with these areas.
 
     Features hold two arrays for each term: its rows, filled up to whole vector registers, and
     bounds on the points' rounding errors, as distances. The first axis of both is that of the
     points.
     """
-
-    # No ABC: metrics that an earlier version stored hold instances, with features of their own.
 
     def __init__(self, terms: Sequence[Term], areas: Array) -> None:
         self.terms, self.areas = tuple(terms), areas

@@ -184,22 +184,6 @@ def test_generated_bodies_are_bodies():
     assert count_self_intersections(sample, faces) <= 1.6 * worst
 
 
-def test_samples_that_are_not_accepted_are_drawn_anew():
-    space = FIELDS["vectors"]
-    pca = TangentPCA(space, 1).fit(near_points(space))
-
-    def is_ahead(point):
-        return bool(pca.transform(point[None])[0, 0] > 0)
-
-    ahead = pca.sample(50, rng=3, accept=is_ahead)
-    assert all(is_ahead(point) for point in ahead)
-    drawn = pca.sample(50, rng=3)
-    kept = drawn[[is_ahead(point) for point in drawn]]
-    np.testing.assert_array_equal(ahead[: len(kept)], kept)
-    with pytest.raises(ArgumentError, match="one point in 100; it accepted 0 of 200"):
-        pca.sample(2, accept=lambda point: False)
-
-
 def test_samples_with_inverted_triangles_are_drawn_anew(monkeypatch):
     space = AlignedSurfaces(sphere_template(), equip=False)
     space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
@@ -208,6 +192,10 @@ def test_samples_with_inverted_triangles_are_drawn_anew(monkeypatch):
     monkeypatch.setattr(tangent_pca, "inverted_triangles", lambda *_: np.array([verdicts.pop()]))
     assert pca.sample(rng=3).shape == space.shape
     assert verdicts == []
+    monkeypatch.setattr(tangent_pca, "inverted_triangles", lambda *_: np.array([True]))
+    monkeypatch.setattr(tangent_pca, "_MOST_DRAWN", 3)
+    with pytest.raises(ArgumentError, match="without inverted triangles; 0 of 3 drawn"):
+        pca.sample()
 
 
 def test_refusals():

@@ -1,6 +1,5 @@
 """Sums of terms: energies, features and sums over pairs are those of the definitions."""
 
-import pickle
 from functools import partial
 
 import numpy as np
@@ -29,7 +28,7 @@ from riemhuman.terms import (
     RotationTerm,
     _sums,
 )
-from riemhuman.terms._sums import SumOfFields, SumOfTerms, TablesOfTerms
+from riemhuman.terms._sums import SumOfFields, SumOfTerms
 
 COMPILED = [case for case in SURFACES if isinstance(case.metric, SurfaceMetric)]
 
@@ -375,18 +374,3 @@ def test_bits_do_not_depend_on_company(term, fields, precision):
     # Tiles of eight points, as of the largest surfaces, which more threads have too.
     np.testing.assert_array_equal(distances(term, a, b, n_threads=9), whole)
     np.testing.assert_array_equal(distances(term, a, a, n_threads=9), within)
-
-
-def test_pickles_of_metrics_of_an_earlier_version():
-    """They hold tables whose features are a method of their sum."""
-    metric = ElasticMetric(AlignedSurfaces(sphere_template()))
-    points = surfaces(sphere_template(), 3)
-    expected = metric.dist_pairwise(points)
-    total = metric.bulk
-    tables = TablesOfTerms.__new__(TablesOfTerms)
-    vars(tables).update(
-        terms=total.terms, areas=total.areas, features=total.features, n_arrays=total.n_arrays
-    )
-    vars(metric)["bulk"] = tables
-    read = pickle.loads(pickle.dumps(metric))
-    np.testing.assert_array_equal(read.dist_pairwise(points), expected)
