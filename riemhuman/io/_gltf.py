@@ -71,9 +71,12 @@ class GlbBuffer:
         return len(self.accessors) - 1
 
 
-def glb_file(document: JSONRecord, buffer: GlbBuffer) -> bytes:
-    """Return a GLB file: a header, the document as JSON, and the arrays."""
+def glb_file(roots: list[int], document: JSONRecord, buffer: GlbBuffer) -> bytes:
+    """Return a GLB file: a header, the document of a scene as JSON, and the arrays."""
     arrays: JSONRecord = {
+        "asset": {"version": "2.0", "generator": "riemhuman"},
+        "scene": 0,
+        "scenes": [{"nodes": roots}],
         "accessors": buffer.accessors,
         "bufferViews": buffer.views,
         "buffers": [{"byteLength": len(buffer.data)}],
@@ -161,9 +164,6 @@ def _glb(points: Array, triangles: Triangles, seconds: float, name: str) -> byte
     if any(offset):
         node["translation"] = offset
     document: JSONRecord = {
-        "asset": {"version": "2.0", "generator": "riemhuman"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
         "nodes": [node],
         "meshes": [mesh],
         "materials": [SKIN_MATERIAL | {"doubleSided": True}],
@@ -186,7 +186,7 @@ def _glb(points: Array, triangles: Triangles, seconds: float, name: str) -> byte
         }
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
         document["animations"] = [{"name": name, "samplers": [sampler], "channels": [channel]}]
-    return glb_file(document, buffer)
+    return glb_file([0], document, buffer)
 
 
 def _offset(points: Array) -> list[float]:

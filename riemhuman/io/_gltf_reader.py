@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import binascii
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -192,17 +192,21 @@ class _Reader:
                 yield number
             waiting += reversed(node.get("children", ()))
 
-    def _matrix(self, number: int) -> Values:
-        """Return the matrix from a node to the scene."""
+    def _way(self, number: int, known: Container[int] = ()) -> list[int]:
+        """Return a node, the one above it, and so on up to a root or one that is known."""
         way = [number]
-        while way[-1] not in self._matrices and way[-1] in self._parents:
+        while way[-1] in self._parents and way[-1] not in known:
             way.append(self._parents[way[-1]])
             if len(way) > len(self._document["nodes"]):
                 raise FileFormatError(f"its node {number} is its own descendant")
-        for below in reversed(way):
-            if below not in self._matrices:
-                parent = self._matrices.get(self._parents.get(below, -1), np.eye(4))
-                self._matrices[below] = parent @ _local_matrix(self._item("nodes", below))
+        return way
+
+    def _matrix(self, number: int) -> Values:
+        """Return the matrix from a node to the scene."""
+        for node in reversed(self._way(number, self._matrices)):
+            if node not in self._matrices:
+                above = self._matrices.get(self._parents.get(node, -1), np.eye(4))
+                self._matrices[node] = above @ _local_matrix(self._item("nodes", node))
         return self._matrices[number]
 
     def _joint_matrices(self, number: int) -> Values | None:

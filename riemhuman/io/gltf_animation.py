@@ -84,24 +84,10 @@ class _AnimationReader(_Reader):
         """Return the joints of the first skin and the nodes above them, parents first."""
         skins = self._document.get("skins", ())
         joints = skins[0].get("joints", ()) if skins else range(len(self._document["nodes"]))
-        chosen: set[int] = set()
         for joint in joints:
             self._item("nodes", joint)
-            while joint not in chosen:
-                chosen.add(joint)
-                if joint not in self._parents:
-                    break
-                joint = self._parents[joint]
-        depths = {node: self._depth(node) for node in chosen}
-        return sorted(chosen, key=lambda node: (depths[node], node))
-
-    def _depth(self, node: int) -> int:
-        depth = 0
-        while node in self._parents:
-            node, depth = self._parents[node], depth + 1
-            if depth > len(self._document["nodes"]):
-                raise FileFormatError(f"its node {node} is its own descendant")
-        return depth
+        chosen = set().union(*(self._way(joint) for joint in joints))
+        return sorted(chosen, key=lambda node: (len(self._way(node)), node))
 
     def _channels(self) -> dict[tuple[int, str], tuple[Array, Array]]:
         """Return times and values by node and path."""

@@ -97,12 +97,10 @@ def load_split_mesh(
     file = _existing_file(path, MESH_SUFFIXES)
     suffix = file.suffix.lower()
     with format_errors(file, "a mesh or a table of points"):
-        if suffix == ".ply":
-            points, polygons = _read_ply_mesh(file)
-        elif suffix in _READERS:
-            points, polygons = _READERS[suffix](_content(file))
-        else:
+        if suffix in _MESHIO_SUFFIXES:
             points, polygons = _read_with_meshio(file)
+        else:
+            points, polygons = _READERS[suffix](file)
         if expected is not None and is_split(expected, polygons):
             vertices, faces = check_mesh(points, expected)
         else:
@@ -151,7 +149,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, 
         elif suffix == ".ply":
             points, polygons, normals, _ = read_ply(file, read_bytes(file))
         else:
-            points, polygons = _READERS[suffix](_content(file))
+            points, polygons = _READERS[suffix](file)
         if polygons is None:
             points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
         else:
@@ -233,11 +231,10 @@ def save_mesh(
     file = file_path(path)
     suffix = suffix_of(file, _WRITERS)
     mesh = check_mesh(vertices, faces)
-    is_trusted = None
     if trusted is not None:
-        is_trusted = mask(trusted, "trusted", [mesh[0].shape[:1]])
-    if is_trusted is not None and suffix == ".ply":
-        write_bytes(file, formats.write_ply(*mesh, is_trusted))
+        trusted = mask(trusted, "trusted", [mesh[0].shape[:1]])
+    if suffix == ".ply":
+        write_bytes(file, formats.write_ply(*mesh, trusted))
     else:
         write_bytes(file, _WRITERS[suffix](*mesh))
 
@@ -389,11 +386,12 @@ def _columns(values: Values) -> tuple[Array, Array | None]:
     return points, normals if values.shape[1] == 6 and is_unit.all() else None
 
 
-_READERS: dict[str, Callable[[bytes], Mesh]] = {
-    ".obj": formats.read_obj,
-    ".off": formats.read_off,
-    ".stl": formats.read_stl,
-    ".glb": read_glb,
+_READERS: dict[str, Callable[[Path], Mesh]] = {
+    ".ply": _read_ply_mesh,
+    ".obj": lambda file: formats.read_obj(_content(file)),
+    ".off": lambda file: formats.read_off(_content(file)),
+    ".stl": lambda file: formats.read_stl(_content(file)),
+    ".glb": lambda file: read_glb(_content(file)),
 }
 _WRITERS: dict[str, Callable[[Array, Triangles], bytes]] = {
     ".ply": formats.write_ply,
@@ -402,13 +400,13 @@ _WRITERS: dict[str, Callable[[Array, Triangles], bytes]] = {
     ".glb": write_glb,
 }
 
-MESH_SUFFIXES = (".ply", *_READERS, *_MESHIO_SUFFIXES)
+MESH_SUFFIXES = (*_READERS, *_MESHIO_SUFFIXES)
 """Suffixes of the files that `load_mesh` reads."""
 
 WRITTEN_SUFFIXES = (*_WRITERS,)
 """Suffixes of the files that `save_mesh` writes."""
 
-POINT_SUFFIXES = (".ply", *_READERS, ".xyz", ".npy")
+POINT_SUFFIXES = (*_READERS, ".xyz", ".npy")
 """Suffixes of the files that `load_points` reads."""
 
 reads(

@@ -56,9 +56,6 @@ def skinned_glb(animation: SkinnedAnimation) -> bytes:
     inverse_rest = np.tile(np.eye(4), (n_joints, 1, 1))
     inverse_rest[:, 3, :3] = -animation.joints
     document: JSONRecord = {
-        "asset": {"version": "2.0", "generator": "riemhuman"},
-        "scene": 0,
-        "scenes": [{"nodes": [*roots, mesh_node]}],
         "nodes": nodes,
         "meshes": [{"name": animation.name, "primitives": [_primitive(animation, buffer)]}],
         "materials": [SKIN_MATERIAL],
@@ -71,7 +68,7 @@ def skinned_glb(animation: SkinnedAnimation) -> bytes:
         ],
         "animations": [_animation(animation, roots[0], buffer)],
     }
-    return glb_file(document, buffer)
+    return glb_file([*roots, mesh_node], document, buffer)
 
 
 def _joint_nodes(animation: SkinnedAnimation) -> tuple[list[JSONRecord], list[int]]:

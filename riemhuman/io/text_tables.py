@@ -34,10 +34,6 @@ def read_named_rows(file: Path, title: str, columns: Sequence[str] = ()) -> dict
     Commas, semicolons or tabs separate them. A first line without numbers is a header; if it names
     all the columns, these are returned in their order.
     """
-    return _named_rows(file, title, columns)
-
-
-def _named_rows(file: Path, title: str, columns: Sequence[str]) -> dict[str, Values]:
     table: dict[str, Values] = {}
     length = 0
     has_fractions = False
