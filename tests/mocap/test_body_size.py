@@ -32,9 +32,9 @@ def travel(motion):
 def test_recorded_lengths_are_kept(recording, betas):
     motions = [
         retarget(scaled(recording, size), unit=CMU, betas=betas, frames_per_second=3)
-        for size in (0.6, 1.0, 1.2)
+        for size in (0.6, 1.0)
     ]
-    for size, motion in zip((0.6, 1.0, 1.2), motions, strict=True):
+    for size, motion in zip((0.6, 1.0), motions, strict=True):
         assert stature(motion) == pytest.approx(size * stature(motions[1]), rel=1e-3)
         assert travel(motion) == pytest.approx(size * travel(motions[1]), rel=0.05)
         assert motion.errors.scale == pytest.approx(CMU, rel=1e-9)
@@ -71,10 +71,10 @@ def test_the_own_skeleton_of_the_model_is_played():
         assert played.errors.positions.max() < 1e-6
 
 
-@pytest.mark.parametrize("ending", ["bvh", "npz"])
-def test_people_of_recorded_size_are_saved_and_read(recording, tmp_path, ending):
-    child = retarget(scaled(recording, 0.6), unit=CMU, betas="recorded", frames_per_second=5)
-    child.save(tmp_path / f"child.{ending}")
-    read = load_recording(tmp_path / f"child.{ending}")
-    np.testing.assert_allclose(read[:], child[:], atol=1e-4)
-    assert stature(read) == pytest.approx(stature(child), rel=1e-4)
+def test_people_of_recorded_size_are_saved_and_read(recording, tmp_path):
+    child = retarget(scaled(recording, 0.6), unit=CMU, betas="recorded", frames_per_second=3)
+    for ending in ("bvh", "npz"):
+        child.save(tmp_path / f"child.{ending}")
+        read = load_recording(tmp_path / f"child.{ending}")
+        np.testing.assert_allclose(read[:], child[:], atol=1e-4)
+        assert stature(read) == pytest.approx(stature(child), rel=1e-4)

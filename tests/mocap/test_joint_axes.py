@@ -27,7 +27,7 @@ def frames(recording):
     return retarget(recording, frames_per_second=5)[:]
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("share", [0.1, 1.0])
 def test_axes_of_joints_do_not_matter(recording, frames, share):
     rng = np.random.default_rng(5)
     axes = Rotation.random(len(recording.parents), random_state=rng).as_matrix()
@@ -39,14 +39,14 @@ def test_axes_of_joints_do_not_matter(recording, frames, share):
 
 def test_axes_of_each_joint_of_the_trunk_do_not_matter(recording, frames):
     quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
-    for name in ("Hips", "Spine1", "Neck1", "Head", "LeftShoulder", "LeftHand", "LeftFoot"):
+    for name in ("Hips", "Spine1", "LeftShoulder", "LeftFoot"):
         axes = np.tile(np.eye(3), (len(recording.parents), 1, 1))
         axes[recording.joint_names.index(name)] = quarter
         turned = retarget(with_axes(recording, axes), frames_per_second=5)
         np.testing.assert_allclose(turned[:], frames, atol=1e-6)
 
 
-@pytest.mark.parametrize("sequence", ["punching", "jumping_jacks", "hips", "knees"])
+@pytest.mark.parametrize("sequence", ["punching", "hips"])
 def test_parts_are_rotated_as_those_of_the_person(model, sequence):
     motion = load_open_motions("coarse", "lean runner", sequence, 15)[0]
     poses, translations = motion.pose_vectors, motion.translations
@@ -81,7 +81,6 @@ def test_parts_are_rotated_as_those_of_the_person(model, sequence):
     # Soles of feet in the air are nowhere level, and heels of the last are always raised.
     [
         ("lean runner", "jumping_jacks", 8.0),
-        ("lean runner", "one_leg_loose", 8.0),
         ("older heavy man", "one_leg_jump", 8.0),
         ("lean runner", "jiggle_on_toes", 17.0),
     ],

@@ -24,8 +24,7 @@ def heights(recording, up=None):
         return motion[:][..., 1]
 
 
-@pytest.mark.parametrize("heading", [0, 90, 180, 270])
-@pytest.mark.parametrize("tilt", [90, -90])
+@pytest.mark.parametrize(("tilt", "heading"), [(90, 0), (90, 180), (-90, 270)])
 def test_people_lie_on_the_floor(recording, tilt, heading):
     laid = lying(recording, tilt, heading)
     found = heights(laid)
@@ -33,9 +32,8 @@ def test_people_lie_on_the_floor(recording, tilt, heading):
     assert np.ptp(found, axis=1).mean() < 0.7
 
 
-@pytest.mark.parametrize("height", [0.3, 0.5])
-def test_people_lie_on_beds(recording, height):
-    laid = lying(recording, -90, 30, height / 0.0546)
+def test_people_lie_on_beds(recording):
+    laid = lying(recording, -90, 30, 0.5 / 0.0546)
     np.testing.assert_allclose(heights(laid), heights(laid, "y"), atol=1e-9)
 
 
@@ -62,7 +60,7 @@ def test_the_posture_does_not_depend_on_how_the_whole_recording_is_turned(record
     )
 
 
-def write_amass(path, up, n_frames=60, moves=True):
+def write_amass(path, up, n_frames=32, moves=True):
     """Write a walk on the spot in the layout of AMASS, with y or z up."""
     motion = load_open_motions("coarse", "lean runner", "knees", 30)[0]
     names = list(motion.model.joint_names)
@@ -72,7 +70,7 @@ def write_amass(path, up, n_frames=60, moves=True):
             poses[:, number] = motion.pose_vectors[:n_frames, names.index(name)]
     trans = np.zeros((n_frames, 3))
     trans[:, 1] = 1.15
-    trans[:, 2] = np.linspace(0.0, 1.2, n_frames) if moves else 0.0
+    trans[:, 2] = np.linspace(0.0, 0.6, n_frames) if moves else 0.0
     if up == "z":
         to_z = Rotation.from_euler("x", 90, degrees=True)
         poses[:, 0] = to_z.as_rotvec()
