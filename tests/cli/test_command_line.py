@@ -121,13 +121,6 @@ def test_json_keeps_all_digits_and_has_no_nan():
     )
 
 
-def test_quiet_says_results_alone(run, scans):
-    loud, quiet = (run("retrieve", scans / "body_0.ply", scans, *q) for q in ([], ["--quiet"]))
-    assert quiet.out == loud.out
-    assert quiet.err == ""
-    assert "5 distances" in loud.err
-
-
 def test_a_reader_that_leaves(scans):
     """As in `riemhuman info ... | head -1`: no traceback, and the code that shells give."""
     reads, writes = os.pipe()

@@ -276,12 +276,11 @@ def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
     finished = run("view", scans / "body_0.ply", scans / "body_1.ply", "-o", page)
     assert (finished.code, finished.out) == (0, f"{page}\n")
     assert '"label":"body_0"' in page.read_text(encoding="utf-8")
-    run("view", scans, "--motion", "-o", tmp_path / "motion.html")
-    assert '"n_frames":6' in (tmp_path / "motion.html").read_text(encoding="utf-8")
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    run("view", *files, "--motion", "-o", tmp_path / "motion.html")
+    assert '"n_frames":2' in (tmp_path / "motion.html").read_text(encoding="utf-8")
     arrays = {"path": bodies.points[:3], "faces": bodies.template.faces}
     save_arrays(tmp_path / "path.npz", arrays)
-    run("view", tmp_path / "path.npz", "-o", tmp_path / "path.html")
-    assert '"n_frames":3' in (tmp_path / "path.html").read_text(encoding="utf-8")
     # The folder of a geodesic holds its path, beside meshes or without them.
     run("view", tmp_path, "-o", tmp_path / "folder.html")
     page = (tmp_path / "folder.html").read_text(encoding="utf-8")

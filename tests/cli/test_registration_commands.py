@@ -111,7 +111,7 @@ def matched(tmp_path_factory, bodies):
     faces, registration = bodies.template.faces, rh.registration.TemplateRegistration
     (folder / "bodies" / "registrations").mkdir(parents=True)
     for name, number in (("anna", 0), ("ben", 4)):
-        options = {"n_points": 1200, "mesh": name == "anna", "rotate": False}
+        options = {"n_points": 700, "mesh": name == "anna", "rotate": False}
         seen = rh.registration.simulated_scan(bodies.points[number], faces, number, **options)
         if seen.faces is None:
             np.save(folder / f"{name}.npy", seen.points)
