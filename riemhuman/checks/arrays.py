@@ -13,7 +13,6 @@ import numpy as np
 from autograd.tracer import getval, isbox
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Values
-from riemhuman.checks.arguments import whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError, shown
 
 # d(i, j) and d(j, i) differ by rounding, relative to the largest distance.
@@ -230,14 +229,6 @@ def numbers_at(
         raise ArgumentTypeError(
             f"{owner} is indexed by a whole number or a slice; found {shown(index)}"
         ) from error
-
-
-def number_of_item(index: SupportsIndex, count: int, item: str) -> int:
-    """Return the number, from 0, that an index chooses among `count` items."""
-    number = whole_number(index, f"the number of a {item}")
-    if not -count <= number < count:
-        raise FrameIndexError(f"there are {count} of them, and no {item} {shown(index)}")
-    return number % count
 
 
 def _describe(array: object, values: Values) -> str:

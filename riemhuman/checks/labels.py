@@ -15,7 +15,6 @@ from riemhuman.checks.arguments import items_of, refuse_type
 from riemhuman.checks.arrays import integer_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, shown
 
-# Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
 # Texts that stand for no value in tables, as pandas reads them; "Na" and "none" may be names.
 _MISSING_TEXTS = frozenset(
     ("NA", "N/A", "n/a", "#N/A", "#NA", "<NA>", "NaN", "nan", "-nan", "NaT", "None", "NULL", "null")
@@ -23,6 +22,7 @@ _MISSING_TEXTS = frozenset(
 # Characters that nobody sees: marks of byte order, of direction and of width zero. Joiners, which
 # some scripts need, are none of them.
 _INVISIBLE = re.compile("[\u00ad\u200b\u200e\u200f\u202a-\u202e\u2060\u2066-\u2069\ufeff]")
+# Control characters but tabs and line breaks, and halves of characters: pages cannot hold them.
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -68,7 +68,7 @@ def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
 
 def is_missing_label(value: object) -> bool:
     """Return whether a label is missing, see `label_list`."""
-    if value is None or (isinstance(value, np.ma.MaskedArray) and np.ma.getmaskarray(value).any()):
+    if value is None:
         return True
     if isinstance(value, str):
         return not value.strip() or value.strip() in _MISSING_TEXTS

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, Triangles
-from riemhuman.checks import checked, number_of_item, positive
+from riemhuman.checks import checked, positive
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     existing_folder,
@@ -58,7 +58,7 @@ class LabelledMeshes(Record):
         return len(self.files)
 
     def __getitem__(self, index: int) -> tuple[Array, Triangles]:
-        vertices, faces = load_mesh(self.files[number_of_item(index, len(self), "mesh")])
+        vertices, faces = load_mesh(self.files[index])
         return self.scale * vertices, faces
 
 

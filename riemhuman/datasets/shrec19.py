@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
-from riemhuman.checks import number_of_item
 from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import check_file, format_errors, natural_key, read_text, visible_files
@@ -79,7 +78,7 @@ class MatchedMeshes(Record):
         return len(self.files)
 
     def __getitem__(self, index: int) -> MatchedMesh:
-        return _read_mesh(self.files[number_of_item(index, len(self), "mesh")])
+        return _read_mesh(self.files[index])
 
     def matches(self, first: int, second: int) -> Array:
         """Return the matching vertex of another mesh for every vertex of one mesh, shape (V,).
