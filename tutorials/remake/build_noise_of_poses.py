@@ -66,18 +66,7 @@ _LARGE = ("chest", "bust", "waist", "hip")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, print and write.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-
-    Raises
-    ------
-    FileError
-        If the folder does not exist.
-    """
+    """Measure, print and write."""
     parser = argparse.ArgumentParser(description="Measure people in ten poses.")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     parser.add_argument("--resolution", choices=("coarse", "full"), default="coarse")

@@ -60,18 +60,7 @@ _SIDES = {"left": 1.0, "right": -1.0}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Find the landmarks and write both files.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-
-    Raises
-    ------
-    FileError
-        If the folder does not exist.
-    """
+    """Find the landmarks and write both files."""
     parser = argparse.ArgumentParser(description="Rebuild the open body's measurements.")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     parser.add_argument("--ansur", type=Path, help="folder with men.csv and women.csv")

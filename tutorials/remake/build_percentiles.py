@@ -59,13 +59,7 @@ _INDEX_STEPS = 4
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Build or check.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-    """
+    """Build or check."""
     parser = argparse.ArgumentParser(description="Percentiles of adults of one stature.")
     parser.add_argument("ansur", type=Path, help="folder with men.csv and women.csv")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)

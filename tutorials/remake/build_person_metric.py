@@ -26,13 +26,7 @@ _DIRECTIONS, _FLOOR = 20, 0.003
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learn and write.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-    """
+    """Learn and write."""
     parser = argparse.ArgumentParser(description="Learn the metric of people from simulated ones.")
     parser.add_argument("file", nargs="?", type=Path, default=WEIGHTS)
     options = parser.parse_args(arguments)

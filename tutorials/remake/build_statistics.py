@@ -52,18 +52,7 @@ _WITHIN = 1.6449  # standard deviations within which 90 per cent lie
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Build or check.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-
-    Raises
-    ------
-    FileError
-        If a folder or table does not exist.
-    """
+    """Build or check."""
     parser = argparse.ArgumentParser(description="Statistics of adults' measurements.")
     parser.add_argument("ansur", type=Path, help="folder with men.csv and women.csv")
     parser.add_argument("folder", nargs="?", type=Path, default=DATA)

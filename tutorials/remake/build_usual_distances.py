@@ -20,13 +20,7 @@ from riemhuman.measurements.people import usual_distances_of, usual_metrics
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Compute and write.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-    """
+    """Compute and write."""
     parser = argparse.ArgumentParser(description="Compute usual distances of the open bodies.")
     parser.add_argument("file", nargs="?", type=Path, default=DATA / "usual_distances.json")
     options = parser.parse_args(arguments)

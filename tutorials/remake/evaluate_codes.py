@@ -30,13 +30,7 @@ _PEOPLE, _POSES = 50, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the numbers of the model cards.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-    """
+    """Print the numbers of the model cards."""
     parser = argparse.ArgumentParser(description="Evaluate the networks that ship.")
     parser.add_argument("--only", choices=tuple(_CARDS), action="append")
     options = parser.parse_args(arguments)
