@@ -328,7 +328,12 @@ def test_the_solver_suits_the_metric():
     assert half_plane.metric.dist(median, mean.estimate_) < half_plane.metric.dist(*points[:2])
 
 
-POINTS = coarse_bodies().points[:20:2]
+@pytest.fixture(scope="module")
+def ten_bodies():
+    """Return two people in five poses."""
+    return coarse_bodies().points[:20:2]
+
+
 WEIGHTS = np.array([1.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 1.0])
 
 
@@ -344,18 +349,18 @@ def batches_of(points, size):
         pytest.param("median", (1.0, 1.0, 0.1), True, marks=pytest.mark.slow),
     ],
 )
-def test_batches_lead_to_what_all_points_in_memory_have(kind, lengths, weighted):
+def test_batches_lead_to_what_all_points_in_memory_have(ten_bodies, kind, lengths, weighted):
     """From the mean of a sample of three points."""
     space, basis = equipped(*lengths), bodies.basis(20)
     weights = WEIGHTS if weighted else None
     estimator = {"mean": FrechetMean, "median": GeometricMedian}[kind]
     solver = BasisMean(basis, with_differences=False, sample_size=3, tolerance=1e-7)
-    result = estimator(space, solver).fit(batches_of(POINTS, 4), weights=weights).result_
+    result = estimator(space, solver).fit(batches_of(ten_bodies, 4), weights=weights).result_
     assert result.converged
-    dispersion = Dispersion(space.metric, POINTS, weights)
+    dispersion = Dispersion(space.metric, ten_bodies, weights)
     assert result.variance == pytest.approx(dispersion.value(result.point))
     again = solver.solve(
-        space.metric, POINTS, weights, result.point, exponent=2 - (kind == "median")
+        space.metric, ten_bodies, weights, result.point, exponent=2 - (kind == "median")
     )
     assert result.variances[-1] == pytest.approx(again.variances[-1], rel=2e-5)
 
@@ -368,8 +373,8 @@ def test_batches_lead_to_what_all_points_in_memory_have(kind, lengths, weighted)
         (lambda body: 0.0 * body, DegenerateSurfaceError, r"item \(2,\)"),
     ],
 )
-def test_a_wrong_body_is_named_by_its_batch(change, error, message):
-    points = POINTS.copy()
+def test_a_wrong_body_is_named_by_its_batch(ten_bodies, change, error, message):
+    points = ten_bodies.copy()
     points[6] = change(points[6])
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.1)
     with pytest.raises(error, match=r"^points\[4:8\]: .*" + message):

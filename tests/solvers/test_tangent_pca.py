@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces, triangle_template
 from self_intersections import count_self_intersections
-from sklearn.decomposition import PCA
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, MixedPosesWarning, OutsideManifoldError
@@ -95,6 +94,8 @@ def test_components_are_orthonormal_and_scores_uncorrelated(space):
 
 
 def test_vectors_agree_with_scikit_learn_in_weighted_coordinates():
+    from sklearn.decomposition import PCA  # takes a second to import
+
     weights = np.array([1.0, 0.3, 2.0, 5.0])
     space = VectorSpace((4,)).equip_with_metric(FlatMetric, weights=weights)
     points = np.random.default_rng(4).standard_normal((9, 4))
