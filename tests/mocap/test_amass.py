@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from model_pickles import smpl_fields
+from model_pickles import smpl_model
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel
 from riemhuman.datasets import Motion, load_amass, load_open_model, load_recording
 from riemhuman.errors import (
     ArgumentError,
@@ -18,15 +17,9 @@ from riemhuman.errors import (
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
-def body_model(n_joints=52, n_betas=16, rng=0):
-    fields = smpl_fields(n_joints, n_vertices=30, n_betas=n_betas, rng=rng)
-    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
-    return BodyModel(**fields)
-
-
 @pytest.fixture(scope="module")
 def model():
-    return body_model()
+    return smpl_model(52)
 
 
 def smpl_h(n_frames=50, rng=0, rate=120.0, **changes):
@@ -71,7 +64,7 @@ def test_frames_are_those_of_the_model(tmp_path, model):
     assert isinstance(motion, Motion)
     np.testing.assert_array_equal(motion.betas, fields["betas"])
     for n_betas in (4, 20):  # they are cut, or filled up by zeros
-        (other,) = load_amass(path, body_model(n_betas=n_betas))
+        (other,) = load_amass(path, smpl_model(52, n_betas))
         expected = np.pad(fields["betas"], (0, 4))[:n_betas]
         np.testing.assert_array_equal(other.betas, expected)
     assert (motion.subject, motion.sequence, motion.gender) == ("07", "07_02", "female")
@@ -111,7 +104,7 @@ def test_frame_rates(tmp_path, model):
 @pytest.mark.parametrize("n_joints", [22, 24, 52, 55])
 @pytest.mark.parametrize("layout", ["smpl_h", "smpl_x", "smpl_x poses", "smpl_h parts"])
 def test_joints_of_both_file_and_model_are_used(tmp_path, n_joints, layout):
-    model = body_model(n_joints)
+    model = smpl_model(n_joints)
     n_frames = 20
     if layout == "smpl_h":
         fields = smpl_h(n_frames)
@@ -144,7 +137,7 @@ def test_joints_of_both_file_and_model_are_used(tmp_path, n_joints, layout):
     "gender", [np.array("male"), np.array(b"male"), np.array("b'male'"), np.array(["Male"])]
 )
 def test_genders_choose_the_model(tmp_path, model, gender):
-    other = body_model(rng=1)
+    other = smpl_model(52, rng=1)
     path = write(tmp_path / "a.npz", smpl_h(gender=gender))
     (motion,) = load_amass(path, {"female": model, "male": other})
     assert motion.gender == "male"
@@ -231,11 +224,9 @@ def test_the_open_model(tmp_path):
 
 def test_models_of_other_trees(tmp_path, model):
     path = write(tmp_path / "a.npz", smpl_h())
-    fields = smpl_fields(24, n_vertices=30)
-    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
-    fields["kintree_table"] = [[-1, *range(23)], range(24)]
+    chain = smpl_model(24, kintree_table=[[-1, *range(23)], range(24)])
     with pytest.raises(ArgumentError, match="joints must name left_hip, .*; the skeleton has"):
-        load_amass(path, BodyModel(**fields))
+        load_amass(path, chain)
     with pytest.raises(ArgumentTypeError, match="model must be a BodyModel; found str"):
         load_amass(path, "smplh")
     with pytest.raises(ArgumentTypeError, match=r"model\['male'\] must be a BodyModel"):

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from recorded_people import RECORDING, recording_of, scaled
+from recorded_people import recording_of, scaled
 
 from riemhuman.datasets import (
-    load_bvh,
     load_open_model,
     load_open_motions,
     load_recording,
@@ -13,11 +12,6 @@ from riemhuman.datasets import (
 )
 
 CMU = 0.0254 / 0.45
-
-
-@pytest.fixture(scope="module")
-def recording():
-    return load_bvh(RECORDING)
 
 
 def stature(motion):

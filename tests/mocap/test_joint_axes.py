@@ -4,22 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_people import RECORDING, recording_of, with_axes
+from recorded_people import recording_of, with_axes
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix
-from riemhuman.datasets import load_bvh, load_open_model, load_open_motions, retarget
+from riemhuman.datasets import load_open_motions, retarget
 from riemhuman.kernels.rotations import log
-
-
-@pytest.fixture(scope="module")
-def model():
-    return load_open_model("coarse")
-
-
-@pytest.fixture(scope="module")
-def recording():
-    return load_bvh(RECORDING)
 
 
 @pytest.fixture(scope="module")

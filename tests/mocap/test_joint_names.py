@@ -8,7 +8,7 @@ import pytest
 from recorded_people import RECORDING, recording_of
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_bvh, load_open_model, load_open_motions, retarget
+from riemhuman.datasets import load_bvh, load_open_motions, retarget
 from riemhuman.errors import ArgumentError
 from riemhuman.mocap._joint_names import find_joints, model_joints
 
@@ -114,11 +114,6 @@ def renamed(names, studio):
         for part, theirs in zip(PARTS, parts, strict=True)
     }
     return tuple(sided.get(name, other.format(TRUNK.get(name, "Extra"))) for name in names)
-
-
-@pytest.fixture(scope="module")
-def model():
-    return load_open_model("coarse")
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 from marker_files import RATE
+from recorded_people import joint_paths
 
 from riemhuman.datasets import load_open_motions, load_recording, skeleton_from_positions
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -26,8 +27,7 @@ def jump():
 
 @pytest.fixture(scope="module")
 def joints(jump):
-    positions = jump.model.joints(jump.betas, jump.pose_vectors) + jump.translations[:, None]
-    return dict(zip(jump.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+    return joint_paths(jump)
 
 
 def arranged(joints, layout):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from marker_files import RATE, write_trc
+from recorded_people import joint_paths
 
 from riemhuman.datasets import load_open_motions, load_trc, retarget
 from riemhuman.errors import FileFormatError
@@ -17,9 +18,7 @@ SIDES = {"L": "left", "R": "right"}
 def standing():
     """Return the joints of a person who walks with lowered arms, and outward axes of the limbs."""
     (motion,) = load_open_motions("coarse", "average man", "knees", RATE)
-    positions = motion.model.joints(motion.betas, motion.pose_vectors)
-    positions += motion.translations[:, None]
-    return dict(zip(motion.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+    return joint_paths(motion)
 
 
 def skin(joints):

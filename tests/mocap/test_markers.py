@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from marker_files import RATE, write_c3d, write_trc
+from recorded_people import joint_paths
 
 from riemhuman.datasets import (
     load_bvh,
@@ -37,9 +38,7 @@ def dance():
 
 @pytest.fixture(scope="module")
 def joints(dance):
-    poses, translations = dance._parameters(np.arange(len(dance)))
-    positions = dance.model.joints(dance.betas, poses) + translations[:, None]
-    return dict(zip(dance.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+    return joint_paths(dance)
 
 
 def sided(joints, pattern, parts, sides=("L", "R")):

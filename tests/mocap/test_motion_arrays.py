@@ -2,22 +2,13 @@
 
 import numpy as np
 import pytest
-from model_pickles import smpl_fields
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel
 from riemhuman.datasets import motion_from_arrays
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.surfaces.procrustes import make_upright
 
 N_FRAMES = 12
-
-
-@pytest.fixture(scope="module")
-def smpl():
-    fields = smpl_fields(24, n_vertices=30, n_betas=10, rng=0)
-    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
-    return BodyModel(**fields)
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from model_pickles import smpl_fields
+from model_pickles import smpl_model
 from recorded_people import seven_frames
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.datasets import (
     load_amass,
@@ -123,9 +122,7 @@ def test_bones_in_amass_point_as_the_model_s(knees, tmp_path):
 
 
 def test_amass_of_smpl(tmp_path):
-    fields = smpl_fields(52, n_vertices=30, n_betas=16, rng=0)
-    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
-    model, rng = BodyModel(**fields), np.random.default_rng(1)
+    model, rng = smpl_model(52), np.random.default_rng(1)
     poses, places = 0.3 * rng.normal(size=(5, 52, 3)), rng.normal(size=(5, 3))
     betas = rng.normal(size=16)
     motion = motion_from_arrays(poses, places, 60.0, up="y", betas=betas, model=model)

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_pickles import Call, pickled, smpl_fields
+from model_pickles import Call, pickled
 from scipy.spatial.transform import Rotation
 from torch_files import Tensor, torch_file
 
-from riemhuman.bodies import BodyModel
 from riemhuman.datasets import RetargetedMotion, load_recording, recording_contents
 from riemhuman.errors import ArgumentError, FileFormatError
 
@@ -23,13 +22,6 @@ PLACES = RNG.normal(size=(N_FRAMES, 3))
 BETAS = RNG.normal(size=10)
 ROWS = POSES.reshape(N_FRAMES, 72)
 MATRICES = Rotation.from_rotvec(POSES.reshape(-1, 3)).as_matrix().reshape(N_FRAMES, 24, 3, 3)
-
-
-@pytest.fixture(scope="module")
-def smpl():
-    fields = smpl_fields(24, n_vertices=30, n_betas=10, rng=0)
-    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
-    return BodyModel(**fields)
 
 
 def aist(path):

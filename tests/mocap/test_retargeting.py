@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import joint_motions, rotation_matrix
 from riemhuman.datasets import (
     load_bvh,
-    load_open_model,
     load_open_motions,
     pose_vectors,
     retarget,
@@ -76,11 +75,6 @@ MAKERS = {
     ),
 }
 TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-
-
-@pytest.fixture(scope="module")
-def model():
-    return load_open_model("coarse")
 
 
 @pytest.fixture(scope="module")

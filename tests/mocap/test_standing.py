@@ -7,13 +7,8 @@ import pytest
 from recorded_people import recording_of, turned
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_open_model, load_open_motions, retarget
+from riemhuman.datasets import load_open_motions, retarget
 from riemhuman.errors import ArgumentError
-
-
-@pytest.fixture(scope="module")
-def model():
-    return load_open_model("coarse")
 
 
 @pytest.fixture(scope="module")

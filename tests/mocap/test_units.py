@@ -10,11 +10,6 @@ from riemhuman.errors import ArgumentError
 CMU = 0.0254 / 0.45
 
 
-@pytest.fixture(scope="module")
-def recording():
-    return load_bvh(RECORDING)
-
-
 def test_units_are_guessed_with_a_warning(recording):
     metres = scaled(recording, CMU)
     for name, factor in (("metres", 1.0), ("centimetres", 100.0), ("feet", 1 / 0.3048)):

@@ -4,17 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
-from recorded_people import RECORDING, lying, turned
+from recorded_people import lying, turned
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies.skinning import SMPL_JOINTS
-from riemhuman.datasets import load_amass, load_bvh, load_open_motions, retarget
+from riemhuman.datasets import load_amass, load_open_motions, retarget
 from riemhuman.errors import ArgumentError
-
-
-@pytest.fixture(scope="module")
-def recording():
-    return load_bvh(RECORDING)
 
 
 def heights(recording, up=None):

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from riemhuman.bodies import BodyModel
+
 SMPL_PARENTS = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]
 
 
@@ -35,6 +37,13 @@ def smpl_fields(n_joints=24, n_vertices=60, n_betas=10, rng=0):
         "kintree_table": np.array([[2**32 - 1, *parents[1:]], range(n_joints)], dtype=np.uint32),
         "posedirs": 0.01 * rng.normal(size=(n_vertices, 3, 9 * (n_joints - 1))),
     }
+
+
+def smpl_model(n_joints, n_betas=16, rng=0, **changes):
+    """Return a small model in SMPL's tree."""
+    fields = smpl_fields(n_joints, n_vertices=30, n_betas=n_betas, rng=rng) | changes
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    return BodyModel(**fields)
 
 
 @dataclass

@@ -67,6 +67,13 @@ def scaled(recording, factor):
     )
 
 
+def joint_paths(motion):
+    """Return the joints of the person of a motion over time, (n_frames, 3) each, by name."""
+    positions = motion.model.joints(motion.betas, motion.pose_vectors)
+    positions = positions + motion.translations[:, None]
+    return dict(zip(motion.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+
+
 @cache
 def seven_frames():
     """Return seven frames of an open motion, somewhere else."""
