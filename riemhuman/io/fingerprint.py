@@ -34,8 +34,6 @@ def describe(value: object, _depth: int = 0) -> JSONValue:
     if isinstance(value, np.ndarray) and value.dtype.kind != "O":
         contents = {"dtype": str(value.dtype), "sha256": digest(value).hex()}
         return {"shape": list(value.shape), **contents}
-    if isinstance(value, np.longdouble):  # whose `item` is itself
-        return repr(value)
     if isinstance(value, np.generic):
         return describe(value.item())
     if isinstance(value, functools.partial):

@@ -11,10 +11,6 @@ from riemhuman.io.fingerprint import describe, digest
 from riemhuman.solvers import LinearPath
 
 
-def test_numbers_in_extended_precision_are_described():
-    assert describe(np.longdouble(1)) == describe(np.longdouble(1)) != describe(np.longdouble(2))
-
-
 def test_order_in_memory_and_of_sets_does_not_matter():
     array = np.arange(6.0).reshape(2, 3)
     assert digest(array) == digest(np.asfortranarray(array)) == digest(array[:, ::-1][:, ::-1])

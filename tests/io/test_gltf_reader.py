@@ -92,8 +92,9 @@ def assert_tetrahedron(mesh, scale=1.0, atol=1e-6):
     np.testing.assert_array_equal(faces, FACES)
 
 
-@pytest.mark.parametrize("dtype", ["u1", "u2", "i1", "i2"])
-@pytest.mark.parametrize("normalized", [True, False])
+@pytest.mark.parametrize(
+    ("dtype", "normalized"), [("u1", True), ("u2", False), ("i1", False), ("i2", True)]
+)
 def test_quantized_positions(read, dtype, normalized):
     whole = np.zeros((4, 3), dtype)
     largest = np.iinfo(dtype).max if normalized else 1
@@ -109,9 +110,9 @@ def test_quantized_positions(read, dtype, normalized):
         np.testing.assert_array_equal(read(document)[0][3], -1.0)
 
 
-@pytest.mark.parametrize("dtype", ["<u1", "<u2", "<u4"])
-def test_indices_of_every_width(read, dtype):
-    assert_tetrahedron(read(Document(faces=FACES.astype(dtype))))
+def test_indices_of_every_width(read):
+    for dtype in ("<u1", "<u2", "<u4"):
+        assert_tetrahedron(read(Document(faces=FACES.astype(dtype))))
 
 
 def test_no_indices(read, read_by_trimesh):

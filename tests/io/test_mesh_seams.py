@@ -248,16 +248,6 @@ def test_solvers_warn_before_they_tear_a_seam(bodies, waist, spaces, name):
         _moves_all_vertices(rh.ElasticMetric(spaces[0]), start[source], end[source])[name]()
 
 
-def test_harmonics_of_a_seam_warn_of_nothing(bodies, waist, spaces):
-    source, _ = waist
-    metric = rh.ElasticMetric(spaces[0])
-    basis = rh.DeformationBasis.from_laplacian(spaces[0].template, 12)
-    start, end = bodies.points[[20, 23]]
-    path = rh.solvers.BasisPath(basis, 4, tolerance=1e-2).solve(metric, start[source], end[source])
-    first = spaces[0].template.seams.first_copies
-    np.testing.assert_allclose(path.path[:, first], path.path, atol=1e-12)
-
-
 def test_registration_and_terms_at_vertices_refuse_seams(spaces):
     with pytest.raises(ArgumentError, match=r"second derivatives .*template\.join_seams"):
         rh.SobolevMetric(spaces[0], a2=1.0)
@@ -272,7 +262,7 @@ def test_registration_and_terms_at_vertices_refuse_seams(spaces):
 @pytest.mark.parametrize("kind", ["one point", "copies", "copies both ways"])
 def test_many_triangles_at_one_place(kind):
     """Their borders are not compared all with all."""
-    count = 8000
+    count = 5000
     faces = np.arange(3 * count).reshape(-1, 3)
     triangle = np.random.default_rng(0).standard_normal((3, 3))
     piled = {
@@ -283,8 +273,8 @@ def test_many_triangles_at_one_place(kind):
         ),
     }[kind]
     loose = np.random.default_rng(0).standard_normal((3 * count, 3))
-    times = [np.inf, np.inf]  # of the processor, the least of three
-    for _ in range(3):
+    times = [np.inf, np.inf]  # of the processor, the least of two
+    for _ in range(2):
         for number, points in enumerate((loose, piled)):
             start = time.process_time()
             find_seams(points, faces)
