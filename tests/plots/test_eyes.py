@@ -111,26 +111,3 @@ def test_pages_draw_the_same_eyes(browser, tmp_path, values):
         shares = eyeball()[2][:, np.newaxis]
         np.testing.assert_allclose(colors * shares[-1], colors[:, -1:] * shares, atol=1e-2)
     assert browser.console() == []
-
-
-@pytest.mark.slow
-def test_pointing_at_an_eye_finds_the_body(browser, tmp_path):
-    view_bodies(COARSE.points[0], COARSE.template.faces).save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html", 400, 400)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
-    found = browser.run(
-        """
-        const { viewer } = document.querySelector('.viewer');
-        const [body] = viewer.bodies();
-        const [eye] = body.eyes.meshes;
-        viewer.scene.updateMatrixWorld();
-        const pupil = body.mesh.position.clone().fromArray(eye.geometry.attributes.position.array);
-        pupil.applyMatrix4(eye.matrixWorld).project(viewer.camera);
-        const { x, y } = viewer.middle();
-        const hit = viewer.hit({ x: x * (1 + pupil.x), y: y * (1 - pupil.y) });
-        return [hit.face, hit.vertex];
-        """
-    )
-    head = rh.measurements.open_measurements("coarse").parts["head"]
-    assert found[0] in head
-    assert found[1] < len(COARSE.points[0])

@@ -5,9 +5,8 @@ import pytest
 import trimesh
 
 import riemhuman as rh
-from riemhuman.plots import render, view_bodies
+from riemhuman.plots import view_bodies
 from riemhuman.plots._occlusion import _stored, open_shares, shade_of, topology_name
-from riemhuman.plots.windows import View, Window
 
 MODEL = rh.datasets.load_open_model("coarse")
 
@@ -40,24 +39,6 @@ def test_what_is_stored_is_what_is_computed():
     computed = open_shares(MODEL.template.vertices, MODEL.faces, 64, 500)
     assert np.mean(np.abs(stored - 0.2 - 0.8 * computed)) < 0.05
     assert shade_of(MODEL.faces[::-1]) is None
-
-
-def test_sockets_of_eyes_are_darker_than_the_cheeks():
-    shade = shade_of(MODEL.faces)
-    vertices = MODEL.template.vertices
-    head = vertices[:, 1] > vertices[:, 1].max() - 0.2
-    assert shade[head].min() < 0.3
-    assert np.median(shade[head]) > 0.85
-    top = vertices[:, 1].max()
-    window = Window((0.0, View(0.0, 0.0).rotate(np.array([0.0, top - 0.1, 0.0]))[1]), 0.2, 0.2)
-    picture = render(vertices, MODEL.faces, height=200, view=View(0.0, 0.0), window=window)
-    colors = np.tile(np.array(rh.plots.figures.SKIN), (len(vertices), 1))
-    plain = render(
-        vertices, MODEL.faces, height=200, view=View(0.0, 0.0), window=window, color=colors
-    )
-    darker = plain[..., :3].astype(int).sum(axis=-1) - picture[..., :3].astype(int).sum(axis=-1)
-    assert darker.min() >= 0
-    assert (darker > 150).sum() > 40
 
 
 def test_pages_hold_the_shade_of_known_templates():

@@ -9,9 +9,8 @@ import pytest
 import trimesh
 from cases import sphere_template
 
-import riemhuman as rh
 from riemhuman.errors import ArgumentError
-from riemhuman.plots.rendering import png_bytes, render, strip_picture, surfaces_html
+from riemhuman.plots.rendering import png_bytes, render, surfaces_html
 from riemhuman.plots.windows import View, Window, window_around
 
 FRONT = View(0.0, 0.0)
@@ -117,21 +116,3 @@ def test_pictures_show_at_most_eight_surfaces(by_triangles, n_surfaces, n_shown)
     picture = pyplot.imread(io.BytesIO(content), format="png")
     columns = (picture[: len(picture) // 2, :, 3] > 0).any(axis=0)  # above the ground
     assert np.count_nonzero(np.diff(columns.astype(int)) == 1) == n_shown
-
-
-def test_pictures_side_by_side_leave_no_empty_bands():
-    """Narrow bodies have narrow pictures beside wide ones, and all stand on one floor."""
-    bodies = rh.datasets.load_open_bodies("coarse")
-    wide, narrow = bodies[0], bodies[1]
-    lifted = narrow + [0.0, 0.4, 0.0]
-    pictures = [
-        strip_picture([f], bodies.template.faces, height=200) for f in (wide, narrow, lifted)
-    ]
-    assert pictures[0].shape[1] > 1.2 * pictures[1].shape[1]
-    np.testing.assert_allclose(pictures[1], pictures[2], atol=1)
-    both = strip_picture([wide, narrow], bodies.template.faces, height=200)
-    empty = np.diff(np.flatnonzero((both[..., 3] > 0).any(axis=0)))
-    assert empty.max() < 12
-    halves = np.array_split(both[..., 3] == 255, 2, axis=1)
-    feet = [np.flatnonzero(half.any(axis=1))[-1] for half in halves]
-    assert abs(feet[0] - feet[1]) < 6

@@ -76,16 +76,6 @@ def test_larger_scans_are_thinned_and_the_page_says_so():
     assert f"of {len(finer[0]):,} points are drawn" in viewer.description
 
 
-@pytest.mark.slow
-def test_the_figure_has_one_viewpoint_and_a_bar(over):
-    figure = rh.plots.plot_scan(over, limit=8.0, height=200)
-    pictures = [ax.images[0].get_array() for ax in figure.axes[:3]]
-    assert len({picture.shape for picture in pictures}) == 1
-    bar = figure.axes[3]
-    assert bar.get_ylim() == (-8.0, 8.0)
-    assert "mm" in bar.get_ylabel()
-
-
 def test_a_figure_in_inches_shows_the_same_distances(over):
     bars, titles = {}, {}
     for system in ("cm", "in"):

@@ -60,16 +60,6 @@ def test_unknown_values_stay_grey_when_the_ends_move(browser, opened):
 
 
 @pytest.mark.slow
-def test_values_that_are_all_zero_keep_their_colour(browser, opened):
-    """As where a body is compared with itself."""
-    opened(np.zeros(len(HEIGHTS)))
-    before = browser.run(COLORS)
-    browser.run("document.querySelectorAll('.scale b')[1].focus()")
-    browser.press("\ue012")
-    np.testing.assert_allclose(browser.run(COLORS), before, atol=0.01)
-
-
-@pytest.mark.slow
 def test_keys_move_the_ends_of_the_bar_and_the_colours_with_them(browser, opened):
     opened(HEIGHTS)
     low, high = numbers(browser)

@@ -151,13 +151,6 @@ def test_names_with_dollar_signs_are_no_formulas(tmp_path):
     assert [body.label for body in numbered.choices["Bodies"]] == ["1", "2", "3", "4"]
 
 
-def test_pages_stay_small():
-    assert len(page_scripts()) < 650_000
-    bodies = rh.datasets.load_open_bodies("coarse")
-    page = view_bodies(bodies.points[0], bodies.template.faces).page()
-    assert len(page) - len(page_scripts()) < 250_000
-
-
 def test_the_library_is_the_one_described():
     import hashlib
     from importlib.resources import files

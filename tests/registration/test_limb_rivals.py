@@ -67,13 +67,6 @@ def fitted(model, fitter, posture, seed=3):
     return fit_body(fitter, best, replace(prepared, normals=normals)), surface
 
 
-@pytest.mark.slow
-def test_hanging_arms_leave_no_doubt(model, fitter):
-    body, surface = fitted(model, fitter, "arms hanging", seed=6)
-    assert np.linalg.norm(body.fit.points - surface, axis=1).mean() < 0.015
-    assert find_limb_doubts(body) == []
-
-
 @pytest.fixture(scope="module")
 def clasped(model, fitter):
     """Return the fit of a body whose hands are clasped."""

@@ -20,7 +20,7 @@ from riemhuman.registration._verdict import _other_units
 from riemhuman.registration.scans import as_scan
 from riemhuman.surfaces.measures import find_inward_triangles
 
-HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
+HAND_ON_EAR = 6
 FAR = 0.03
 
 
@@ -51,14 +51,6 @@ def test_hands_on_the_head_are_no_overlap(registration, natural_bodies):
     assert max(shares) > LARGEST_OVERLAP
     for k in poses:
         assert not find_overlaps(template, natural_bodies[k], ~on_hands).near.any()
-
-
-@pytest.mark.slow
-def test_hands_on_hips(registration, natural_bodies):
-    scan = scan_of(natural_bodies, HANDS_ON_HIPS)
-    result = registration.solve(scan.points)
-    assert result.trusted, result.message
-    assert error(result, scan) < 0.02
 
 
 @pytest.mark.slow
@@ -99,12 +91,8 @@ def test_landmarks_bring_the_arm_where_it_is(model, natural_bodies):
 
 POSES = {
     "jump": {"hip": ["x", -15], "knee": ["x", 115], "shoulder": ["z", 25]},
-    "kick": {"left_hip": ["x", -105], "shoulder": ["z", -25], "elbow": ["y", -40]},
     "side kick": {"right_hip": ["z", -80], "elbow": ["y", -90], "shoulder": ["z", -60]},
-    "kneel": {"hip": ["x", -8], "knee": ["x", 95], "shoulder": ["z", -70]},
     "sit on heels": {"hip": ["x", -80], "knee": ["x", 145], "shoulder": ["xz", -30, -70]},
-    "half kneel": {"left_hip": ["x", -90], "knee": ["x", 90], "shoulder": ["z", -70]},
-    "sit on the floor": {"hip": ["xz", -95, 8], "knee": ["x", 12], "shoulder": ["z", -60]},
     "cross-legged": {"hip": ["yxy", 60, -80, 30], "knee": ["x", 115], "shoulder": ["z", -60]},
     "crawl": {
         "pelvis": ["x", 85],
@@ -114,13 +102,6 @@ POSES = {
         "neck": ["x", -30],
     },
     "lie on the back": {"pelvis": ["x", -90], "shoulder": ["z", -60], "hip": ["z", 10]},
-    "lie on the front": {"pelvis": ["x", 90], "shoulder": ["z", -50], "hip": ["z", 8]},
-    "lie on a side": {
-        "pelvis": ["z", 90],
-        "hip": ["x", -40],
-        "knee": ["x", 50],
-        "shoulder": ["y", -60],
-    },
 }
 
 
@@ -204,14 +185,6 @@ def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
     np.testing.assert_allclose(sunken[below, 1] + gaps[below, 1], low, atol=0.002)
     np.testing.assert_allclose(normals[below] @ [0.0, 1.0, 0.0], 1.0, atol=1e-3)
     assert np.all(weights[below] == 1.0)
-
-
-@pytest.mark.slow
-def test_a_scan_with_arms_that_face_inward_is_registered(registration_from, inverted_arms):
-    scan, faces, _ = inverted_arms
-    result = registration_from("lunge", "lunge_right").solve((scan.points, faces))
-    assert result.trusted, result.message
-    assert np.linalg.norm(result.points - scan.body, axis=1).max() < 0.03
 
 
 @pytest.fixture(scope="module")

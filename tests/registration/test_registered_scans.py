@@ -19,26 +19,6 @@ def result():
     return registered_at(BODIES[0], BODIES.template.faces)
 
 
-def test_texts_say_how_near_the_body_is_and_what_is_doubtful(result):
-    n_matched = 601
-    distances = np.where(np.arange(1202) < 300, 0.5, 0.0042)  # metres
-    doubtful = replace(
-        result,
-        trusted=False,
-        distances=distances,
-        background=distances > 0.1,
-        matched=np.arange(1202) < n_matched,
-        message="the left hand is not seen",
-    )
-    assert repr(doubtful) == (
-        "<RegisteredScan: not trusted, 4.2 mm median distance, 50 % of the vertices matched; "
-        "the left hand is not seen>"
-    )
-    whole = replace(result, matched=np.ones(1202, dtype=bool))
-    assert repr(whole).startswith("<RegisteredScan: trusted, 0.0 mm median distance, 100 % of the")
-    assert repr(whole).endswith("matched>")
-
-
 def test_upright_points_are_those_after_the_motion(result):
     motion = np.eye(4)
     motion[:3, :3] = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix()

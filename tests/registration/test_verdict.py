@@ -9,7 +9,6 @@ import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._constants import LARGEST_OVERLAP
 from riemhuman.registration._limbs import BodyParts
-from riemhuman.registration._messages import OPEN_HANDS, join_reasons
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_overlaps, find_seen
 from riemhuman.registration._verdict import (
@@ -62,23 +61,6 @@ def test_a_limb_elsewhere_leaves_doubt_about_the_limb_alone():
     of_body, (found,) = find_doubts(**(GOOD | {"limb_matched": 0.1}))
     assert not of_body
     assert "hardly any of it matches the left wrist" in found
-
-
-def test_a_message_says_once_what_to_do():
-    of_body, of_limb = find_doubts(**(GOOD | {"margin": 0.05, "far": 0.04, "limb_matched": 0.1}))
-    message = join_reasons([*of_body, *of_limb, "the feet were not seen"])
-    assert len(of_body) == 2
-    assert len(of_limb) == 1
-    assert message.count("mark some joints") == 1
-    assert message.endswith(
-        "not seen; rescan with the limbs away from the body, or mark some joints by hand"
-    )
-    hands = [f"{side} hand: its fingers (not trusted); {OPEN_HANDS}" for side in ("left", "right")]
-    assert join_reasons(hands) == (
-        "left hand: its fingers (not trusted); right hand: its fingers (not trusted); "
-        "fingers can be told apart only if the hands are open and away from the body"
-    )
-    assert join_reasons(find_doubts(**GOOD)[0]) == ""
 
 
 def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):

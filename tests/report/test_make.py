@@ -64,20 +64,6 @@ def rows_of(folder, table):
         return list(csv.DictReader(stream))
 
 
-@pytest.mark.slow
-def test_the_folder_is_whole(folder):
-    names = {file.name for file in (folder / "figures").iterdir()}
-    expected = {
-        *("comparison", "differences", "mean", "sweep", "measurement-lines"),
-        *(f"{kind}-{task}" for kind in ("confusion", "precision-recall") for task in TASKS),
-        *(f"map-{task}-{method}" for task in TASKS for method in ("t-sne", "mds")),
-        *("geodesic-pose-change", "geodesic-shape-change"),
-    }
-    assert names == {f"{name}.{ending}" for name in expected for ending in ("svg", "png")}
-    assert not [file for file in folder.rglob("*") if file.name.endswith(".part")]
-    assert (folder / "index.html").stat().st_size < 5.5e6
-
-
 TASKS = ("shape", "pose")
 
 
@@ -123,14 +109,6 @@ def test_the_page_can_be_heard_and_driven_by_keys(page):
         if region.get("role") == "region":
             assert region["tabindex"] == "0"
             assert len(region["aria-label"].split()) > 2  # what it shows, not the name of a file
-
-
-@pytest.mark.slow
-def test_sentences_follow_from_the_numbers(folder):
-    text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
-    assert "No representation scores higher than the shape metric (1, 0.0001, 0)." in text
-    assert "Chance alone would reach a first tier of 25.0 %, more than the 0.0 % of the" in text
-    assert "The best are people with a = 1, λ = 0.0001, c = 0" in text
 
 
 @pytest.mark.slow
@@ -213,14 +191,6 @@ def test_paths_are_compared_fairly(folder, table, start):
         assert row["starts"].split(", then ")[0] == start
         energies = [float(other[f"energy_{name}"]) for other in rows]
         assert float(row[f"energy_{name}"]) <= (1 + 1e-9) * min(energies)
-
-
-@pytest.mark.slow
-def test_the_page_says_how_paths_are_found(folder):
-    text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
-    assert "Each search varies its start by 10 given deformations, has 7 surfaces per path" in text
-    assert "another step would gain at most 0.01 % of the energy" in text
-    assert "all searches start from the same path, which rotates every triangle" in text
 
 
 @pytest.mark.slow

@@ -1,8 +1,5 @@
 """The page of a report in a browser: no complaint, no request, viewers that start, and print."""
 
-import base64
-import re
-
 import pytest
 
 from riemhuman.plots.maps import _NAME_POINTS
@@ -68,17 +65,3 @@ def test_a_button_unfolds_a_long_table(browser, drawn_report_page):
     assert button.get_attribute("aria-expanded") == "true"
     button.click()
     assert browser.run(shown) == 8
-
-
-@pytest.mark.slow
-def test_it_prints_on_few_pages_and_loses_no_column(browser, drawn_report_page):
-    browser.open(drawn_report_page, 718, 1000)  # as wide as what a page holds
-    printed = base64.b64decode(browser.devtools("Page.printToPDF")["data"])
-    assert 3 < len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
-    browser.devtools("Emulation.setEmulatedMedia", media="print")
-    hidden = browser.run(
-        "return [...document.querySelectorAll('.table, .scroll, .pair > div')]"
-        ".filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.outerHTML.slice(0, 90))"
-    )
-    browser.devtools("Emulation.setEmulatedMedia", media="")
-    assert hidden == []

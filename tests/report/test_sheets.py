@@ -9,9 +9,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.registration._messages import MARK_WRISTS
-from riemhuman.report import _sheet_content
 from riemhuman.report._sheet_content import percentile_text, posture_texts, sentences_of
-from riemhuman.report._sheet_page import sheet_page
 
 
 def test_a_sheet_says_what_the_body_measures(bodies, measurements):
@@ -37,23 +35,6 @@ def test_a_sheet_says_what_the_body_measures(bodies, measurements):
     assert sheet._repr_html_().startswith("<iframe srcdoc=")
     # Nothing is fetched: the page works without a network.
     assert not re.search(r"(src|href)=[\"']https?:", sheet.html)
-
-
-def test_pictures_are_encoded_once_for_the_page_and_the_pdf(bodies, monkeypatch):
-    encoded = []
-
-    def counted(pixels):
-        encoded.append(pixels.shape)
-        return f"picture {len(encoded)}"
-
-    monkeypatch.setattr(_sheet_content, "image_source", counted)
-    content = rh.report.sheet(bodies[3], sex="woman").content
-    page = sheet_page(content)
-    printed = sheet_page(content, printed=True)
-    assert len(encoded) == 2  # the body and its silhouette
-    for number in (1, 2):
-        assert f'"picture {number}"' in page
-        assert f'"picture {number}"' in printed
 
 
 def test_without_a_sex_both_are_meant(bodies):
