@@ -29,7 +29,11 @@ from riemhuman.measurements._vertex_slopes import slopes_along
 from riemhuman.measurements.adults import SEXES, adults, given_values
 from riemhuman.measurements.measurement_set import load_json, open_measurements
 from riemhuman.measurements.measuring import Measurements, values_and_slopes
-from riemhuman.measurements.predicted_measurements import Prediction, errors_of_values, predict
+from riemhuman.measurements.predicted_measurements import (
+    PredictedMeasurements,
+    errors_of_values,
+    predict,
+)
 
 # Share of adults below which a remark says that hardly anyone has such values.
 _RARE = 0.001
@@ -163,7 +167,7 @@ def _probable_body(
     prediction = predict(given, sex, errors)
     sexes, goals = prediction.sexes, dict(given)
     spread = {name: _OF_PREDICTED * std for name, std in prediction.std.items()} | errors
-    for name, mean in prediction.mean.items():
+    for name, mean in prediction.values.items():
         offsets = (share * adults()[k]["offsets"].get(name, 0.0) for k, share in sexes.items())
         goals[name] = mean + sum(offsets)
     measurements = Measurements(standing, [name for name in standing.names if name in goals])
@@ -189,10 +193,10 @@ def _probable_body(
         betas=search.betas,
         values=in_body,
         misses=misses,
-        predicted=prediction.mean,
+        predicted=prediction.values,
         predicted_std=prediction.std,
         sexes=sexes,
-        z_scores=prediction.scores,
+        z_scores=prediction.z_scores,
         contradictory=prediction.contradictory,
         improbability=search.improbability,
         cost=search.cost,
@@ -202,7 +206,7 @@ def _probable_body(
 
 
 def _remarks(
-    given: Mapping[str, float], sex: str, prediction: Prediction, converged: bool
+    given: Mapping[str, float], sex: str, prediction: PredictedMeasurements, converged: bool
 ) -> list[str]:
     remarks = [] if converged else ["the search did not converge"]
     if prediction.pair is not None:

@@ -45,6 +45,11 @@ class PredictedMeasurements:
         Each given value minus its prediction from the others, as a t-value.
     contradictory : tuple of str
         Names of values that do not fit the others in at most 1 of 100 people, the worst first.
+    pair : tuple of (str, str, float), or None
+        Of contradictory values, the two that fit each other least, and a value of the first that
+        would fit.
+    rarity : float
+        Share of adults who are as far from the mean.
 
     Examples
     --------
@@ -56,6 +61,8 @@ class PredictedMeasurements:
     sexes: dict[str, float]
     z_scores: dict[str, float]
     contradictory: tuple[str, ...]
+    pair: tuple[str, str, float] | None
+    rarity: float
 
 
 @checked(sex=choice("adult", *SEXES))
@@ -88,14 +95,7 @@ def predict_measurements(
     (0.88, 0.022)
     """
     given = given_values(values, sex)
-    prediction = predict(given, sex, errors_of_values(given, tolerances))
-    return PredictedMeasurements(
-        prediction.mean,
-        prediction.std,
-        prediction.sexes,
-        prediction.scores,
-        prediction.contradictory,
-    )
+    return predict(given, sex, errors_of_values(given, tolerances))
 
 
 def errors_of_values(
@@ -112,23 +112,9 @@ def errors_of_values(
     return errors
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """What given values say: the others, the sex, and values that contradict each other."""
-
-    mean: dict[str, float]
-    std: dict[str, float]
-    sexes: dict[str, float]
-    scores: dict[str, float]  # t-values of the given values
-    contradictory: tuple[str, ...]
-    # The two values that fit each other least, and a value of the first that would fit.
-    pair: tuple[str, str, float] | None
-    rarity: float  # share of adults as far from the mean
-
-
 def predict(
     given: Mapping[str, float], sex: str, errors: Mapping[str, float] | None = None
-) -> Prediction:
+) -> PredictedMeasurements:
     """Predict all measurements of adults that are not given, from values with errors."""
     names = adults()["names"]
     known = [name for name in given if name in names]
@@ -152,7 +138,7 @@ def predict(
     expected = shares @ means
     variance = shares @ (variances + (means - expected) ** 2)
     others = [names[k] for k in rest]
-    return Prediction(
+    return PredictedMeasurements(
         dict(zip(others, expected.tolist(), strict=True)),
         dict(zip(others, np.sqrt(variance).tolist(), strict=True)),
         dict(zip(sexes, shares.tolist(), strict=True)),

@@ -20,7 +20,7 @@ def test_predictions_are_calibrated(sex):
     rest = [name for name in names if name not in FOUR]
     mean, std = (
         np.array([[getattr(one, kind)[name] for name in rest] for one in found])
-        for kind in ("mean", "std")
+        for kind in ("values", "std")
     )
     errors = people[:, [names.index(name) for name in rest]] - mean
     within = (np.abs(errors) < 1.6449 * std).mean(axis=0)
@@ -38,6 +38,8 @@ def test_the_sex_is_inferred():
     woman = predict(FOUR, "adult")
     assert woman.sexes["woman"] > 0.9
     same = predict(FOUR, "woman")
-    assert abs(woman.mean["neck girth"] - same.mean["neck girth"]) < 0.1 * same.std["neck girth"]
+    assert (
+        abs(woman.values["neck girth"] - same.values["neck girth"]) < 0.1 * same.std["neck girth"]
+    )
     unknown = predict({"stature": 1.69}, "adult")
     assert unknown.std["neck girth"] > 1.2 * predict({"stature": 1.69}, "man").std["neck girth"]
