@@ -20,6 +20,7 @@ def measurements(bodies):
     return Measurements(bodies)
 
 
+@pytest.mark.slow
 def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(measurements):
     """Among adults, the planes of the coarse bodies' girths cut the full bodies alike.
 

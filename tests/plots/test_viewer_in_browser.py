@@ -27,37 +27,53 @@ return [x, -y - 0.1 * body.height].map((metres) => Math.round(metres / viewer.me
 WITHOUT_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 
 
-@pytest.fixture(scope="module")
-def pages(tmp_path_factory):
-    """Return the pages of coloured bodies, of one body, and of two paths."""
-    folder = tmp_path_factory.mktemp("pages")
-    values = np.linspace(0, 2, len(FACES))
-    coloured = [
-        ViewedBody(name, surface[None], values=values, value_label="per m²")
-        for name, surface in zip(["Anna, standing", "Ben, on a chair"], BODIES.points, strict=False)
-    ]
-    Viewer(FACES, {"": coloured}).save(folder / "bodies.html")
-    view_bodies(BODIES.points[0], FACES).save(folder / "one.html")
-    heights = BODIES.points[0, FACES, 1].mean(axis=1)
-    heights -= (heights.min() + heights.max()) / 2
-    signed = ViewedBody("heights", BODIES.points[:1], values=heights, value_label="m")
-    Viewer(FACES, {"": [signed]}).save(folder / "signed.html")
+def viewer_of(name):
+    """Return coloured bodies, one body, signed values, or paths to choose from or to compare."""
+    first, values = BODIES.points[:1], np.linspace(0, 2, len(FACES))
+    if name == "one":
+        return view_bodies(first[0], FACES)
+    if name == "signed":
+        heights = first[0, FACES, 1].mean(axis=1)
+        heights -= (heights.min() + heights.max()) / 2
+        signed = ViewedBody("heights", first, values=heights, value_label="m")
+        return Viewer(FACES, {"": [signed]})
+    if name == "bodies":
+        coloured = [
+            ViewedBody(label, surface[None], values=values, value_label="per m²")
+            for label, surface in zip(
+                ["Anna, standing", "Ben, on a chair"], BODIES.points, strict=False
+            )
+        ]
+        return Viewer(FACES, {"": coloured})
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
-    paths = {"there": path, "back": path[::-1]}
+    if name == "recorded":
+        knees = {"all": path, "half": path[:3]}
+        return view_path(knees, FACES, side_by_side=True, frames_per_second=2)
     texts = {"title": "Two paths", "description": "From one to another."}
-    view_path(paths, FACES, **texts, seconds=1.2).save(folder / "paths.html")
-    knees = {"all": path, "half": path[:3]}
-    view_path(knees, FACES, side_by_side=True, frames_per_second=2).save(folder / "recorded.html")
-    return folder
+    return view_path({"there": path, "back": path[::-1]}, FACES, **texts, seconds=1.2)
+
+
+@pytest.fixture(scope="module")
+def page_of(tmp_path_factory):
+    """Return a function that returns the file of a page, which it writes once."""
+    folder = tmp_path_factory.mktemp("pages")
+
+    def written(name):
+        file = folder / f"{name}.html"
+        if not file.exists():
+            viewer_of(name).save(file)
+        return file
+
+    return written
 
 
 @pytest.fixture
-def opened(browser, pages):
+def opened(browser, page_of):
     """Return a function that opens a page and waits for its viewer."""
 
     def open_page(name, width=SIZE[0], height=SIZE[1]):
-        browser.open(pages / f"{name}.html", width, height)
+        browser.open(page_of(name), width, height)
         browser.wait_for("return document.querySelector('.viewer').dataset.ready")
         return browser.find("canvas")
 
@@ -175,9 +191,9 @@ def screenshot(browser):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_the_light_is_that_of_our_own_pictures(browser, pages, dark):
+def test_the_light_is_that_of_our_own_pictures(browser, page_of, dark):
     """Compare the body's middle in the page with our renderer's: it stands on no ground there."""
-    browser.open(pages / "one.html", 600, 700, dark=dark)
+    browser.open(page_of("one"), 600, 700, dark=dark)
     browser.wait_for("return document.querySelector('.viewer').dataset.ready")
     left, top, right, bottom = (round(x) for x in boxes(browser, "canvas")[0])
     shown = screenshot(browser)[top:bottom, left:right]
@@ -297,9 +313,9 @@ def test_time_of_a_path_is_a_share_and_of_a_recording_seconds_and_frames(browser
 
 
 @pytest.mark.slow
-def test_stills_stand_in_where_there_is_no_webgl(browser, pages):
+def test_stills_stand_in_where_there_is_no_webgl(browser, page_of):
     added = browser.devtools("Page.addScriptToEvaluateOnNewDocument", source=WITHOUT_WEBGL)
-    browser.open(pages / "paths.html", *SIZE)
+    browser.open(page_of("paths"), *SIZE)
     browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
     shown = "return [...document.querySelectorAll('.still')].map((e) => e.checkVisibility())"
     assert browser.run(shown) == [True, False]
@@ -307,7 +323,7 @@ def test_stills_stand_in_where_there_is_no_webgl(browser, pages):
     browser.find("input[type=radio][value='1']").click()
     assert browser.run(shown) == [False, True]
     assert not browser.find("[data-part=play]").is_displayed()
-    browser.open(pages / "paths.html", 400, 760)
+    browser.open(page_of("paths"), 400, 760)
     browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
     still, stage = browser.find(".still").size, browser.find(".stage").size
     assert stage["height"] <= still["height"] + 10 < 150  # no tall empty stage

@@ -22,6 +22,12 @@ def model():
 
 
 @pytest.fixture(scope="session")
+def natural_bodies():
+    """Return people with flesh that the model lacks; tests change none of their arrays."""
+    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
+
+
+@pytest.fixture(scope="session")
 def bending(model):
     return with_pose_directions(model)
 

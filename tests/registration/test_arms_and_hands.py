@@ -72,9 +72,8 @@ def test_bends_that_no_arm_has_count_against_it(model, fitter, angles, strain):
     np.testing.assert_allclose(strains(model, fitter, angles), strain, rtol=1e-6)
 
 
-def test_arms_of_people_are_hardly_strained(fitter):
-    bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=5)
-    rotations = rh.bodies.rotation_matrix(bodies.pose_vectors)
+def test_arms_of_people_are_hardly_strained(fitter, natural_bodies):
+    rotations = rh.bodies.rotation_matrix(natural_bodies.pose_vectors)
     found = [arm.strain(local) for arm in fitter.arm_surfaces for local in rotations]
     assert np.max(found) < 1.9
 

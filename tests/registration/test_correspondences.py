@@ -20,21 +20,16 @@ STANDING, ARMS_ON_HIPS = 0, 4
 
 
 @pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
+def registration(natural_bodies):
+    return TemplateRegistration(natural_bodies.template)
 
 
 @pytest.fixture(scope="module")
-def registration(bodies):
-    return TemplateRegistration(bodies.template)
-
-
-@pytest.fixture(scope="module")
-def pair(bodies, registration):
+def pair(natural_bodies, registration):
     """Return the registrations of two remeshed scans of one person, and the bodies themselves."""
-    surfaces = bodies[[STANDING, ARMS_ON_HIPS]]
-    options = {"n_points": 4000, "mesh": True, "noise": 0.0, "rotate": False}
-    faces = bodies.template.faces
+    surfaces = natural_bodies[[STANDING, ARMS_ON_HIPS]]
+    options = {"n_points": 3000, "mesh": True, "noise": 0.0, "rotate": False}
+    faces = natural_bodies.template.faces
     scans = [simulated_scan(surface, faces, k, **options) for k, surface in enumerate(surfaces)]
     results = [
         registration.solve(scan.surface, start=body)
@@ -49,11 +44,11 @@ def errors(found, result, surfaces, faces):
     return np.linalg.norm(found.points - points_at(places, surfaces[1], faces), axis=1)
 
 
-def test_vertices_go_to_their_places_on_other_triangles(pair, bodies):
+def test_vertices_go_to_their_places_on_other_triangles(pair, natural_bodies):
     (first, second), surfaces = pair
     found = correspondence(first, second)
     assert found.seen.mean() > 0.95
-    assert np.nanmean(errors(found, first, surfaces, bodies.template.faces)) < 0.01
+    assert np.nanmean(errors(found, first, surfaces, natural_bodies.template.faces)) < 0.01
     corners = second.scan.faces[found.triangles[found.seen]]
     places = np.einsum("nk,nkx->nx", found.barycentric[found.seen], second.scan.points[corners])
     np.testing.assert_allclose(places, found.points[found.seen], atol=1e-12)
@@ -68,7 +63,7 @@ def test_the_way_back_leads_home(pair):
     assert np.nanmedian(gaps) < 0.02  # half of the spacing of the vertices between
 
 
-def test_loose_points_go_to_the_nearest_vertex(pair, registration, bodies):
+def test_loose_points_go_to_the_nearest_vertex(pair, registration, natural_bodies):
     (first, second), surfaces = pair
     cloud = registration.solve(Scan(second.scan.points), start=surfaces[1])
     found = correspondence(first, cloud)
@@ -77,13 +72,13 @@ def test_loose_points_go_to_the_nearest_vertex(pair, registration, bodies):
     np.testing.assert_array_equal(
         found.points[found.seen], second.scan.points[found.vertices[found.seen]]
     )
-    assert np.nanmean(errors(found, first, surfaces, bodies.template.faces)) < 0.02
+    assert np.nanmean(errors(found, first, surfaces, natural_bodies.template.faces)) < 0.02
 
 
-def test_what_either_scan_lacks_has_no_place(pair, bodies):
+def test_what_either_scan_lacks_has_no_place(pair, natural_bodies):
     (first, second), _ = pair
-    arm = [bodies.model.joint_names.index(f"left_{name}") for name in ("elbow", "wrist")]
-    on_arm = np.isin(bodies.model.weights.argmax(axis=1), arm)
+    arm = [natural_bodies.model.joint_names.index(f"left_{name}") for name in ("elbow", "wrist")]
+    on_arm = np.isin(natural_bodies.model.weights.argmax(axis=1), arm)
     unseen = replace(second, trusted_vertices=second.trusted_vertices & ~on_arm)
     places = first.correspondence
     of_arm = on_arm[first.faces[places.triangles]].all(axis=1)
@@ -100,10 +95,10 @@ def test_what_either_scan_lacks_has_no_place(pair, bodies):
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_a_lost_hand_is_not_taken_for_the_trunk(pair, bodies, side):
+def test_a_lost_hand_is_not_taken_for_the_trunk(pair, natural_bodies, side):
     """The hand touches the hip; its body is elsewhere, so the hip is nearest to its points."""
     (first, second), surfaces = pair
-    faces, model = bodies.template.faces, bodies.model
+    faces, model = natural_bodies.template.faces, natural_bodies.model
     hand = model.weights.argmax(axis=1) == model.joint_names.index(f"{side}_wrist")
     moved = np.where(hand[:, np.newaxis], second.points + [0.0, 1.0, 0.0], second.points)
     places, distances = nearest_points(second.scan.points, moved, faces)

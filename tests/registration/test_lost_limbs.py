@@ -7,18 +7,12 @@ import pytest
 from limbs_right_and_wrong import without
 from scanned_people import fit_body, task_of
 
-import riemhuman as rh
 from riemhuman.bodies import rotation_matrix
 from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration import simulated_scan
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._lost_limbs import leave_out_lost_limbs
 from riemhuman.registration._start_search import search_scan
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
 
 
 def fits_of(registration_from, model, body, joints):
@@ -32,8 +26,10 @@ def fits_of(registration_from, model, body, joints):
 
 @pytest.mark.everyday("left_elbow")
 @pytest.mark.parametrize("joint", ["left_elbow", "right_knee"])
-def test_what_is_above_a_missing_limb_stays_in_place(registration_from, model, bodies, joint):
-    body, parts = bodies[30], {"left_elbow": "left_shoulder", "right_knee": "right_hip"}
+def test_what_is_above_a_missing_limb_stays_in_place(
+    registration_from, model, natural_bodies, joint
+):
+    body, parts = natural_bodies[30], {"left_elbow": "left_shoulder", "right_knee": "right_hip"}
     whole, fitted, shown = fits_of(registration_from, model, body, (joint,))
     owners = model.weights.argmax(axis=1)
     above = owners == model.joint_names.index(parts[joint])
@@ -49,16 +45,16 @@ def test_what_is_above_a_missing_limb_stays_in_place(registration_from, model, b
     assert not shown.seen[shown.lost].any()
 
 
-def test_a_whole_body_stays_as_it_is(registration_from, model, bodies):
-    whole, fitted, shown = fits_of(registration_from, model, bodies[30], ())
+def test_a_whole_body_stays_as_it_is(registration_from, model, natural_bodies):
+    whole, fitted, shown = fits_of(registration_from, model, natural_bodies[30], ())
     assert fitted is whole
     assert not shown.lost.any()
 
 
 @pytest.mark.slow
-def test_an_upper_arm_without_forearm_is_not_twisted(registration_from, model, bodies):
+def test_an_upper_arm_without_forearm_is_not_twisted(registration_from, model, natural_bodies):
     """Rotated about its own axis, it fits as well; it is then as in the nearest start pose."""
-    whole, *_ = fits_of(registration_from, model, bodies[30], ("left_elbow",))
+    whole, *_ = fits_of(registration_from, model, natural_bodies[30], ("left_elbow",))
     task, rest = whole.task, whole.task.samples.skeleton.rest_joints
     shoulder, elbow = task.body.parts.numbers("left_shoulder", "left_elbow")
     axis = unit_vectors(rest[elbow] - rest[shoulder])
@@ -69,7 +65,7 @@ def test_an_upper_arm_without_forearm_is_not_twisted(registration_from, model, b
     fitted, _ = leave_out_lost_limbs(twisted, task.scan, is_refused=False)
     on_upper_arm = task.body.parts.owners == shoulder
     errors = [
-        np.linalg.norm(body.fit.points - bodies[30], axis=1)[on_upper_arm].mean()
+        np.linalg.norm(body.fit.points - natural_bodies[30], axis=1)[on_upper_arm].mean()
         for body in (twisted, fitted)
     ]
     assert errors[0] > 0.05

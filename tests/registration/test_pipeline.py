@@ -268,9 +268,9 @@ def test_a_body_that_is_cut_at_the_waist_is_not_stretched(registration_from_t):
     assert errors[result.trusted_vertices].mean() < 0.012
 
 
-def test_a_missing_arm_is_not_trusted(registration_from):
+def test_a_missing_arm_is_not_trusted(registration_from, natural_bodies):
     """It is fitted to the trunk, where the scan has points."""
-    bodies = rh.datasets.load_open_bodies("coarse", variant="natural", people=777)
+    bodies = natural_bodies
     scan = simulated_scan(bodies[3], bodies.template.faces, rng=3, n_points=4000, rotate=False)
     names, owners = bodies.model.joint_names, bodies.model.weights.argmax(axis=1)
     arm = [names.index(f"left_{joint}") for joint in ("shoulder", "elbow", "wrist")]

@@ -17,14 +17,9 @@ UP = AXES[:, 1]
 
 
 @pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
-
-
-@pytest.fixture(scope="module")
-def scan(bodies):
-    faces = bodies.template.faces
-    return simulated_scan(bodies[3], faces, rng=3, n_points=8000, rotate=False)
+def scan(natural_bodies):
+    faces = natural_bodies.template.faces
+    return simulated_scan(natural_bodies[3], faces, rng=3, n_points=8000, rotate=False)
 
 
 def plane(rng, corner, first, second, n_points=5000):
@@ -137,35 +132,37 @@ def uneven_cloud(points, model, rng, n_points):
     return np.einsum("nk,nkx->nx", places, points[model.faces[chosen]])
 
 
-def clouds(full, bodies):
+def clouds(full, natural_bodies):
     """Yield names and clouds of one body whose spacing varies."""
     rng = np.random.default_rng(5)
     yield "all vertices", full
     yield "some vertices", full[rng.choice(len(full), 3000, replace=False)]
-    yield "dense head and hands", uneven_cloud(bodies[3], bodies.model, rng, 4000)
-    heights = simulated_scan(bodies[3], bodies.template.faces, 0, n_points=200_000, rotate=False)
+    yield "dense head and hands", uneven_cloud(natural_bodies[3], natural_bodies.model, rng, 4000)
+    heights = simulated_scan(
+        natural_bodies[3], natural_bodies.template.faces, 0, n_points=200_000, rotate=False
+    )
     rings = heights.points[heights.points[:, 1] % 0.04 < 0.002]
     yield "rings", rings[rng.choice(len(rings), 8000, replace=False)]
 
 
-def test_sparse_parts_of_a_body_are_no_background(full, bodies):
-    for name, cloud in clouds(full, bodies):
+def test_sparse_parts_of_a_body_are_no_background(full, natural_bodies):
+    for name, cloud in clouds(full, natural_bodies):
         assert prepare_scan(as_scan(cloud)).background.mean() < 0.002, name
 
 
-def test_a_sparse_floor_below_an_uneven_cloud_is_background(bodies):
+def test_a_sparse_floor_below_an_uneven_cloud_is_background(natural_bodies):
     rng = np.random.default_rng(1)
-    scan = simulated_scan(bodies[3], bodies.template.faces, rng, rotate=False)
-    cloud = uneven_cloud(scan.body, bodies.model, rng, 6000)
+    scan = simulated_scan(natural_bodies[3], natural_bodies.template.faces, rng, rotate=False)
+    cloud = uneven_cloud(scan.body, natural_bodies.model, rng, 6000)
     background = prepare_scan(as_scan(np.concatenate([cloud, sparse_floor(scan, rng)]))).background
     assert background[len(cloud) :].mean() > 0.75
     assert background[: len(cloud)].mean() < 0.01
 
 
-def test_strays_behind_the_edges_of_a_depth_scan_are_background(bodies):
+def test_strays_behind_the_edges_of_a_depth_scan_are_background(natural_bodies):
     rng, view = np.random.default_rng(2), np.array([0.0, 0.0, 1.0])
-    faces = bodies.template.faces
-    scan = simulated_scan(bodies[3], faces, rng, n_points=24_000, view=view, rotate=False)
+    faces = natural_bodies.template.faces
+    scan = simulated_scan(natural_bodies[3], faces, rng, n_points=24_000, view=view, rotate=False)
     nearest = cKDTree(scan.body).query(scan.points)[1]
     sideways = np.abs(rh.kernels.surface.vertex_normals(scan.body, faces)[nearest] @ view)
     edges = scan.points[np.argsort(sideways)[:1500]]
@@ -176,10 +173,10 @@ def test_strays_behind_the_edges_of_a_depth_scan_are_background(bodies):
     assert background[: len(scan.points)].mean() < 0.01
 
 
-def test_normals_of_rings_are_those_of_the_surface(full, bodies):
-    *_, (_, rings) = clouds(full, bodies)
-    body = bodies[3]
-    normals = rh.kernels.surface.vertex_normals(body, bodies.template.faces)
+def test_normals_of_rings_are_those_of_the_surface(full, natural_bodies):
+    *_, (_, rings) = clouds(full, natural_bodies)
+    body = natural_bodies[3]
+    normals = rh.kernels.surface.vertex_normals(body, natural_bodies.template.faces)
     nearest = cKDTree(body).query(rings)[1]
     cosines = np.einsum("nx,nx->n", estimate_normals(rings), normals[nearest])
     assert np.mean(np.abs(cosines) > 0.7) > 0.85
@@ -187,16 +184,19 @@ def test_normals_of_rings_are_those_of_the_surface(full, bodies):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("whole", [True, False])
-def test_uneven_clouds_are_registered(registration_from, bodies, whole):
+def test_uneven_clouds_are_registered(registration_from, natural_bodies, whole):
     rng = np.random.default_rng(3)
-    cloud = uneven_cloud(bodies[0], bodies.model, rng, 4000)
-    on_arm = np.zeros(len(bodies[0]), dtype=bool)
+    cloud = uneven_cloud(natural_bodies[0], natural_bodies.model, rng, 4000)
+    on_arm = np.zeros(len(natural_bodies[0]), dtype=bool)
     if not whole:
-        names, owners = bodies.model.joint_names, bodies.model.weights.argmax(axis=1)
+        names, owners = (
+            natural_bodies.model.joint_names,
+            natural_bodies.model.weights.argmax(axis=1),
+        )
         on_arm = np.isin(owners, [names.index(f"left_{joint}") for joint in ("elbow", "wrist")])
-        cloud = cloud[~on_arm[cKDTree(bodies[0]).query(cloud)[1]]]
+        cloud = cloud[~on_arm[cKDTree(natural_bodies[0]).query(cloud)[1]]]
     result = registration_from("t", "down").solve(cloud)
     assert result.trusted, result.message
     assert result.trusted_vertices[~on_arm].mean() > 0.95
     assert not result.trusted_vertices[on_arm].any()
-    assert np.linalg.norm(result.points - bodies[0], axis=1)[~on_arm].mean() < 0.015
+    assert np.linalg.norm(result.points - natural_bodies[0], axis=1)[~on_arm].mean() < 0.015
