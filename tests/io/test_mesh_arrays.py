@@ -7,6 +7,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import (
     check_mesh,
     distinct_pairs,
+    face_difference,
     triangle_sides,
 )
 
@@ -31,3 +32,14 @@ def test_distinct_pairs_are_those_of_numpy():
     assert np.array_equal(found_counts, counts)
     assert np.array_equal(found[places], pairs)
     assert [len(part) for part in distinct_pairs(pairs[:0])] == [0, 0, 0]
+
+
+def test_differences_of_triangulations():
+    faces = np.array([[0, 1, 2], [1, 2, 3]])
+    assert face_difference(faces, faces) is None
+    assert face_difference(faces[:1], faces) == "1 triangles found, 2 expected"
+    assert face_difference(faces, faces[:1]) == "2 triangles found, 1 expected"
+    said = face_difference(faces[::-1], faces)
+    assert said.startswith("all triangles or their corners are listed in another order, the first")
+    said = face_difference(np.array([[0, 1, 2], [1, 2, 4]]), faces)
+    assert said.endswith("differ, the first at index 1: (1, 2, 4) found, (1, 2, 3) expected")

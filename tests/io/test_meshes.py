@@ -250,6 +250,8 @@ def test_obj_with_relative_indices_and_continued_lines(mesh, tmp_path):
     lines = [f"v {x!r} \\\n {y!r} {z!r}\n" for x, y, z in vertices.tolist()]
     lines += ["f {} {} {}\r\n".format(*(face - len(vertices))) for face in faces]
     assert_reads(write(tmp_path, "body.obj", "".join(lines)), mesh)
+    indented = " v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    assert len(load_mesh(write(tmp_path, "indented.obj", indented))[0]) == 4
     early = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -3\nv 9 9 9\n"
     assert load_mesh(write(tmp_path, "early.obj", early))[1].tolist() == [[2, 1, 0]]
 

@@ -133,15 +133,13 @@ def test_joints_of_both_file_and_model_are_used(tmp_path, n_joints, layout):
     np.testing.assert_array_equal(found[:, 3:], np.concatenate(expected, axis=1)[:, 3:])
 
 
-@pytest.mark.parametrize(
-    "gender", [np.array("male"), np.array(b"male"), np.array("b'male'"), np.array(["Male"])]
-)
-def test_genders_choose_the_model(tmp_path, model, gender):
+def test_genders_choose_the_model(tmp_path, model):
     other = smpl_model(52, rng=1)
-    path = write(tmp_path / "a.npz", smpl_h(gender=gender))
-    (motion,) = load_amass(path, {"female": model, "male": other})
-    assert motion.gender == "male"
-    assert motion.model is other
+    for gender in ("male", b"male", "b'male'", ["Male"]):
+        path = write(tmp_path / "a.npz", smpl_h(gender=np.array(gender)))
+        (motion,) = load_amass(path, {"female": model, "male": other})
+        assert motion.gender == "male"
+        assert motion.model is other
     with pytest.raises(ArgumentError, match="model must have one for 'male', as in .*a.npz; has"):
         load_amass(path, {"female": model})
     assert load_amass(write(path, smpl_h(gender=None)), model)[0].gender == "neutral"
@@ -280,22 +278,21 @@ WRONG = {
 }
 
 
-@pytest.mark.everyday
-@pytest.mark.parametrize("case", WRONG)
-def test_wrong_files(tmp_path, model, case):
-    fields, message = WRONG[case]
-    path = write(tmp_path / "a.npz", fields)
-    with pytest.raises(FileFormatError, match=rf"a\.npz:? .*{message}"):
-        load_amass(path, model)
+def test_wrong_files(tmp_path, model):
+    for name, (fields, message) in WRONG.items():
+        path = write(tmp_path / f"{name}.npz", fields)
+        with pytest.raises(FileFormatError, match=rf"{name}\.npz:? .*{message}"):
+            load_amass(path, model)
 
 
-@pytest.mark.parametrize(
-    ("number", "found"), [(np.nan, "holds 1 NaN"), (1e20, "must have entries of at most 1e.09")]
-)
-@pytest.mark.parametrize("name", ["poses", "trans", "betas"])
-def test_numbers_that_are_no_motion(tmp_path, model, name, number, found):
-    fields = smpl_h()
-    fields[name].ravel()[5] = number
-    (motion,) = load_amass(write(tmp_path / "a.npz", fields), model)
-    with pytest.raises(FileFormatError, match=rf"a\.npz: {name} {found}"):
-        motion[0]
+def test_numbers_that_are_no_motion(tmp_path, model):
+    for name in ("poses", "trans", "betas"):
+        for number, found in (
+            (np.nan, "holds 1 NaN"),
+            (1e20, "must have entries of at most 1e.09"),
+        ):
+            fields = smpl_h()
+            fields[name].ravel()[5] = number
+            (motion,) = load_amass(write(tmp_path / f"{number}.npz", fields), model)
+            with pytest.raises(FileFormatError, match=rf"npz: {name} {found}"):
+                motion[0]
