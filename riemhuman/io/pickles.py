@@ -1,4 +1,4 @@
-"""Pickles of body models and recordings, read as data.
+"""Pickles of body models and recordings, and files of PyTorch, read as data.
 
 A pickle is a program: it can name any function and have it called. Here, the unpickler looks names
 up in a short list and gets a class for each whose objects record their arguments and their state,
@@ -15,6 +15,7 @@ import os
 import pickle
 import re
 import warnings
+import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -28,7 +29,7 @@ from riemhuman.checks import checked
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_characters, check_fields, memory_limit
-from riemhuman.io.files import file_path, format_errors, read_bytes
+from riemhuman.io.files import check_file, file_path, format_errors, read_bytes
 
 # Dictionaries and lists within each other, and how many values they may hold in all.
 _DEEPEST_TREE, _MOST_VALUES = 8, 1_000_000
@@ -93,10 +94,36 @@ def load_pickled_tree(file: Path) -> Unpickled:
         return _Tree(len(content)).value(_unpickle(content))
 
 
-def pickled_tree(
-    content: bytes, storages: Mapping[str, bytes], is_little: bool, size: int
-) -> Unpickled:
-    """Return what `load_pickled_tree` does from a pickle whose tensors are in other `storages`."""
+def load_torch_tree(file: Path) -> Unpickled:
+    """Return what `load_pickled_tree` does from a file of PyTorch: a pickle, beside its tensors."""
+    size = check_file(file)
+    with format_errors(file, "a file of PyTorch"):
+        if not zipfile.is_zipfile(file):
+            raise FileFormatError(
+                "not in PyTorch's format since version 1.6; save it again with torch.save"
+            )
+        with zipfile.ZipFile(file) as archive:
+            members = {member.filename: member for member in archive.infolist()}
+            if sum(member.file_size for member in members.values()) > memory_limit(size):
+                raise FileFormatError("would take far more memory than a file of this size should")
+            # All names begin with a folder, which may have any name.
+            pickles = [name for name in members if name.endswith("/data.pkl")]
+            if not pickles:
+                raise FileFormatError("holds no data.pkl")
+            folder = pickles[0].removesuffix("data.pkl")
+            storages = {
+                name.removeprefix(f"{folder}data/"): archive.read(member)
+                for name, member in members.items()
+                if name.startswith(f"{folder}data/")
+            }
+            order = f"{folder}byteorder"
+            is_little = order not in members or archive.read(order).strip() == b"little"
+            stored = _unpickle(archive.read(pickles[0]), _storage_maker(storages, is_little))
+        return _Tree(size).value(stored)
+
+
+def _storage_maker(storages: Mapping[str, bytes], is_little: bool) -> Callable[[object], _Record]:
+    """Return what makes records of the storages that a pickle of PyTorch refers to."""
 
     def storage(reference: object) -> _Record:
         if not (isinstance(reference, list) and len(reference) > 4 and reference[0] == "storage"):
@@ -113,7 +140,7 @@ def pickled_tree(
             record.state = (record.state.astype(np.uint32) << 16).view(np.float32)
         return record
 
-    return _Tree(size).value(_unpickle(content, storage))
+    return storage
 
 
 def _decompress(content: bytes, limit: int) -> bytes:

@@ -24,8 +24,7 @@ from riemhuman.io.files import file_path, format_errors, read_bytes, suffix_of
 from riemhuman.io.gltf_animation import read_animation
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference
-from riemhuman.io.pickles import Unpickled, load_pickled_tree
-from riemhuman.io.torch_files import load_torch_tree
+from riemhuman.io.pickles import Unpickled, load_pickled_tree, load_torch_tree
 from riemhuman.mocap._smpl_files import FIELDS_USED, SMPL_ENDING, fields_of_smpl
 from riemhuman.mocap.amass import FIELDS_READ, RATES, load_amass
 from riemhuman.mocap.amc import load_amc

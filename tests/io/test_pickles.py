@@ -1,4 +1,4 @@
-"""Hostile pickles are refused by name, and nothing in them runs."""
+"""Hostile pickles and files of PyTorch are refused, and nothing in them runs."""
 
 import contextlib
 import os
@@ -9,10 +9,11 @@ import tracemalloc
 import numpy as np
 import pytest
 from model_pickles import Call, Raw, ch, pickled, select, smpl_fields, smpl_pickle
+from torch_files import Tensor, torch_file
 
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import FileFormatError
-from riemhuman.io.pickles import load_pickled_arrays
+from riemhuman.io.pickles import load_pickled_arrays, load_torch_tree
 
 FIELDS = smpl_fields(n_vertices=20)
 CANARY = "canary"
@@ -208,3 +209,38 @@ def test_whole_numbers_that_no_array_holds(folder, numbers):
     (folder / "model.pkl").write_bytes(pickle.dumps({"a": numbers}))
     with pytest.raises(FileFormatError, match="field a: holds a whole number beyond 64 bits"):
         load_pickled_arrays("model.pkl", ["a"])
+
+
+ROWS = np.random.default_rng(0).normal(size=(6, 72))
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_tensors_of_any_strides(tmp_path, order):
+    stored = ROWS.astype("<f8" if order == "little" else ">f8")
+    content = {
+        "rows": Tensor(stored),
+        "turned": Tensor(stored, strides=(1, 72), shape=(72, 6)),
+        "repeated": Tensor(stored, offset=72, shape=(3, 72), strides=(0, 1)),
+        "name": "ann",
+    }
+    tree = load_torch_tree(torch_file(tmp_path / "a.pt", content, byteorder=order))
+    assert tree["name"] == "ann"
+    np.testing.assert_array_equal(tree["rows"], ROWS)
+    np.testing.assert_array_equal(tree["turned"], ROWS.T)
+    np.testing.assert_array_equal(tree["repeated"], [ROWS[1]] * 3)
+
+
+@pytest.mark.parametrize(
+    ("tensor", "message"),
+    [
+        (Tensor(ROWS, "QInt8Storage"), r"asks for torch\.QInt8Storage"),
+        (Tensor(ROWS, shape=(7, 72)), "larger than its data"),
+        (Tensor(ROWS, offset=1), "larger than its data"),
+        (Tensor(ROWS, strides=(-72, 1)), "malformed tensor"),
+        (Tensor(ROWS, shape=(2**30, 72), strides=(0, 1)), "more often than its size allows"),
+    ],
+)
+def test_hostile_tensors(tmp_path, tensor, message):
+    file = torch_file(tmp_path / "a.pt", {"poses": tensor})
+    with pytest.raises(FileFormatError, match=message):
+        load_torch_tree(file)
