@@ -16,6 +16,7 @@ from riemhuman.datasets import (
     motion_from_arrays,
     retarget,
 )
+from riemhuman.mocap import _limbs, _standing, motions, performances
 
 LEG = ("hip", "knee", "ankle", "toes")
 LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
@@ -188,3 +189,17 @@ def test_progress_is_shown_on_request(capsys):
     assert capsys.readouterr().err == ""
     retarget(recording, frames_per_second=5.0, progress=True)[0]
     assert "Performing: 100%" in capsys.readouterr().err
+
+
+def test_runs_of_frames_do_not_change_them(monkeypatch):
+    recording = load_bvh(RECORDING)
+    at_once = retarget(recording)
+    poses, places, bodies = at_once.pose_vectors, at_once.translations, at_once[:]
+    for module in (_limbs, _standing, performances):
+        monkeypatch.setattr(module, "RUN", 7)
+    monkeypatch.setattr(motions, "_FRAMES_AT_A_TIME", 9)
+    in_runs = retarget(recording)
+    np.testing.assert_allclose(in_runs.pose_vectors, poses, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(in_runs.translations, places, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(in_runs[:], bodies, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(in_runs[40], bodies[40], rtol=0.0, atol=1e-12)
