@@ -78,12 +78,11 @@ def make_inputs(folder, seed):
 class Faults:
     """What befalls a process.
 
-    Before the change of a file with the number `fatal_change`, it gets the signal `ending`, and it
-    cannot write a file of more than `largest_file` bytes.
+    It is killed before the change of a file with the number `fatal_change`, and it cannot write a
+    file of more than `largest_file` bytes.
     """
 
     fatal_change: int | None = None
-    ending: signal.Signals = signal.SIGKILL
     largest_file: int | None = None
 
 
@@ -110,7 +109,7 @@ class Changes:
         """Count a change that is about to be made."""
         self.count += 1
         if self.count == self._faults.fatal_change:
-            os.kill(os.getpid(), self._faults.ending)
+            os.kill(os.getpid(), signal.SIGKILL)
         self._step.wait(self.count)
 
 
@@ -176,15 +175,14 @@ class Processes:
         n_processes,
         inputs=None,
         kill_at=None,
-        kill_after=None,
         largest_file=None,
     ):
         """Run an operation in some processes at once, and return how they ended.
 
         They make their changes of files in step. `kill_at` is the change of a file before which a
-        process dies. After `kill_after` seconds, processes are killed wherever they are, and
-        none can write a file of more than `largest_file` bytes. The answers are the exit code or
-        minus the signal, what was written to standard error, and the number of changes.
+        process dies, and none can write a file of more than `largest_file` bytes. The answers are
+        the exit code or minus the signal, what was written to standard error, and the number of
+        changes.
         """
         outputs.mkdir(parents=True, exist_ok=True)
         started, counts = [], self._context.Array("i", n_processes, lock=False)
@@ -201,10 +199,7 @@ class Processes:
             started.append((process, said, ours))
         answers = []
         for process, said, ours in started:
-            process.join(kill_after)
-            if process.exitcode is None:
-                process.kill()
-                process.join()
+            process.join()
             changes = 0 if process.exitcode < 0 else ours.recv()
             answers.append((process.exitcode, said.read_text(), changes))
         return answers

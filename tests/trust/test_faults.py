@@ -1,4 +1,4 @@
-"""Commands that are killed, run twice at once, out of space, or beside what never ends.
+"""Commands that are killed, run twice at once, or out of space.
 
 A file or folder that a killed process writes is absent or whole, the old or the new; the
 same command then ends as if nothing had happened.
