@@ -99,8 +99,11 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
             monkeypatch.setattr(distributed, "wait", closing_first)
         with pytest.raises(ClusterError, match="the same call continues it"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
+        assert np.load(tmp_path / "done.npy").any()
         monkeypatch.undo()
         client.close()
+        with pytest.raises(ClusterError, match="the client of the cluster is closed"):
+            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
     np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
 
