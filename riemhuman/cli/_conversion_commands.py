@@ -144,25 +144,18 @@ def _read_bodies(source: Path, faces: Path | None) -> dict[str, tuple[Points, Tr
     """Return the bodies in a file or a folder by name."""
     if faces is not None:
         photographed = rh.datasets.load_photographed_bodies(source, faces)
-        if len(set(photographed.names)) == len(photographed):
-            names = list(photographed.names)
-        else:
-            numbers = [
-                photographed.names[:index].count(name)
-                for index, name in enumerate(photographed.names)
-            ]
-            names = [f"{a}_{b}" for a, b in zip(photographed.names, numbers, strict=True)]
-        return {
-            name: (points, photographed.faces)
-            for name, points in zip(names, photographed.points, strict=True)
-        }
+        names = photographed.names
+        if len(set(names)) < len(names):
+            names = tuple(f"{name}_{names[:k].count(name)}" for k, name in enumerate(names))
+        bodies = zip(names, photographed.points, strict=True)
+        return {name: (points, photographed.faces) for name, points in bodies}
     files = rh.datasets.find_meshes(source) if source.is_dir() else [source]
-    bodies = {file.stem: rh.load_mesh(file) for file in files}
-    if len(bodies) < len(files):
+    meshes = {file.stem: rh.load_mesh(file) for file in files}
+    if len(meshes) < len(files):
         raise ArgumentError(
             f"{source} holds two meshes with the same name, which would become one file"
         )
-    return bodies
+    return meshes
 
 
 def _change_of_topology(

@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, FileError, FileFormatError, counted
 from riemhuman.optional import import_matplotlib
 
 if TYPE_CHECKING:
-    from riemhuman.arrays import Array, Integers
+    from riemhuman.arrays import Array
     from riemhuman.datasets import Bodies, RegisteredMeshes
     from riemhuman.geometry import RiemannianMetric
     from riemhuman.retrieval import RetrievalScores
@@ -420,21 +420,26 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     from riemhuman.io.label_tables import without_ending
 
     distances, names, labels = _read_matrix(options)
-    item_names = None
-    meshes = None
+    items, class_names = np.zeros(len(names), dtype=int), None
     if labels:
         classes, items = np.unique(labels[options.by], return_inverse=True)
         class_names = [str(name) for name in classes]
-    else:
-        items, class_names = np.zeros(len(names), dtype=int), None
-        item_names = [without_ending(name) for name in names]
+    item_names = [without_ending(name) for name in names]
     positions = rh.plots.embed(distances, method=options.method)
     scale, unit, facts = _meaning(distances, positions, options.method)
     record = {"meshes": len(items), "method": options.method, **facts}
-    if options.bodies is not None:
-        meshes = _meshes_of(names, options.bodies)
+    meshes = None if options.bodies is None else _meshes_of(names, options.bodies)
     if options.ending == ".html":
-        _map_page(options, positions, items, class_names, names, meshes, scale)
+        if meshes is None:
+            raise ArgumentError("a page of a map shows bodies: give their folder with --bodies")
+        rh.plots.view_map(
+            *(positions, items, class_names),
+            points=meshes[:],
+            faces=meshes.faces,
+            item_names=item_names,
+            note=scale.replace("\n", " "),
+            title=f"Map of {len(names)} bodies",
+        ).save(options.output)
         return cli.Answer(record, record)
     if not labels:  # names of files stand beside their points; one body would not show a class
         meshes = None
@@ -443,7 +448,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
             positions,
             items,
             class_names,
-            item_names=item_names,
+            item_names=None if labels else item_names,
             points=None if meshes is None else meshes[:],
             faces=None if meshes is None else meshes.faces,
             unit=unit,
@@ -489,32 +494,6 @@ def _meshes_of(names: Sequence[str], folder: Path) -> RegisteredMeshes:
             f"as {missing[0]}"
         )
     return rh.datasets.RegisteredMeshes([files[without_ending(name)] for name in names], scale=None)
-
-
-def _map_page(
-    options: argparse.Namespace,
-    positions: Array,
-    items: Integers,
-    class_names: Sequence[str] | None,
-    names: Sequence[str],
-    meshes: RegisteredMeshes | None,
-    scale: str,
-) -> None:
-    """Write a map as a page."""
-    from riemhuman.io.label_tables import without_ending
-
-    if meshes is None:
-        raise ArgumentError("a page of a map shows bodies: give their folder with --bodies")
-    rh.plots.view_map(
-        positions,
-        items,
-        class_names,
-        points=meshes[:],
-        faces=meshes.faces,
-        item_names=[without_ending(name) for name in names],
-        note=scale.replace("\n", " "),
-        title=f"Map of {len(names)} bodies",
-    ).save(options.output)
 
 
 @cli.command(

@@ -15,11 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from riemhuman.arrays import Array
 from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import ArgumentError, FileFormatError, warn
 from riemhuman.io.files import file_path, suffix_of
-from riemhuman.mocap._c3d_files import read_points
+from riemhuman.mocap._c3d_files import Points, read_points
 from riemhuman.mocap._joint_centres import Markers
 from riemhuman.mocap._marker_skeletons import skeleton_of
 from riemhuman.mocap._text_lines import LARGEST, TextLines
@@ -125,24 +124,8 @@ def read_markers(
     file: Path, unit: str | float | None = None, frames_per_second: float | None = None
 ) -> Markers:
     """Return the markers in a TRC or C3D file, whatever their names."""
-    names: Sequence[str]
-    if file.suffix.lower() == ".c3d":
-        names, positions, rate, written_unit = read_points(file)
-    else:
-        names, positions, rate, written_unit = _TextReader(file).read()
-    rate = rate or frames_per_second or 0.0
-    return _in_metres(file, names, positions, rate, written_unit, unit)
-
-
-def _in_metres(
-    file: Path,
-    names: Sequence[str],
-    positions: Array,
-    rate: float,
-    written_unit: str,
-    unit: str | float | None,
-) -> Markers:
-    """Return markers in metres where their unit is known, NaN where they were not seen."""
+    read = read_points(file) if file.suffix.lower() == ".c3d" else _TextReader(file).read()
+    rate = read.rate or frames_per_second or 0.0
     if not rate > 0.0:
         raise FileFormatError(f"{file} does not state its frame rate: pass frames_per_second=")
     if rate > _HIGHEST_RATE:
@@ -150,15 +133,16 @@ def _in_metres(
             f"{file}: the frame rate must be below {_HIGHEST_RATE:g}; found {rate:g}"
         )
     # Programs write zeros or nothing if they did not see a marker, and some write huge numbers.
-    unseen = ~(np.abs(positions) <= LARGEST).all(axis=-1) | (positions == 0.0).all(axis=-1)
-    positions = np.where(unseen[..., None], np.nan, positions)
+    unseen = ~(np.abs(read.positions) <= LARGEST).all(axis=-1)
+    unseen |= (read.positions == 0.0).all(axis=-1)
+    positions = np.where(unseen[..., None], np.nan, read.positions)
     try:
-        metres = metres_in(written_unit if unit is None else unit)
+        metres = metres_in(read.unit if unit is None else unit)
     except ArgumentError:
         if unit is not None:
             raise
-        return Markers(str(file), tuple(names), positions, rate, file.stem, None)
-    return Markers(str(file), tuple(names), metres * positions, rate, file.stem, "metres")
+        return Markers(str(file), read.names, positions, rate, file.stem, None)
+    return Markers(str(file), read.names, metres * positions, rate, file.stem, "metres")
 
 
 class _TextReader:
@@ -169,8 +153,8 @@ class _TextReader:
         self._names: list[str] = []
         self._separator: str | None = None
 
-    def read(self) -> tuple[Sequence[str], Array, float, str]:
-        """Return names of markers, positions, the frame rate (0 if unknown) and the unit."""
+    def read(self) -> Points:
+        """Return the markers; the frame rate is 0 if it is unknown."""
         values = self._header()
         names = self._names
         rows, times = array("d"), array("d")
@@ -193,7 +177,7 @@ class _TextReader:
         if not rate and duration > 0.0:
             rate = (len(times) - 1) / duration
         positions = np.array(rows).reshape(len(times), len(names), 3)
-        return names, positions, rate, values.get("units", "")
+        return Points(tuple(names), positions, rate, values.get("units", ""))
 
     def _header(self) -> dict[str, str]:
         """Return the values that the file gives before its rows, and keep the names of markers."""
