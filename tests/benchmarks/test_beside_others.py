@@ -209,22 +209,3 @@ def test_many_flat_bodies(benchmark):
                 "the product alone (BLAS)": lambda factor=factor: rows @ factor.T,
             },
         )
-
-
-@pytest.mark.parametrize("resolution", ["coarse", "full"])
-def test_growth_with_bodies_and_triangles(benchmark, resolution):
-    points = bodies(resolution).points
-    metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies(resolution).template), 0.0, 0.0, 1.0)
-    calls = {f"{n} bodies": lambda n=n: metric.dist_pairwise(points[:n]) for n in (25, 50, 100)}
-    compared(benchmark, f"all pairs in pose, {resolution}", calls)
-
-
-def test_growth_with_frames(benchmark):
-    motions = rh.datasets.load_open_motions("coarse")
-    motion = np.asarray(motions[0][:])
-    space = rh.AlignedSurfaces(motions[0].template, equip=False)
-    warping = rh.motions.DynamicTimeWarping(rh.SRNFMetric(space), heading=True)
-    calls = {
-        f"{n} frames": lambda n=n: warping.dist(motion[:n], motion[-n:]) for n in (25, 50, 100)
-    }
-    compared(benchmark, "time warping of two motions, coarse", calls)

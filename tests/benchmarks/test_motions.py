@@ -1,10 +1,12 @@
-"""Figures of motions: how well they are found when they are re-timed or noisy.
+"""Figures of motions: how well they are found when re-timed or noisy, and how fast they are posed.
 
 Run with `pytest tests/benchmarks/test_motions.py --benchmark-enable -s`.
 """
 
 import itertools
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,3 +138,29 @@ def test_people_unlike_those_of_the_model():
     ):
         scores = rh.retrieval.scores(timed_pairs(measure, noisy)[0], names)
         print(f"\nnoise of 2 mm, {name}: NN {scores.nn:.1f}, FT {scores.first_tier:.1f}")
+
+
+def test_long_recordings():
+    """A minute at 120 Hz: frames a second of performing a recording, and of posing bodies."""
+    folder = Path(__file__).parents[1] / "mocap" / "recordings"
+    recording = rh.datasets.load_bvh(folder / "cmu_01_01.bvh")
+    there_and_back = np.concatenate([np.arange(len(recording)), np.arange(len(recording))[::-1]])
+    frames = np.resize(there_and_back, 7200)
+    rotations, translations = recording.rotations[frames], recording.translations[frames]
+    long = replace(recording, rotations=rotations, translations=translations)
+    rh.datasets.retarget(recording)[:100]  # compiles what is posed
+    motion = rh.datasets.retarget(long)
+    poses, wall, processor = clocked(lambda: motion.pose_vectors)
+    places, betas = motion.translations, motion.betas
+    print(f"\nperforming: {7200 / wall:.0f} frames a second ({7200 / processor:.0f} a core)")
+    for resolution, n_frames in (("coarse", 1200), ("full", 120)):
+        model = rh.datasets.load_open_model(resolution)
+        some = rh.datasets.ArrayMotion(
+            ("", ""), 120.0, model, betas, poses[:n_frames], places[:n_frames]
+        )
+        bodies, wall, processor = clocked(lambda motion=some: motion[:], 3)
+        print(
+            f"posing, {resolution}: {n_frames / wall:.0f} frames a second "
+            f"({n_frames / processor:.0f} a core)"
+        )
+        assert np.isfinite(bodies).all()
