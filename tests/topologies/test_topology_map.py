@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scanned_people import points_at
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import pdist
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
@@ -273,6 +274,28 @@ def test_separate_parts_are_opposite_their_mirror_images():
     image = _mirrored_meshes.with_separate_parts(nowhere, faces, np.concatenate(points))
     left, right = np.arange(2 * count).reshape(2, -1)
     np.testing.assert_array_equal(image, np.concatenate([right, left, nowhere[: 2 * count]]))
+
+
+def test_parts_opposite_each_other_keep_their_shapes_and_meet_halfway():
+    """Two pairs of spheres, of which one of each is turned and the other shifted."""
+    ball, triangles = unit_sphere()
+    count, mirror = len(ball), np.array([-1.0, 1.0, 1.0])
+    centres = np.array([[2.0, 2.0, 0.0], [2.0, -2.0, 0.0]])
+    shifts = np.array([[0.05, 0.0, 0.0], [0.0, -0.04, 0.02]])
+    turns = rh.bodies.rotation_matrix(np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.1]]))
+    points, corners, image = [], [], []
+    for centre, shift, turn in zip(centres, shifts, turns, strict=True):
+        first, second = np.arange(2 * count).reshape(2, -1) + count * len(points)
+        points += [ball @ turn + centre, (ball + centre + shift) * mirror]
+        corners += [triangles + first[0], triangles[:, ::-1] + second[0]]
+        image += [second, first]
+    averaged = _mirrored_meshes.symmetric_points(
+        np.concatenate(points), np.concatenate(image), np.concatenate(corners)
+    ).reshape(2, 2, count, 3)
+    for (left, right), centre, shift in zip(averaged, centres, shifts, strict=True):
+        np.testing.assert_allclose(right, left * mirror, atol=1e-12)
+        np.testing.assert_allclose(left.mean(axis=0), centre + shift / 2, atol=1e-12)
+        np.testing.assert_allclose(pdist(left), pdist(ball), atol=1e-12)
 
 
 @pytest.fixture(scope="module")
