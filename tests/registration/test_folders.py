@@ -150,6 +150,25 @@ def test_damaged_records_are_refused(registered, folders, change):
         read_records(folders[1])
 
 
+@pytest.mark.slow
+def test_the_page_shows_every_scan(registered, folders):
+    page = rh.report.scan_page(folders[1])
+    text = page.read_text(encoding="utf-8")
+    assert page == folders[1] / "index.html"
+    assert text.index("<h3>broken") < text.index("<h3>anna")
+    assert text.count("not trusted</strong>") == 2
+    assert text.count('alt="body registered to the scan anna"') == 1
+    assert text.count('class="colour-bar"') == 1
+    assert 'href="views/anna.html"' in text
+    assert "views/broken.html" not in text  # it has no body
+    view = folders[1] / "views" / "anna.html"
+    assert 'data-scan="cut"' in view.read_text(encoding="utf-8")
+    assert " mm of the body" in view.read_text(encoding="utf-8")
+    rh.report.scan_page(folders[1], units="in")
+    assert " in of the body" in view.read_text(encoding="utf-8")
+    assert " mm" not in view.read_text(encoding="utf-8").split("<script")[0]
+
+
 def test_folders_without_scans_are_refused(tmp_path, registration):
     (tmp_path / "._anna.ply").write_bytes(b"a hidden file that macOS writes beside a scan")
     with pytest.raises(rh.errors.FileError, match="holds no scans"):

@@ -3,7 +3,10 @@
 import pytest
 
 from riemhuman.registration._messages import (
+    MARK_JOINTS,
+    OPEN_HANDS,
     in_words,
+    join_reasons,
     join_words,
     part_in_words,
     parts_in_words,
@@ -52,3 +55,10 @@ def test_words():
     assert [join_words(list(some)) for some in ("", "a", "ab", "abc")] == [
         "", "a", "a and b", "a, b and c",
     ]  # fmt: skip
+
+
+def test_what_to_do_is_said_once_and_last():
+    reasons = [f"arms: a; {MARK_JOINTS}", f"hands: b; {OPEN_HANDS}", f"legs: c; {MARK_JOINTS}"]
+    said = "; ".join(["arms: a", "hands: b", "legs: c", MARK_JOINTS, OPEN_HANDS])
+    assert join_reasons(reasons) == said
+    assert join_reasons(["the feet were not seen"]) == "the feet were not seen"
