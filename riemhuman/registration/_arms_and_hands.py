@@ -31,7 +31,7 @@ from riemhuman.registration._constants import (
 )
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
-from riemhuman.registration._limbs import ArmSurface, are_less, points_on
+from riemhuman.registration._limbs import ArmSurface, are_less, limited_distances, points_on
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
 from riemhuman.registration._start_search import find_likelihoods
@@ -170,7 +170,7 @@ def elastic_arms(
 def _cost(arm: ArmSurface, points: Array, pose: Pose) -> float:
     """Return the mean distance of points from an arm, raised if the arm is implausible."""
     surface = pose_body(arm.skin, pose).points
-    distances = arm.distances(surface, points, ARM_METRES)
+    distances = limited_distances(points, surface, arm.faces, ARM_METRES)
     return arm.strain(pose.local) * float(distances.mean())
 
 
@@ -192,7 +192,7 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
 def _elastic_arm(task: DenseTask, arm: ArmSurface, points: Array, pose: Pose) -> ArmFit:
     surface = pose_body(arm.skin, pose).points
     fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, ARM_STIFFNESSES)
-    distances = arm.distances(fitted, points, ARM_METRES)
+    distances = limited_distances(points, fitted, arm.faces, ARM_METRES)
     return ArmFit(pose, surface, distances, arm.strain(pose.local))
 
 
@@ -240,7 +240,7 @@ def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands
 
 def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: Array) -> HandFit:
     surface = pose_body(arm.skin, pose).points
-    distances = arm.distances(surface, points, HAND_METRES)
+    distances = limited_distances(points, surface, arm.faces, HAND_METRES)
     return HandFit(pose, prior, surface, distances)
 
 

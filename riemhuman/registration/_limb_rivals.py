@@ -18,7 +18,6 @@ from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.bodies import rotation_matrix
-from riemhuman.bodies.skinning import JointMotions
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._arms_and_hands import (
     BodyFit,
@@ -93,11 +92,6 @@ class _Limb:
 
     def strain(self, pose: Pose) -> float:
         return 1.0 if self.arm is None else self.arm.strain(pose.local)
-
-    def joint_positions(self, pose: Pose) -> Array:
-        motions = JointMotions(self.samples.skeleton, pose.local, pose.betas)
-        positions: Array = motions.positions + pose.trans
-        return positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,7 +350,7 @@ def _displaced_in_rivals(
     poses = [pose, *later]
     costs = surface_of_limb.costs(poses, seen, EXCHANGED_METRES)
     surfaces = [surface_of_limb.points(candidate) for candidate in poses]
-    joints = [limb.joint_positions(candidate) for candidate in poses]
+    joints = [task.body.joint_motions(candidate).positions + candidate.trans for candidate in poses]
     for k, surface, cost, rival in zip(near, surfaces[2:], costs[2:], joints[2:], strict=True):
         joint = starts[k].joint
         moved = np.inf if joint is None else np.linalg.norm(rival[joint] - joints[0][joint])

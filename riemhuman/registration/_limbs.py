@@ -139,10 +139,6 @@ class ArmSurface:
     raised: Array
     straight: Array
 
-    def distances(self, surface: Array, points: Array, farthest: float) -> Array:
-        """Return the distances of points from the surface of the arm, metres."""
-        return np.minimum(nearest_points(points, surface, self.faces)[1], farthest)
-
     def strain(self, local: Array) -> float:
         """Return the factor by which distances count more, the less plausible the arm is."""
         elbow, wrist = local[self.joints[-2:]]

@@ -12,7 +12,7 @@ from riemhuman.provided import View, notebook_pictures
 from riemhuman.registration._arms_and_hands import ArmsFit
 from riemhuman.registration._dense_fit import DenseFit
 from riemhuman.registration._elastic_step import ElasticFit
-from riemhuman.registration._start_search import Candidate, Search
+from riemhuman.registration._start_search import Search
 from riemhuman.registration._verdict import Verdict
 from riemhuman.registration.scans import Scan
 from riemhuman.surfaces.nearest_points import SurfacePoints
@@ -69,16 +69,14 @@ class RegistrationTrace:
         The first is the start that led to it, the last the surface that left the model.
         """
         body, candidates = self.search.body, self.search.candidates
+        start = self.search.starts[candidates[0].number]
         return {
-            "start": body.surface(self._first_start().pose),
+            "start": body.surface(start.pose),
             "search": body.surface(candidates[0].pose),
             "dense fit": body.surface(self.dense.pose),
             "arms and hands": body.surface(self.arms.pose),
             "elastic step": self.elastic.points,
         }
-
-    def _first_start(self) -> Candidate:
-        return self.search.starts[self.search.candidates[0].number]
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,6 +121,7 @@ def clusters(seed):
 
 def test_bodies_of_classes_hide_no_point_and_no_name(nine_bodies):
     positions, labels = clusters(1)
+    positions = 0.1 * positions  # as of small distances
     names = [f"person number {label} of the set" for label in range(10)]
     figure = new_figure(4.5, 4.8)
     surfaces = np.repeat(nine_bodies.points[:1], len(positions), axis=0)
