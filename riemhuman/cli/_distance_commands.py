@@ -525,9 +525,6 @@ def _report(options: argparse.Namespace) -> cli.Answer:
     for place in (options.bodies, options.faust, options.dfaust, options.scans):
         if place is not None and not place.exists():
             raise FileError(f"there is no file or folder {place}")
-    from riemhuman.io.outputs import absolute
-
-    absolute(options.output)  # before the work, not after it
     import_matplotlib(extra="report")  # before the work, not after it
     motions = options.dfaust and rh.datasets.load_dfaust(options.dfaust)
     with options.task("Loading the bodies"):

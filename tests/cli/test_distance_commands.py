@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shutil
-import sys
 from dataclasses import asdict
 
 import h5py
@@ -292,17 +291,6 @@ def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, mat
     found = json.loads(run(*given, "--allow-missing").out)
     distances = load_arrays(matrix, ["distances"])["distances"]
     assert found["subject"] == asdict(scores(distances[:5, :5], [0, 0, 0, 1, 1]))
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps working folders")
-def test_a_report_in_a_working_folder_that_is_gone(refused, scans, tmp_path, monkeypatch):
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    monkeypatch.chdir(gone)
-    gone.rmdir()
-    said = refused("report", "--bodies", scans, "-o", "report")
-    assert said.startswith("riemhuman: report cannot be written: the working folder exists no lon")
 
 
 def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):

@@ -36,27 +36,35 @@ def test_axes_of_each_joint_of_the_trunk_do_not_matter(recording, frames):
         np.testing.assert_allclose(turned[:], frames, atol=1e-6)
 
 
+def in_space(model, betas, motions):
+    """Return the rotations of joints in space, and their places, of two motions."""
+    rest, order = model.joints(betas), model.joint_order
+    return [
+        joint_motions(rest, rotation_matrix(motion.pose_vectors), model.parents, order)
+        for motion in motions
+    ]
+
+
+def performed(model, subject, sequence):
+    """Return an open motion, and what a body makes of it in other axes of joints."""
+    motion = load_open_motions("coarse", subject, sequence, 15)[0]
+    recording = recording_of(model, motion.betas, motion.pose_vectors, motion.translations, 15.0)
+    axes = Rotation.random(len(recording.parents), random_state=1).as_matrix()
+    return motion, retarget(with_axes(recording, axes), model, betas=motion.betas)
+
+
 @pytest.mark.parametrize("sequence", ["punching", "hips"])
 def test_parts_are_rotated_as_those_of_the_person(model, sequence):
-    motion = load_open_motions("coarse", "lean runner", sequence, 15)[0]
-    poses, translations = motion.pose_vectors, motion.translations
-    recording = recording_of(model, motion.betas, poses, translations, 15.0)
-    axes = Rotation.random(len(recording.parents), random_state=1).as_matrix()
-    found = retarget(with_axes(recording, axes), model, betas=motion.betas)
-    made, true = (
-        joint_motions(
-            model.joints(motion.betas), rotation_matrix(vectors), model.parents, model.joint_order
-        )[0]
-        for vectors in (found.pose_vectors, poses)
-    )
+    motion, found = performed(model, "lean runner", sequence)
+    (made, _), (true, _) = in_space(model, motion.betas, (found, motion))
     angles = np.degrees(np.linalg.norm(log(made, true), axis=-1)).mean(axis=0)
     by_name = dict(zip(model.joint_names, angles, strict=True))
-    parts = ("collar", "shoulder", "elbow", "hip", "knee")
+    limbs = ("collar", "shoulder", "elbow", "hip", "knee")
     for part in (
         "pelvis",
         "chest",
         "head",
-        *(f"{s}_{p}" for s in ("left", "right") for p in parts),
+        *(f"{s}_{p}" for s in ("left", "right") for p in limbs),
     ):
         assert by_name[part] < 8.0, part
     errors = found.errors
@@ -76,22 +84,13 @@ def test_parts_are_rotated_as_those_of_the_person(model, sequence):
     ],
 )
 def test_feet_in_the_air_and_raised_heels(model, subject, sequence, limit):
-    motion = load_open_motions("coarse", subject, sequence, 15)[0]
-    recording = recording_of(model, motion.betas, motion.pose_vectors, motion.translations, 15.0)
-    axes = Rotation.random(len(recording.parents), random_state=1).as_matrix()
-    found = retarget(with_axes(recording, axes), model, betas=motion.betas)
-    made, true = (
-        joint_motions(
-            model.joints(motion.betas), rotation_matrix(vectors), model.parents, model.joint_order
-        )
-        for vectors in (found.pose_vectors, motion.pose_vectors)
-    )
+    motion, found = performed(model, subject, sequence)
+    made, true = in_space(model, motion.betas, (found, motion))
     for side in ("left", "right"):
-        ankle, toes = (model.joint_names.index(f"{side}_{part}") for part in ("ankle", "toes"))
-        feet = [ankle, toes]
+        feet = [model.joint_names.index(f"{side}_{part}") for part in ("ankle", "toes")]
         angles = np.degrees(np.linalg.norm(log(made[0][:, feet], true[0][:, feet]), axis=-1))
         assert angles.mean(axis=0).max() < limit
-        heels = [places[:, ankle] - places[:, toes] for _, places in (made, true)]
+        heels = [places[:, feet[0]] - places[:, feet[1]] for _, places in (made, true)]
         np.testing.assert_allclose(*heels, atol=0.015)
 
 

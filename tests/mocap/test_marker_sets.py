@@ -95,12 +95,6 @@ SETS = {
         ("elbow", "lateral"): "{}.Elbow", ("wrist", "lateral"): "{}.Wrist.Lat",
         ("wrist", "medial"): "{}.Wrist.Med",
     },
-    "sprinters": PLUG_IN_GAIT
-    | {("shoulder", "above"): "{}SH", ("knee", "lateral"): "{}LEPI", ("ankle", "lateral"): "{}LMAL",
-       ("wrist", "lateral"): "{}W1", ("wrist", "medial"): "{}W2"},
-    "Human Body Model": PLUG_IN_GAIT
-    | {("knee", "lateral"): "{}LEK", ("ankle", "lateral"): "{}LM", ("elbow", "lateral"): "{}LEE",
-       ("elbow", "medial"): "{}MEE", ("wrist", "lateral"): "{}LW", ("wrist", "medial"): "{}MW"},
     "OptiTrack": PLUG_IN_GAIT
     | {("pelvis", "front"): "Waist{}Front", ("pelvis", "back"): "Waist{}Back",
        ("knee", "lateral"): "{}KneeOut", ("ankle", "lateral"): "{}AnkleOut",
