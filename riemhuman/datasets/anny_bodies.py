@@ -83,8 +83,6 @@ def bodies_from_anny(vertices: ArrayLike) -> Array:
 def anny_bodies(
     phenotypes: Mapping[str, ArrayLike],
     pose: ArrayLike | None = None,
-    *,
-    pose_parameterization: str = "local-ref",
 ) -> Array:
     """Return bodies of the open model at full resolution from Anny's parameters.
 
@@ -97,9 +95,8 @@ def anny_bodies(
         Values from 0 to 1 of "gender", "age", "muscle", "weight", "height" and "proportions"; 0.5
         for those that are missing.
     pose : array_like, shape (n, 104, 4, 4), optional
-        Rigid motions of the bones of Anny's default rig; by default the rest pose.
-    pose_parameterization : str
-        Parameterisation of the pose, as Anny names it.
+        Rigid motions of the bones of Anny's default rig, in the parameterisation that Anny names
+        "local-ref"; by default the rest pose.
 
     Returns
     -------
@@ -133,7 +130,7 @@ def anny_bodies(
             phenotype_kwargs={
                 name: torch.tensor(value, dtype=model.dtype) for name, value in values.items()
             },
-            pose_parameterization=pose_parameterization,
+            pose_parameterization="local-ref",
         )
     return bodies_from_anny(output["vertices"].numpy())
 

@@ -17,7 +17,6 @@ from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.motions._frames import (
     Motion,
-    face_forward,
     frame_count,
     read_motion,
     surfaces_between,
@@ -120,18 +119,6 @@ class MotionSpace(Manifold):
             start, end = read_motion(self.frames, motion[k : k + 2], f"{name}[{k}:{k + 2}]")
             result[is_inside] = surfaces_between(self.frames, start, end, places[is_inside] - k)
         return result
-
-    def face_forward(self, motion: Motion) -> Array:
-        """Return a motion with every frame rotated in place to face as the template does.
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-        """
-        frames = read_motion(self.frames, motion)
-        places = frames.mean(axis=1, keepdims=True)
-        turned: Array = face_forward(self.frames, frames - places) + places
-        return turned
 
 
 def _times_within(at: ArrayLike, last: int) -> Array:
