@@ -244,15 +244,20 @@ class AreaMetric(SmoothedMetric):
 
     @property
     def bulk(self) -> Bulk:
+        return SumOfFactors([Factor(self.compiled_log_areas, 1.0, self.target_metric.bulk)])
 
-        def fields(points: Points) -> Array:
-            surfaces, template = self.space.check_point(points, "points"), self.space.template
-            averages = np.empty((len(surfaces), template.n_vertices))
-            for row, ratios in zip(averages, area_ratios(surfaces, template), strict=True):
-                row[:] = self._averages(ratios)
-            return self._smoothed(averages)
+    def compiled_log_areas(self, points: Points) -> Array:
+        """Return `log_areas` of several surfaces, faster but without derivatives, shape (n, V).
 
-        return SumOfFactors([Factor(fields, 1.0, self.target_metric.bulk)])
+        Parameters
+        ----------
+        points : array, shape (n, V, 3)
+        """
+        surfaces, template = self.space.check_point(points, "points"), self.space.template
+        averages = np.empty((len(surfaces), template.n_vertices))
+        for row, ratios in zip(averages, area_ratios(surfaces, template), strict=True):
+            row[:] = self._averages(ratios)
+        return self._smoothed(averages)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         return np.sqrt(self.space.template.vertex_heat.masses) * self.log_areas(points)

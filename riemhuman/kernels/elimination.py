@@ -11,6 +11,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.compilation import FUSED, compiled
+from riemhuman.kernels.threads import slices
 
 
 class Elimination(NamedTuple):
@@ -41,21 +42,60 @@ def symmetric_factor(matrix: sparse.csr_array) -> SuperLU:
     )
 
 
+# Columns that are solved together, as many as a rotation has entries. Those that are missing are
+# filled up with zeros, so that no column depends on how many there are.
+_TOGETHER = 9
+
+
 class SymmetricSolver:
     """Solves A X = B for a sparse matrix A, symmetric and positive definite, factorised once.
 
-    Columns are solved one by one: each comes out the same, to the last bit, whichever others are
-    there.
+    Each column comes out the same, to the last bit, whichever others are there.
     """
 
     def __init__(self, matrix: sparse.csr_array) -> None:
-        self._factor = symmetric_factor(matrix)
+        # Without pivoting A = L D Lᵀ, rows and columns in one order.
+        factor = symmetric_factor(matrix)
+        lower = sparse.tril(factor.L, -1, format="csc")
+        self._order = np.argsort(factor.perm_c)
+        self._ends, self._rows, self._entries = lower.indptr, lower.indices, lower.data
+        self._pivots = factor.U.diagonal()
 
     def solve(self, values: Array) -> Array:
         """Return X for right sides B, shape (n,) or (n, k)."""
-        columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
-        solved = np.array([self._factor.solve(column) for column in columns])
-        return solved.reshape(columns.shape).T.reshape(values.shape)
+        columns = values.reshape(len(values), -1)
+        solved = np.empty(columns.shape)
+        for part in slices(columns.shape[1], _TOGETHER):
+            n_columns = part.stop - part.start
+            x = np.zeros((len(columns), _TOGETHER))
+            x[:, :n_columns] = columns[self._order, part]
+            _solve_symmetric(self._ends, self._rows, self._entries, self._pivots, x)
+            solved[self._order, part] = x[:, :n_columns]
+        return solved.reshape(values.shape)
+
+
+@compiled(fastmath=FUSED)
+def _solve_symmetric(
+    ends: Integers, rows: Integers, entries: Array, pivots: Array, x: Array
+) -> None:
+    """Replace X, of `_TOGETHER` columns, by (L D Lᵀ)⁻¹ X."""
+    y = np.empty(_TOGETHER)
+    for j in range(len(x)):
+        for i in range(_TOGETHER):
+            y[i] = x[j, i]
+        for p in range(ends[j], ends[j + 1]):
+            row, entry = rows[p], entries[p]
+            for i in range(_TOGETHER):
+                x[row, i] -= entry * y[i]
+    for j in range(len(x) - 1, -1, -1):
+        for i in range(_TOGETHER):
+            y[i] = x[j, i] / pivots[j]
+        for p in range(ends[j], ends[j + 1]):
+            row, entry = rows[p], entries[p]
+            for i in range(_TOGETHER):
+                y[i] -= entry * x[row, i]
+        for i in range(_TOGETHER):
+            x[j, i] = y[i]
 
 
 def elimination_of(matrix: sparse.bsr_array) -> Elimination:

@@ -14,6 +14,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AreaMetric, PullbackMetric
 from riemhuman.geometry.manifold import SurfaceSpace, surface_space
+from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.io.arrays import load_arrays
 from riemhuman.surfaces import Template
@@ -81,7 +82,16 @@ class PersonMetric(PullbackMetric):
         ----------
         f : array, shape (..., V, 3)
         """
-        fields = self._areas.log_areas(f)
+        return self._without_poses(self._areas.log_areas(f))
+
+    @property
+    def bulk(self) -> Bulk:
+        def fields(points: Points) -> Array:
+            return self._without_poses(self._areas.compiled_log_areas(points))
+
+        return SumOfFactors([Factor(fields, 1.0, self.target_metric.bulk)])
+
+    def _without_poses(self, fields: Array) -> Array:
         return fields - np.dot(np.dot(fields, self._measured), self._removed.T)
 
     def lower_bound_coordinates(self, points: Points) -> Array:

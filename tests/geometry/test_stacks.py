@@ -18,10 +18,10 @@ PATHS = ("energy", "length")
 IN_CLOSED_FORM = ("exp", "log", "parallel_transport", "injectivity_radius", "geodesic")
 # One path or a set of points at a time, or no points at all.
 ALONE = {
-    "bulk", "cdist", "check_points", "closest_neighbor_index", "dist_pairwise",
-    "energy_and_gradient", "features", "gram_matrix", "log_areas", "lower_bound_coordinates", "map",
-    "metric_matrix", "remove_drift", "rotations", "with_stretching",
-    "squared_dists_and_gradient",
+    "bulk", "cdist", "check_points", "closest_neighbor_index", "compiled_log_areas",
+    "dist_pairwise", "energy_and_gradient", "features", "gram_matrix", "log_areas",
+    "lower_bound_coordinates", "map", "metric_matrix", "remove_drift", "rotations",
+    "squared_dists_and_gradient", "with_stretching",
 }  # fmt: skip
 
 

@@ -62,6 +62,8 @@ def test_distances_are_those_of_coordinates_and_ignore_place_and_direction(bodie
     turn = Rotation.from_euler("xyz", [20, 70, -30], degrees=True).as_matrix()
     expected = metric.dist(first, second)
     assert metric.dist(first, second @ turn.T + 0.3) == pytest.approx(expected)
+    table = metric.dist_pairwise(bodies.points[[0, 17]], precision="double")
+    np.testing.assert_allclose(table[0, 1], expected, rtol=1e-9)
     coordinates = metric.lower_bound_coordinates(bodies.points[[0, 17]])
     assert np.linalg.norm(coordinates[0] - coordinates[1]) == pytest.approx(expected)
     direction = np.random.default_rng(1).standard_normal(first.shape)
