@@ -31,6 +31,7 @@ from riemhuman.checks import (
 from riemhuman.checks.labels import texts_of
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError, shown
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io.files import file_path, json_value, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
@@ -192,6 +193,16 @@ class MeasurementSet:
     def surface(self) -> Template:
         """The template as a surface, also for a body model."""
         return _surface_of(self.template)
+
+    @cached_property
+    def space(self) -> AlignedSurfaces:
+        """Bodies of any size that have the template's triangles."""
+        return AlignedSurfaces(self.surface, equip=False, scale=None)
+
+    @cached_property
+    def pose_metric(self) -> ElasticMetric:
+        """The metric by which poses of these bodies are compared."""
+        return ElasticMetric(self.space, 0.0, 0.0, 1.0)
 
     @property
     def vertices(self) -> Array:

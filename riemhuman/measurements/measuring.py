@@ -27,7 +27,6 @@ from riemhuman.checks.memory import check_memory
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError, shown
 from riemhuman.extensions import extensions
-from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
 from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.measurements.definitions import Measurement, nearest_name
@@ -376,7 +375,7 @@ def _measurement_set(
             "the open body model to it with MeasurementSet.mapped"
         )
     added = [define() for define in extensions("measurements").values()]
-    return open_set.with_measurements([*open_set.measurements, *added])
+    return open_set.with_measurements([*open_set.measurements, *added]) if added else open_set
 
 
 @overload
@@ -456,7 +455,6 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     points = real_array(points, "points", (definitions.n_vertices, 3))
     hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
     fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
-    space = AlignedSurfaces(model.template, equip=False, scale=None)
     transfer = ShapeTransfer()
     straight = np.empty_like(points)
     for index in np.ndindex(points.shape[:-2]):
@@ -465,7 +463,7 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
         target = model(fit.betas[index], _standard_pose_of(definitions, fit.pose[index]))
         detail = points[index] - fitted
         detail *= _shares_of_person(definitions, fit.pose[index])[:, np.newaxis]
-        straight[index] = transfer.solve(space, fitted, fitted + detail, target)
+        straight[index] = transfer.solve(definitions.space, fitted, fitted + detail, target)
     return straight
 
 

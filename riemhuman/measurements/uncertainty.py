@@ -10,7 +10,6 @@ from riemhuman.arrays import Array, ArrayLike
 from riemhuman.checks import checked, instance, real_array
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements.measurement_set import MeasurementSet, load_json
 from riemhuman.surfaces.procrustes import procrustes
 
@@ -50,10 +49,8 @@ def pose_distance(definitions: MeasurementSet, points_a: ArrayLike, points_b: Ar
     aligned = np.empty(points_b.shape)
     for index in np.ndindex(points_b.shape[:-2]):
         aligned[index] = procrustes(points_b[index], to=points_a[index], scale=None)
-    template = definitions.surface
-    space = AlignedSurfaces(template, equip=False, scale=None)
-    distances = ElasticMetric(space, 0.0, 0.0, 1.0).dist(points_a, aligned)
-    to_reference = np.sqrt(_AREA / template.face_areas.sum())
+    distances = definitions.pose_metric.dist(points_a, aligned)
+    to_reference = np.sqrt(_AREA / definitions.surface.face_areas.sum())
     return np.asarray(to_reference * distances)
 
 

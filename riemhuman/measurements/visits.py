@@ -10,7 +10,6 @@ import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
 from riemhuman.checks import checked, instance, mask, real_array
-from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.measurements.readable_units import readable_unit
@@ -173,9 +172,7 @@ def compare_visits(
     if trusted_vertices is not None:
         known_in_both = np.all(np.broadcast_to(trusted_vertices, straight.shape[:2]), axis=0)
     first, second = straight[0], procrustes(straight[1], to=straight[0])
-    assert definitions.model is not None
-    space = AlignedSurfaces(definitions.model.template, equip=False, scale=None)
-    areas = space.face_areas(straight)
+    areas = definitions.space.face_areas(straight)
     is_face_known = known_in_both[definitions.faces].all(axis=1)
     area_changes = np.where(is_face_known, np.log(areas[1] / areas[0]), np.nan)
     outward = np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1)
