@@ -12,6 +12,7 @@ from riemhuman.measurements import (
     predict_measurements,
 )
 from riemhuman.measurements.adults import adults
+from riemhuman.measurements.bodies_from_measurements import _mixture_of_adults
 from riemhuman.measurements.predicted_measurements import predict
 
 SIXTEEN = (
@@ -25,6 +26,18 @@ SIXTEEN = (
 @pytest.fixture(scope="module")
 def measurements():
     return Measurements(load_open_model("coarse"))
+
+
+def test_adults_of_both_sexes_are_spread_as_their_mixture():
+    """Their second moments are those of the sexes, weighted by their shares."""
+    shares = {"woman": 0.3, "man": 0.7}
+    mean, covariance = _mixture_of_adults(shares)
+    moments = np.zeros_like(covariance)
+    for sex, share in shares.items():
+        alone, within = _mixture_of_adults({sex: 1.0})
+        moments += share * (within + np.outer(alone, alone))
+    np.testing.assert_allclose(covariance + np.outer(mean, mean), moments, atol=1e-12)
+    assert np.trace(covariance) > np.trace(within)
 
 
 @pytest.mark.slow
