@@ -45,22 +45,7 @@ def mean(inputs, outputs):
     return cli("mean", inputs, "-o", outputs / "mean.ply", "--force", "-q", "--n-components", 4)
 
 
-def geodesic(inputs, outputs):
-    """Write a folder of meshes, figures and a page."""
-    ends = inputs / "body_0.ply", inputs / "body_1.ply"
-    few = ("--n-components", 4, "--n-nodes", 3)
-    return cli("geodesic", *ends, "-o", outputs / "path", "--force", "-q", *few)
-
-
-def basis(inputs, outputs):
-    """Write an archive of arrays."""
-    few = ("--n-components", 4, "--step", 1)
-    return cli("basis", inputs, "-o", outputs / "basis.npz", "--force", "-q", *few)
-
-
-OPERATIONS = {
-    function.__name__: function for function in (resumable_matrix, align, mean, geodesic, basis)
-}
+OPERATIONS = {function.__name__: function for function in (resumable_matrix, align, mean)}
 
 
 def make_inputs(folder, seed):

@@ -67,8 +67,7 @@ def content(folder):
     files = (file for file in sorted(folder.rglob("*")) if file.is_file())
     names = {str(file.relative_to(folder)): file for file in files}
     return {
-        # A geodesic says how long it took.
-        name: re.sub(rb'"seconds": [0-9.e-]+', b'"seconds": 0', file.read_bytes())
+        name: file.read_bytes()
         for name, file in names.items()
         if not any(part.startswith(".") for part in name.split("/"))
         and not name.startswith("work/")
