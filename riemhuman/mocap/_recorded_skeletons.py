@@ -139,8 +139,9 @@ def read_skeleton(
             is_long[:] = True
         axes = upward_axis(positions[is_long], directions[is_long], leg, at_rest, convention)
         up = chosen_axis(recording.name, axes)
-    upright = make_upright(np.eye(3), up=up).T
-    rotations, positions = upright @ rotations, positions @ upright.T
+    if up != "y":
+        upright = make_upright(np.eye(3), up=up).T
+        rotations, positions = upright @ rotations, positions @ upright.T
     is_valid = _is_on_one_floor(parts, positions, leg)
     ankles = [joints[f"{side}_ankle"] for side in SIDES]
     balls = [joints.get(f"{side}_toes", joints[f"{side}_ankle"]) for side in SIDES]
