@@ -30,8 +30,8 @@ LAYOUTS = {
     "real count": {"extra": {"POINT:FRAMES": np.float32(7.0)}},
     "wrong header": {"last": 0, "extra": {"POINT:FRAMES": np.int16(7)}},
     "long recording": {"first": 65535, "last": 65535, "extra": {
-        "TRIAL:ACTUAL_START_FIELD": np.array([1, 1], "i2"),
-        "TRIAL:ACTUAL_END_FIELD": np.array([7, 1], "i2")}},
+        "TRIAL:ACTUAL_START_FIELD": np.array([-6, 0], "i2"),  # 65530, which looks negative
+        "TRIAL:ACTUAL_END_FIELD": np.array([0, 1], "i2")}},
     "groups last": {"groups_last": True},
 }  # fmt: skip
 

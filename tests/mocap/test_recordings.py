@@ -236,7 +236,7 @@ def avatar(path, **changes):
 
 
 def test_avatars_of_smpl_files(smpl, tmp_path):
-    path = avatar(tmp_path / "walk.smpl")
+    path = avatar(tmp_path / "walk.smpl", frameRate=np.array([24.0], np.float32))
     motion = load_recording(path, smpl, up="y")
     assert motion.frames_per_second == 24.0
     np.testing.assert_allclose(motion.pose_vectors[:, :22], POSES[:, :22], atol=1e-6)
