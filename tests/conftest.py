@@ -27,7 +27,7 @@ def pytest_configure():
 
 
 def pytest_collection_finish():
-    """Collect that of tests."""
+    """Collect garbage again, of tests alone."""
     gc.freeze()
     gc.enable()
 

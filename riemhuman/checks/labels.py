@@ -68,7 +68,7 @@ def label_list(labels: Labels, name: str, count: int) -> list[Hashable]:
 
 def is_missing_label(value: object) -> bool:
     """Return whether a label is missing, see `label_list`."""
-    if value is None:
+    if value is None or value is np.ma.masked:
         return True
     if isinstance(value, str):
         return not value.strip() or value.strip() in _MISSING_TEXTS

@@ -28,6 +28,7 @@ KINDS = {
     "single precision": np.array(with_missing(NUMBERS, np.nan), np.float32),
     "arrays of no dimension": [np.array(label) for label in with_missing(NUMBERS, np.nan)],
     "NaT": np.array(with_missing(["2020", "2021", "2022"] * 4, "NaT"), "datetime64[Y]"),
+    "masked": with_missing(NUMBERS, np.ma.masked),
     "NA": with_missing(TEXT, pandas.NA),
     "pandas' NaT": with_missing(TEXT, pandas.NaT),
     "nullable integers": pandas.Series(with_missing(NUMBERS, None), dtype="Int64"),
