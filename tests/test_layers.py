@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 from public_names import public_objects
+from scipy.sparse import lil_array
+from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).parents[1]
 
@@ -157,6 +159,38 @@ def files_of(package):
         parts = path.relative_to(package.parent).with_suffix("").parts
         modules[".".join(parts).removesuffix(".__init__")] = path
     return modules
+
+
+def circles(package):
+    """Return the strongly connected components of the imports, of more than one module."""
+    modules = files_of(package)
+    numbers = {name: number for number, name in enumerate(modules)}
+    graph = lil_array((len(modules), len(modules)))
+    for name, path in modules.items():
+        for other in imported(name, path, modules):
+            graph[numbers[name], numbers[other]] = 1
+    _, labels = connected_components(graph.tocsr(), connection="strong")
+    components = {}
+    for name, label in zip(modules, labels.tolist(), strict=True):
+        components.setdefault(label, []).append(name)
+    return [sorted(component) for component in components.values() if len(component) > 1]
+
+
+def test_no_modules_import_each_other():
+    assert circles(ROOT / "riemhuman") == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "def f():\n    from riemhuman.solvers import results",
+        "def f():\n    importlib.import_module('riemhuman.solvers.paths')",
+    ],
+)
+def test_imports_that_run_late_are_seen(twin, line):
+    append(twin / "geometry" / "metric.py", line)
+    (circle,) = circles(twin)
+    assert "riemhuman.geometry.metric" in circle
 
 
 def test_modules_are_imported_by_names_that_checkers_see():
