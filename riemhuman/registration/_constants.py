@@ -387,11 +387,8 @@ LIMB_MARGIN = 0.35
 # The same for another pose of the hand, for which only the fingers are compared.
 HAND_MARGIN = 0.2
 
-# Fingers are not trusted if their points are farther from the nearest pose of the hand than those
-# on the same arm from the arm, by this factor of the mean.
-MOST_HAND_EXCESS = 2.5
-
-# And if the nearest pose is farther from them than this share of the median of all poses.
+# Fingers are not trusted if the nearest pose of the hand is farther from their points than this
+# share of the median of all poses.
 LEAST_TOLD_APART = 0.8
 
 # And if less than this share of their vertices have counterparts in the scan.
@@ -406,9 +403,6 @@ MOST_LIMB_EXCESS = 1.9
 
 # A smaller mean distance from the rest of the body counts as this one, metres.
 LEAST_REST_METRES = 0.0007
-
-# Smallest mean distance used for the arm, because hands have finer detail, metres.
-LEAST_USUAL_METRES = 0.0015
 
 # The same share for another rotation of the head.
 HEAD_MARGIN = 0.1

@@ -34,17 +34,14 @@ from riemhuman.registration._constants import (
     ELBOW_SWINGS,
     EXCHANGED_METRES,
     HAND_MARGIN,
-    HAND_METRES,
     HEAD_MARGIN,
     HEAD_TURNS,
     LEAST_DISPLACED,
     LEAST_HAND_SHOWN,
     LEAST_SWUNG,
     LEAST_TOLD_APART,
-    LEAST_USUAL_METRES,
     LIMB_MARGIN,
     MOST_FINGER_EXCESS,
-    MOST_HAND_EXCESS,
     MOST_LIMB_EXCESS,
     MOST_TOUCHING,
     N_FIRST_STEPS,
@@ -227,9 +224,7 @@ def _other_hand(
 ) -> list[LimbDoubt]:
     """Return doubt about fingers that might just as well be in another pose."""
     costs = np.array([fit.cost for fit in fits])
-    usual = _usual_distance(body, arm)
-    is_far = costs.min() > MOST_HAND_EXCESS * usual
-    is_far |= shown.excess[arm.joints[-1]] > MOST_FINGER_EXCESS
+    is_far = shown.excess[arm.joints[-1]] > MOST_FINGER_EXCESS
     # If one pose explains a hand, others are much farther, whatever noise and flesh add.
     is_no_better = costs.min() > LEAST_TOLD_APART * np.median(costs)
     margin, why = np.inf, "no pose of its fingers fits the scan"
@@ -239,24 +234,6 @@ def _other_hand(
         margin, why = HAND_MARGIN, "its fingers may be open or bent"
     uncertain = _uncertain_fingers(arm, fits, margin)
     return _doubts_about(body, uncertain, f"{arm.side} hand: {why}", OPEN_HANDS)
-
-
-def _usual_distance(body: BodyFit, arm: ArmSurface) -> float:
-    """Return the mean distance of points from a hand where the model fits it like its arm, metres.
-
-    The noise of a scan and what the model cannot show of a person are in both.
-    """
-    task, parts, pose = body.task, body.task.body.parts, body.fit.pose
-    on_arm = np.flatnonzero(np.isin(parts.owners, arm.joints[1:-1]))
-    points = points_on(task.scan.points, body.fit.model_points, on_arm)
-    if not len(points):
-        return LEAST_USUAL_METRES
-    points = points[:: max(len(points) // N_RIVAL_COMPARED, 1)]
-    around = np.flatnonzero(parts.vertices([int(arm.joints[0])]))
-    surface = pose_body(task.body.samples(None).only(around), pose).points
-    faces = faces_among(task.body.model.faces, around)
-    usual = limited_distances(points, surface, faces, HAND_METRES).mean()
-    return float(max(usual, LEAST_USUAL_METRES))
 
 
 def _arm_elsewhere(body: BodyFit, arm: ArmSurface) -> list[LimbDoubt]:

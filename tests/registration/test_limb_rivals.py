@@ -216,30 +216,6 @@ def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(model, upright, fart
         assert np.isin(np.flatnonzero(doubt.vertices), arm.on_hand).all()
 
 
-@pytest.mark.parametrize(
-    ("on_arm", "on_hand", "trusted"),
-    [
-        (0.0, 0.003, True),
-        (0.0, 0.006, False),
-        (0.003, 0.006, True),
-        (0.003, 0.009, False),
-    ],
-)
-def test_hands_much_farther_from_the_scan_than_their_arms_are_not_trusted(
-    model, upright, on_arm, on_hand, trusted
-):
-    """What the model cannot show of a person, and noise, are in both distances."""
-    (arm,) = upright.doubtful_arms
-    scan = upright.task.scan
-    outside = replace(scan, points=scan.points + on_arm * scan.normals)
-    body = hand_fits(model, upright, np.array([1, 2, 2, 2]) * on_hand)
-    doubts = find_hand_doubts(replace(body, task=replace(body.task, scan=outside)))
-    assert len(doubts) == (0 if trusted else 1)
-    for doubt in doubts:
-        assert doubt.reason == "left hand: no pose of its fingers fits the scan"
-        assert np.isin(np.flatnonzero(doubt.vertices), arm.on_hand).all()
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.001])
 @pytest.mark.parametrize(("share", "trusted"), [(0.6, True), (0.9, False)])
 def test_fingers_are_trusted_if_one_pose_is_much_nearer_than_others(
