@@ -57,8 +57,8 @@ def percentiles(
     -------
     dict of str to float
         Percentages between 0 and 100; those below 1 and above 99 are extrapolated. NaN for values
-        that are NaN, for measurements that ANSUR II lacks or defines otherwise, and for all
-        measurements if no adult of the sex has such a stature.
+        that are NaN, for measurements that ANSUR II lacks, defines otherwise or has too few
+        people for, and for all measurements if no adult of the sex has such a stature.
 
     Examples
     --------
@@ -80,16 +80,20 @@ def percentages(values: Mapping[str, float], sex: str, stature: float) -> dict[s
     shares = _shares_of_sexes(stature, sex)
     found = dict.fromkeys(values, float("nan"))
     for name, value in values.items():
-        if shares and value > 0.0 and has_percentiles(name):
+        if shares and value > 0.0 and has_percentiles(name, sex):
             found[name] = sum(
                 share * _percentage(name, value, stature, group) for group, share in shares.items()
             )
     return found
 
 
-def has_percentiles(name: str) -> bool:
-    """Return whether our definition of a measurement agrees with one of ANSUR II."""
-    return name in _adults()["woman"]["measurements"]
+def has_percentiles(name: str, sex: str = "adult") -> bool:
+    """Return whether ANSUR II supports percentiles of a measurement, of both sexes for adults.
+
+    Definitions must agree, and percentiles from one half of the people must hold for the other.
+    """
+    sexes = [sex] if sex in SEXES else list(SEXES)
+    return all(name in _adults()[group]["measurements"] for group in sexes)
 
 
 def is_of_adults(stature: float, sex: str) -> bool:

@@ -354,7 +354,7 @@ def _is_sharp(name: str, value: float, deviation: float, sex: str) -> bool:
 
     With half their deviation, 7 per cent of people seem to be below the 5th percentile.
     """
-    if not has_percentiles(name) or not np.isfinite(value * deviation):
+    if not has_percentiles(name, sex) or not np.isfinite(value * deviation):
         return False
     return bool(deviation <= _LARGEST_NOISE * spread_of_adults(name, sex) * value)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from build_percentiles import agreeing_offsets, fitted, public_weights
+from build_percentiles import agreeing_offsets, fitted, public_weights, tails_hold
 from scipy.special import ndtri
 
 from riemhuman.datasets import load_open_model
@@ -44,7 +44,7 @@ def some_people(sex, number, rng):
 @pytest.mark.parametrize("sex", ["woman", "man"])
 def test_percentiles_built_from_some_people_hold_for_others(sex):
     rng = np.random.default_rng(7)
-    names, people = some_people(sex, 3000, rng)
+    names, people = some_people(sex, 6000, rng)
     _, others = some_people(sex, 12000, rng)
     table = fitted(names, people, sex)
     index = others[:, 1] / others[:, 0] ** 2
@@ -65,12 +65,27 @@ def test_definitions_that_do_not_agree_have_no_percentiles():
          for sex in ("woman", "man")}
         for spread in (0.5, 0.06)
     )  # fmt: skip
-    assert list(agreeing_offsets(["chest breadth"], wide)) == ["chest breadth"]
-    assert not agreeing_offsets(["chest breadth"], narrow)
+    assert list(agreeing_offsets(["chest breadth"], wide, adults())) == ["chest breadth"]
+    assert not agreeing_offsets(["chest breadth"], narrow, adults())
     assert not has_percentiles("chest breadth")
     found = percentiles({"stature": 1.7, "chest breadth": 0.3}, "woman")
     assert np.isfinite(found["stature"])
     assert np.isnan(found["chest breadth"])
+
+
+def test_tails_that_do_not_hold_for_others_have_no_percentiles():
+    """Few soldiers are as heavy as many women are: some of the girths of women have too few."""
+    values = {"stature": 1.7, "calf girth": 0.38, "hip girth": 1.0}
+    found = {sex: percentiles(values, sex) for sex in ("woman", "man", "adult")}
+    assert [np.isfinite(found[sex]["calf girth"]) for sex in found] == [False, True, False]
+    assert all(np.isfinite(found[sex]["hip girth"]) for sex in found)
+
+
+def test_which_tails_hold():
+    of_all = np.array([[5.0, 5.0], [2.9, 5.0], [5.0, 7.1], [3.0, 7.0]])
+    tails = np.repeat(of_all[:, np.newaxis], 4, axis=1)
+    tails[0, 1:] = 50.0  # thirds by stature are shown, and do not count
+    assert tails_hold(tails).tolist() == [True, False, False, True]
 
 
 @pytest.mark.parametrize(
