@@ -39,6 +39,7 @@ _DEFINITIONS = cli.several(
     "  riemhuman measure bodies/ -o table.csv\n"
     "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
     "  riemhuman measure anna.ply --picture lines.png\n"
+    "  riemhuman measure anna/ --same-person    # several scans of one visit\n"
     "  riemhuman measure bodies/ --model smpl.npz --definitions smpl.json -o table.csv\n",
     cli.FILES,
     cli.output("CSV", ".csv", text="table to write, one row per body", required=False),
@@ -51,18 +52,32 @@ _DEFINITIONS = cli.several(
     ),
     _DEFINITIONS,
     cli.flag("--as-is", "measure bodies in their own pose"),
+    cli.flag(
+        "--same-person",
+        "the meshes are scans of one person at one visit: measure their mean in the standard pose",
+    ),
     cli.flag("--seated", "take seated measurements, such as sitting height"),
 )
 def _measure(options: argparse.Namespace) -> cli.Answer:
+    import numpy as np
+
     files = inputs.list_meshes(options.meshes)
     if options.seated and options.model is not None:
         raise ArgumentError("--seated is for the open body model; leave out --model")
     pose = "seated" if options.seated else "standing"
     measurements, points, trusted = _read(files, options, pose)
-    axes = "body"
+    axes, definitions = "body", measurements.definitions
+    if options.as_is and options.same_person:
+        raise ArgumentError("--same-person needs the standard pose; leave out --as-is")
     if not options.as_is:
         with options.task(f"Standard pose of {counted(len(files), 'mesh', 'meshes')}"):
-            points = rh.measurements.in_standard_pose(measurements.definitions, points)
+            if options.same_person:
+                points = rh.measurements.person_in_standard_pose(
+                    definitions, points, trusted_vertices=trusted
+                )[np.newaxis]
+                files, trusted = [Path("person")], trusted.max(axis=0, keepdims=True)
+            else:
+                points = rh.measurements.in_standard_pose(definitions, points)
         axes = "space"
     with options.task(f"Measurements of {counted(len(files), 'mesh', 'meshes')}"):
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
@@ -124,17 +139,19 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
 @cli.command(
     "compare",
     "Brings two registered meshes of one person into the standard pose and prints how their "
-    "measurements changed. A change is marked if it exceeds its threshold: two standard "
-    "deviations of a difference between scans of one unchanged person, which grow with the "
-    "difference of their poses. Scan people in the same pose. Measurements the scan did not cover "
-    "are NaN. Warns if the two bodies are probably different people. With --view, a page shows "
-    "both side by side, where the second lies outside or inside the first, and the line of each "
-    "measurement.",
+    "measurements changed. A folder holds several scans of one visit, whose mean counts: in "
+    "different poses, they show smaller changes than one scan. A change is marked if it exceeds "
+    "its threshold: two standard deviations of a difference between scans of one unchanged "
+    "person, which grow with the difference of their poses. Scan people in the same pose, or in "
+    "the same few poses at each visit. Measurements the scan did not cover are NaN. Warns if the "
+    "two bodies are probably different people. With --view, a page shows both side by side, where "
+    "the second lies outside or inside the first, and the line of each measurement.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare anna.ply ben.ply --view differences.html\n"
-    "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
-    cli.mesh_option("before", "BEFORE", "the first visit"),
-    cli.mesh_option("after", "AFTER", "the second visit"),
+    "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n"
+    "  riemhuman compare visit1/ visit2/\n",
+    cli.path_option("before", "BEFORE", "the first visit, a mesh or a folder of meshes"),
+    cli.path_option("after", "AFTER", "the second visit"),
     cli.output("CSV", ".csv", text="table to write", required=False),
     cli.output(
         "PAGE",
@@ -149,22 +166,26 @@ def _measured_table(files: Sequence[Path], measured: BodySizes, system: str) -> 
 def _compare(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
-    files = inputs.list_meshes([options.before, options.after])
-    measurements, points, trusted = _read(files, options)
-    with options.task("Standard pose of 2 meshes"):
-        result = rh.measurements.compare_visits(measurements, *points, trusted_vertices=trusted)
+    visits = [options.before, options.after]
+    first, second = (inputs.list_meshes([visit]) for visit in visits)
+    measurements, points, trusted = _read([*first, *second], options)
+    before, after = np.split(points, [len(first)])
+    with options.task(f"Standard pose of {len(points)} meshes"):
+        result = rh.measurements.compare_visits(
+            measurements, before, after, trusted_vertices=np.split(trusted, [len(first)])
+        )
     if options.view is not None:
-        _view_differences(files, measurements, result, options)
+        _view_differences(visits, measurements, result, options)
     with options.task("Checking that both show the same person"):
         faces = measurements.definitions.faces
-        people = rh.measurements.person_distance(points[0], points[1], faces)
+        people = rh.measurements.person_distance(before[0], after[0], faces)
     if people.is_hardly_one_person:
         terminal.note(f"warning: these are {people.text}")
     advice = result.pose_advice(options.output_units)
     if options.output is not None:
         titles = ["measurement", "unit", "before", "after", "change", "threshold"]
         _write_table(options.output, [[*titles, "exceeds threshold"], *_changes(result)])
-    missing, reasons = _missing(files, result)
+    missing, reasons = _missing(visits, result)
     millimetres = 1000.0 * result.displacements
     if np.isfinite(millimetres).any():  # the others were not seen
         millimetres = millimetres[np.isfinite(millimetres)]
@@ -172,6 +193,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
     record = {
         "before": options.before,
         "after": options.after,
+        "scans": [len(first), len(second)],
         "names": result.names,
         "units": result.units,
         "missing": missing,

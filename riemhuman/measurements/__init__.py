@@ -30,6 +30,7 @@ from riemhuman.measurements.predicted_measurements import (
     predict_measurements,
 )
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
+from riemhuman.measurements.same_person import person_in_standard_pose
 from riemhuman.measurements.uncertainty import noise_of_measurements, pose_distance
 from riemhuman.measurements.visits import VisitComparison, compare_visits
 
@@ -64,6 +65,7 @@ __all__ = [
     "open_measurements",
     "percentiles",
     "person_distance",
+    "person_in_standard_pose",
     "pose_distance",
     "posture_angles",
     "predict_measurements",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike
-from riemhuman.checks import checked, instance, real_array
+from riemhuman.checks import checked, instance, positive, real_array
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measurement_set import MeasurementSet, load_json
@@ -54,7 +54,10 @@ def pose_distance(definitions: MeasurementSet, points_a: ArrayLike, points_b: Ar
     return np.asarray(to_reference * distances)
 
 
-def noise_of_measurements(names: Sequence[str], pose_distance: ArrayLike = 0.0) -> Array:
+@checked(n_scans=positive)
+def noise_of_measurements(
+    names: Sequence[str], pose_distance: ArrayLike = 0.0, n_scans: float = 1.0
+) -> Array:
     """Return the standard deviations of measurements of an unchanged person, shape (..., M).
 
     The variance is noise² + b d: `noise` is that of simulated people registered from scans, d the
@@ -70,6 +73,8 @@ def noise_of_measurements(names: Sequence[str], pose_distance: ArrayLike = 0.0) 
     pose_distance : array_like, shape (...)
         The `pose_distance` d: between two visits, or between a scan and the standard pose. At 0,
         two scans in exactly the same pose are compared.
+    n_scans : float
+        Number of scans of which the values are means, by which noise² is divided.
 
     Returns
     -------
@@ -93,11 +98,13 @@ def noise_of_measurements(names: Sequence[str], pose_distance: ArrayLike = 0.0) 
     if distances.size and distances.min() < 0.0:
         raise ArgumentError(f"pose_distance must be at least 0; found {distances.min():g}")
     noise, slopes = _noise_and_slopes(names)
-    deviations: Array = np.sqrt(noise**2 + slopes * distances)
+    deviations: Array = np.sqrt(noise**2 / n_scans + slopes * distances)
     return deviations
 
 
-def noise_of_areas(definitions: MeasurementSet, pose_distance: float) -> Array:
+def noise_of_areas(
+    definitions: MeasurementSet, pose_distance: float, n_scans: float = 1.0
+) -> Array:
     """Return the standard deviations of the logarithms of triangles' areas, shape (F,).
 
     That of simulated people over poses is known by part of the body. Of real people nothing was
@@ -105,7 +112,7 @@ def noise_of_areas(definitions: MeasurementSet, pose_distance: float) -> Array:
     """
     record = load_json("noise_of_poses.json")
     noise, slopes = _noise_and_slopes(tuple(record["measurements"]))
-    growth = np.sqrt(1.0 + np.nanmedian(slopes / noise**2) * pose_distance)
+    growth = np.sqrt(1.0 / n_scans + np.nanmedian(slopes / noise**2) * pose_distance)
     deviations = np.full(len(definitions.faces), np.nan)
     for name, noise_of_part in record["log_areas"].items():
         if name in definitions.parts:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from riemhuman.arrays import Array, ArrayLike, Booleans
 from riemhuman.checks import checked, instance, mask, real_array
+from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.measuring import Measurements, in_standard_pose
+from riemhuman.measurements.measurement_set import MeasurementSet
+from riemhuman.measurements.measuring import Measurements
 from riemhuman.measurements.readable_units import readable_unit
-from riemhuman.measurements.uncertainty import (
-    noise_of_areas,
-    noise_of_measurements,
-    pose_distance,
-)
+from riemhuman.measurements.same_person import person_in_standard_pose, pose_distance_of_visits
+from riemhuman.measurements.uncertainty import noise_of_areas, noise_of_measurements
 from riemhuman.surfaces.procrustes import procrustes
 
 # Two scans in the same pose are about 0.1 apart if simulated people hold it exactly; above this
@@ -45,7 +44,10 @@ class VisitComparison:
         Standard deviation of each measurement of an unchanged person, whose poses are this far
         apart: `noise_of_measurements`. NaN for measurements that the open body does not have.
     pose_distance : float
-        How far apart the poses of the visits are: `rh.measurements.pose_distance`.
+        How far apart the poses of the visits are: `rh.measurements.pose_distance`. With several
+        scans of a visit it is smaller, because the effects of different poses cancel in part.
+    n_scans : float
+        Number of scans of each visit; their harmonic mean if it differs.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second aligned with the first.
     area_changes, area_noise : array, shape (F,)
@@ -67,6 +69,7 @@ class VisitComparison:
     after: Array
     noise: Array
     pose_distance: float
+    n_scans: float
     points_before: Array
     points_after: Array
     area_changes: Array
@@ -111,7 +114,7 @@ class VisitComparison:
         if self.pose_distance <= _SAME_POSE or name is None:
             return ""
         unit = replace(readable_unit("m", system), digits=1)
-        in_same_pose = float(_SIGNIFICANT * noise_of_measurements([name])[0])
+        in_same_pose = float(_SIGNIFICANT * noise_of_measurements([name], 0.0, self.n_scans)[0])
         return (
             f"The poses differ by {self.pose_distance:.1f}, so that the {name} must change by "
             f"{unit.text(known[name])} {unit.name} to be noticed; in the same pose, "
@@ -135,19 +138,21 @@ def compare_visits(
 ) -> VisitComparison:
     """Compare two visits of one person, in any poses.
 
-    `in_standard_pose` brings both bodies to the standard pose, where they are measured. Different
+    `in_standard_pose` brings all bodies to the standard pose, where they are measured. Different
     poses still leave differences, so a change must be larger to be noticed: see
-    `VisitComparison.pose_advice`.
+    `VisitComparison.pose_advice`. If there are several scans of a visit, their mean counts, see
+    `person_in_standard_pose`, and smaller changes are noticed.
 
     Parameters
     ----------
     measurements : Measurements
         The measurements; their template must be a body model.
-    before, after : array_like, shape (V, 3)
+    before, after : array_like, shape (V, 3) or (n_scans, V, 3)
         The person at both visits, metres.
     trusted_vertices : array_like of bool, shape (2, V), optional
         Which vertices of each body to trust, as for `Measurements.measure`; changes elsewhere are
-        NaN.
+        NaN. For several scans, a pair of arrays of shape (n_scans, V): what any scan of a visit
+        shows is trusted.
 
     Examples
     --------
@@ -158,36 +163,68 @@ def compare_visits(
     True
     """
     definitions = measurements.definitions
-    shape = (definitions.n_vertices, 3)
-    before = real_array(before, "before", shape, batched=False)
-    after = real_array(after, "after", shape, batched=False)
-    if trusted_vertices is not None:
-        shape = (2, definitions.n_vertices)
-        trusted_vertices = mask(trusted_vertices, "trusted_vertices", (shape, shape[1:]))
-    straight = in_standard_pose(definitions, np.stack([before, after]))
-    measured = measurements.measure(
-        straight, axes="space", missing="nan", trusted_vertices=trusted_vertices
+    visits = [_scans(definitions, before, "before"), _scans(definitions, after, "after")]
+    trusted = _trusted_of_visits(definitions, visits, trusted_vertices)
+    straight = np.stack(
+        [
+            person_in_standard_pose(definitions, scans, trusted_vertices=seen)
+            for scans, seen in zip(visits, trusted, strict=True)
+        ]
     )
-    known_in_both = np.ones(definitions.n_vertices, dtype=bool)
-    if trusted_vertices is not None:
-        known_in_both = np.all(np.broadcast_to(trusted_vertices, straight.shape[:2]), axis=0)
+    known = np.stack([seen.any(axis=0) for seen in trusted])
+    measured = measurements.measure(
+        straight, axes="space", missing="nan", trusted_vertices=None if known.all() else known
+    )
+    known_in_both: Booleans = np.all(known, axis=0)
     first, second = straight[0], procrustes(straight[1], to=straight[0])
     areas = definitions.space.face_areas(straight)
     is_face_known = known_in_both[definitions.faces].all(axis=1)
     area_changes = np.where(is_face_known, np.log(areas[1] / areas[0]), np.nan)
     outward = np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1)
-    distance = float(pose_distance(definitions, before, after))
+    distance = pose_distance_of_visits(definitions, *visits)
+    n_scans = 2.0 / sum(1.0 / len(scans) for scans in visits)
     return VisitComparison(
         names=measured.names,
         units=measured.units,
         before=measured.values[0],
         after=measured.values[1],
-        noise=noise_of_measurements(measured.names, distance),
+        noise=noise_of_measurements(measured.names, distance, n_scans),
         pose_distance=distance,
+        n_scans=n_scans,
         points_before=first,
         points_after=second,
         area_changes=area_changes,
-        area_noise=noise_of_areas(definitions, distance),
+        area_noise=noise_of_areas(definitions, distance, n_scans),
         displacements=np.where(known_in_both, outward, np.nan),
         why_missing=measured.why_missing,
     )
+
+
+def _scans(definitions: MeasurementSet, points: ArrayLike, name: str) -> Array:
+    """Return the scans of one visit, shape (n_scans, V, 3)."""
+    surfaces = real_array(points, name, (definitions.n_vertices, 3))
+    if surfaces.ndim > 3 or not surfaces.size:
+        raise ArgumentError(
+            f"{name} must be one body, or the scans of one visit, shape (n_scans, V, 3); found "
+            f"shape {surfaces.shape}"
+        )
+    return surfaces.reshape(-1, *surfaces.shape[-2:])
+
+
+def _trusted_of_visits(
+    definitions: MeasurementSet, visits: Sequence[Array], trusted_vertices: object
+) -> list[Booleans]:
+    """Return which vertices of the scans of each visit are trusted, each of shape (n_scans, V)."""
+    if trusted_vertices is None:
+        return [np.ones(scans.shape[:2], dtype=bool) for scans in visits]
+    if all(len(scans) == 1 for scans in visits):
+        shape = (2, definitions.n_vertices)
+        given = mask(trusted_vertices, "trusted_vertices", (shape, shape[1:], (2, 1, *shape[1:])))
+        return [row.reshape(1, -1) for row in np.broadcast_to(given.reshape(-1, shape[1]), shape)]
+    if not isinstance(trusted_vertices, Sequence | np.ndarray) or len(trusted_vertices) != 2:
+        raise ArgumentError("trusted_vertices must be a pair of arrays, one for each visit")
+    pairs = enumerate(zip(trusted_vertices, visits, strict=True))
+    return [
+        mask(seen, f"trusted_vertices[{number}]", (scans.shape[:2],))
+        for number, (seen, scans) in pairs
+    ]

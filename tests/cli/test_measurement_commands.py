@@ -126,6 +126,25 @@ def test_two_visits(run, scans, bodies, measurements, tmp_path):
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
 
 
+def test_visits_with_several_scans(run, bodies, measurements, tmp_path):
+    for visit, numbers in (("first", (0, 5)), ("second", (1, 3, 9))):
+        (tmp_path / visit).mkdir()
+        for number in numbers:
+            save_mesh(
+                tmp_path / visit / f"{number}.ply", bodies.points[number], bodies.template.faces
+            )
+    record = json.loads(run("compare", tmp_path / "first", tmp_path / "second", "--json").out)
+    expected = compare_visits(measurements, bodies.points[[0, 5]], bodies.points[[1, 3, 9]])
+    np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
+    thresholds = np.array(record["thresholds"], dtype=float)
+    np.testing.assert_allclose(thresholds, expected.thresholds, rtol=1e-4)
+    assert record["scans"] == [2, 3]
+    person = json.loads(run("measure", tmp_path / "first", "--same-person", "--json").out)
+    np.testing.assert_allclose([*person["bodies"]["person"].values()], expected.before, atol=1e-5)
+    refused = run("measure", tmp_path / "first", "--same-person", "--as-is")
+    assert "leave out --as-is" in refused.err
+
+
 @pytest.mark.slow
 def test_the_page_of_two_bodies(run, scans, tmp_path):
     page = tmp_path / "differences.html"

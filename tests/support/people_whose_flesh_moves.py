@@ -28,8 +28,11 @@ class PeopleWhoseFleshMoves:
     at_rest: np.ndarray
 
 
-def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002):
-    """Return people; `waves` are displacements in metres that differ in every pose."""
+def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002, waist=0.0):
+    """Return people; `waves` are displacements in metres that differ in every pose.
+
+    `waist` is by how much the girth of everybody's waist has grown, metres.
+    """
     model = rh.datasets.load_open_model("coarse")
     rest, names, joints = model.template.vertices, list(model.joint_names), model.joints()
     standard = rh.measurements.open_measurements("coarse").standard_pose_vector
@@ -53,7 +56,7 @@ def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002):
         scale = np.exp(rng.normal(0.0, 0.03, 3))
         for side, angle in zip(("left", "right"), np.radians(rng.uniform(0, 60, 2)), strict=True):
             shaped = curled(model, shaped, names.index(f"{side}_wrist"), angle)
-        body = scale * shaped + offsets
+        body = scale * shaped + offsets + _growth_of_waist(model, waist)
         fields = _COMMON * shared + np.sqrt(1.0 - _COMMON**2) * flesh(rng)
         at_rest.append(_with_skin(model, body)(pose=standard))
         for pose in natural.pose_vectors[_N_POSES * person : _N_POSES * (person + 1)]:
@@ -64,6 +67,21 @@ def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002):
             points.append(_with_skin(model, body + moved)(pose=pose))
     subject = np.repeat(np.arange(n_people), _N_POSES)
     return PeopleWhoseFleshMoves(np.array(points), subject, np.array(at_rest))
+
+
+def _growth_of_waist(model, girth):
+    """Return displacements of the trunk around the navel, outward on the level."""
+    rest, names = model.template.vertices, list(model.joint_names)
+    landmarks = rh.measurements.open_measurements("coarse").landmarks
+    sides = [landmarks[f"{side}_omphalion"] for side in ("left", "right")]
+    navel = np.mean([weights @ rest[vertices] for vertices, weights in sides], axis=0)
+    arms = [k for k, name in enumerate(names) if name.endswith(("shoulder", "elbow", "wrist"))]
+    on_trunk = 1.0 - model.weights[:, arms].sum(axis=1)
+    on_trunk[model.weights[:, arms].any(axis=1)] = 0.0
+    outward = (rest - navel) * [1.0, 0.0, 1.0]
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    near = np.exp(-(((rest - navel)[:, 1] / 0.12) ** 2))
+    return girth / (2.0 * np.pi) * (on_trunk * near)[:, None] * outward
 
 
 def _with_skin(model, rest):
