@@ -9,7 +9,7 @@ from scanned_people import fit_body, task_of
 
 from riemhuman.bodies import rotation_matrix
 from riemhuman.kernels.surface import unit_vectors
-from riemhuman.registration import simulated_scan
+from riemhuman.registration import _lost_limbs, simulated_scan
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._lost_limbs import leave_out_lost_limbs
 from riemhuman.registration._start_search import search_scan
@@ -49,6 +49,12 @@ def test_a_whole_body_stays_as_it_is(registration_from, model, natural_bodies):
     whole, fitted, shown = fits_of(registration_from, model, natural_bodies[30], ())
     assert fitted is whole
     assert not shown.lost.any()
+    # Of points that are far away, a limb may be elsewhere.
+    points = whole.task.scan.points.copy()
+    points[::50] += 0.2
+    elsewhere = replace(whole.task, scan=replace(whole.task.scan, points=points))
+    assert _lost_limbs._explains_scan(whole)
+    assert not _lost_limbs._explains_scan(replace(whole, task=elsewhere))
 
 
 @pytest.mark.slow

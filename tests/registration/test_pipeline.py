@@ -14,9 +14,11 @@ from riemhuman.datasets.open_bodies import surface_noise
 from riemhuman.registration import ScanRegistration, simulated_scan
 from riemhuman.registration._constants import LARGEST_OVERLAP
 from riemhuman.registration._limbs import BodyParts
+from riemhuman.registration._pipeline import upright_transform
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._shown_parts import find_lost_limbs, find_overlaps
 from riemhuman.registration._verdict import _other_units
+from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.registration.scans import as_scan
 from riemhuman.surfaces.measures import find_inward_triangles
 
@@ -185,6 +187,20 @@ def test_bodies_stand_on_the_floor_that_hides_their_soles(bodies):
     np.testing.assert_allclose(sunken[below, 1] + gaps[below, 1], low, atol=0.002)
     np.testing.assert_allclose(normals[below] @ [0.0, 1.0, 0.0], 1.0, atol=1e-3)
     assert np.all(weights[below] == 1.0)
+
+
+def test_upright_bodies_face_the_viewer_and_stand_on_the_ground():
+    turn = Rotation.from_euler("yx", [40.0, 10.0], degrees=True).as_matrix()
+    points = np.random.default_rng(0).normal(size=(50, 3)) + [3.0, -1.0, 2.0]
+    transform = upright_transform(points, turn, turn[:, 1])
+    np.testing.assert_allclose(transform[:3, :3] @ turn, np.eye(3), atol=1e-12)
+    moved = apply_transform(transform, points)
+    assert abs(moved[:, 1].min()) < 1e-12
+    np.testing.assert_allclose((moved.min(axis=0) + moved.max(axis=0))[[0, 2]], 0.0, atol=1e-12)
+    # Of someone who lies on one side, the left says nothing of where they look.
+    on_one_side = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    transform = upright_transform(points, on_one_side, np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(transform[:3, :3], np.eye(3), atol=1e-12)
 
 
 @pytest.fixture(scope="module")
