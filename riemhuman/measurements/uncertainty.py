@@ -89,9 +89,9 @@ def noise_of_measurements(
     Examples
     --------
     >>> rh.measurements.noise_of_measurements(["stature", "chest girth"]).round(4).tolist()
-    [0.0051, 0.0082]
+    [0.005, 0.0084]
     >>> rh.measurements.noise_of_measurements(["stature", "chest girth"], 1.0).round(4).tolist()
-    [0.0072, 0.0373]
+    [0.0071, 0.0373]
     """
     names = texts_of(names, "names", "a list of names of measurements")
     distances = real_array(pose_distance, "pose_distance")[..., np.newaxis]
