@@ -120,8 +120,7 @@ class KMedoids(_Clustering):
         distances = real_array(X, "X", ("m", "n"), batched=False)
         if distances.shape[1] <= self.medoid_indices_[-1]:
             raise ArgumentError(
-                f"X must hold the distances to all fitted points; found {distances.shape[1]} "
-                f"columns and a medoid {self.medoid_indices_[-1]}"
+                f"X must hold the distances to all fitted points; found {distances.shape[1]}"
             )
         nearest: Integers = np.argmin(distances[:, self.medoid_indices_], axis=1)
         return nearest
