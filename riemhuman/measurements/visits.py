@@ -114,11 +114,12 @@ class VisitComparison:
         if self.pose_distance <= _SAME_POSE or name is None:
             return ""
         unit = replace(readable_unit("m", system), digits=1)
+        again = "scan in the same pose" if self.n_scans == 1.0 else "scans in the same poses"
         in_same_pose = float(_SIGNIFICANT * noise_of_measurements([name], 0.0, self.n_scans)[0])
         return (
             f"The poses differ by {self.pose_distance:.1f}, so that the {name} must change by "
             f"{unit.text(known[name])} {unit.name} to be noticed; in the same pose, "
-            f"{unit.text(in_same_pose)} {unit.name} would do. Repeat the scan in the same pose."
+            f"{unit.text(in_same_pose)} {unit.name} would do. Repeat the {again}."
         )
 
     @property

@@ -102,6 +102,9 @@ def test_several_scans_of_a_visit_show_smaller_changes(bodies):
     assert (several.thresholds < single.thresholds).all()
     assert several.pose_distance < single.pose_distance
     assert not several.is_significant.any()
+    assert "Repeat the scan in the same pose." in single.pose_advice()
+    far = compare_visits(measurements, bodies.points[[0, 1]], bodies.points[[5, 8]])
+    assert far.pose_advice().endswith("Repeat the scans in the same poses.")
     uneven = compare_visits(measurements, before, after[:1])
     assert uneven.n_scans == pytest.approx(1.5)
     trusted = [
