@@ -5,6 +5,7 @@ They run in `python .ci/jobs.py pages`.
 
 import doctest
 import inspect
+import os
 import warnings
 
 import numpy as np
@@ -21,16 +22,11 @@ OBJECTS = public_objects()
 PACKAGES = sorted({name.rpartition(".")[0] for name in OBJECTS})
 
 
-@pytest.fixture
-def quick(monkeypatch, tmp_path):
-    """Write files to a folder of the test, and draw on no screen."""
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    monkeypatch.chdir(tmp_path)
-
-
-def failures(text, name):
-    """Run the examples in a docstring and return what they print wrong."""
+def failures(text, name, folder):
+    """Run the examples in a docstring in a new folder and return what they print wrong."""
     report = []
+    folder.mkdir()
+    os.chdir(folder)
     test = doctest.DocTestParser().get_doctest(text, IMPORTS.copy(), name, None, 0)
     with warnings.catch_warnings():
         doctest.DocTestRunner(optionflags=OPTIONS, verbose=False).run(test, out=report.append)
@@ -44,7 +40,9 @@ def test_every_name_has_an_example():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
-@pytest.mark.usefixtures("quick")
-def test_examples(package):
+def test_examples(package, monkeypatch, tmp_path):
+    monkeypatch.setenv("MPLBACKEND", "agg")  # draw on no screen
+    monkeypatch.chdir(tmp_path)  # and come back afterwards
     names = [name for name in OBJECTS if name.rpartition(".")[0] == package]
-    assert not "".join(failures(inspect.getdoc(OBJECTS[name]), name) for name in names)
+    found = [failures(inspect.getdoc(OBJECTS[name]), name, tmp_path / name) for name in names]
+    assert not "".join(found)
