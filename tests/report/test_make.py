@@ -222,6 +222,7 @@ def test_provenance(folder, nine_bodies):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_run_again_nothing_is_computed(folder, make_small_report, tmp_path):
     before = (folder / "index.html").read_text(encoding="utf-8")
     again = shutil.copytree(folder, tmp_path / "again")
@@ -257,7 +258,7 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
     assert stored == {"distances-shape-metric-1-0-0001-0", "distances-pose-metric-0-0-1",
                       "distances-srnf", "distances-rotation-metric",
                       "distances-general-elastic-metric-1-1-1", "distances-area-metric",
-                      "maps", "differences",
+                      "distances-person-metric", "maps", "differences",
                       "basis"}  # fmt: skip
     # Only what was interrupted is begun again.
     again = "Geodesic, one person, two poses"
