@@ -16,7 +16,7 @@ from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord
-    from riemhuman.measurements import BodySizes, Measurements, VisitComparison
+    from riemhuman.measurements import BodySizes, Measurements, PersonDistance, VisitComparison
     from riemhuman.measurements.readable_units import ReadableUnit
 
 _MOST_COLUMNS = 5
@@ -69,6 +69,8 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     axes, definitions = "body", measurements.definitions
     if options.as_is and options.same_person:
         raise ArgumentError("--same-person needs the standard pose; leave out --as-is")
+    if options.same_person:
+        _doubt_one_person(files, points, measurements, options)
     if not options.as_is:
         with options.task(f"Standard pose of {counted(len(files), 'mesh', 'meshes')}"):
             if options.same_person:
@@ -176,11 +178,7 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         )
     if options.view is not None:
         _view_differences(visits, measurements, result, options)
-    with options.task("Checking that both show the same person"):
-        faces = measurements.definitions.faces
-        people = rh.measurements.person_distance(before[0], after[0], faces)
-    if people.is_hardly_one_person:
-        terminal.note(f"warning: these are {people.text}")
+    people = _doubt_one_person([*first, *second], points, measurements, options)[len(first) - 1]
     advice = result.pose_advice(options.output_units)
     if options.output is not None:
         titles = ["measurement", "unit", "before", "after", "change", "threshold"]
@@ -253,6 +251,19 @@ def _table_of_changes(result: VisitComparison, system: str) -> list[str]:
         mark = "  changed" if is_significant else ""
         lines.append(f"{name:{width}}  {numbers} {unit.name}{mark}")
     return lines
+
+
+def _doubt_one_person(
+    files: Sequence[Path], points: Array, measurements: Measurements, options: argparse.Namespace
+) -> list[PersonDistance]:
+    """Return how far each further body is from the first, and warn of other people."""
+    faces = measurements.definitions.faces
+    with options.task("Checking that all show the same person"):
+        distances = [rh.measurements.person_distance(points[0], body, faces) for body in points[1:]]
+    for file, people in zip(files[1:], distances, strict=True):
+        if people.is_hardly_one_person:
+            terminal.note(f"warning: {files[0].name} and {file.name} are {people.text}")
+    return distances
 
 
 def _view_differences(
