@@ -291,7 +291,8 @@ def _view_differences(
     "percentiles among adults of the same sex and stature, the silhouette over that of the\n"
     "average body, posture, and changes since the previous visit. index.html lists all people,\n"
     "and a CSV table and a workbook hold all numbers. A table of labels gives each file's\n"
-    "person, sex (woman or man), visit, date and stature. PDF files are printed by Chromium,\n"
+    "person, sex (woman or man), visit, date and stature; files with the same person, visit and\n"
+    "date are scans of one visit, whose mean is measured. PDF files are printed by Chromium,\n"
     "Chrome or Edge; workbooks need openpyxl.",
     "  riemhuman sheet bodies/ -o sheets/    # the output of riemhuman register scans/ -o bodies/\n"
     "  riemhuman sheet visit1.ply visit2.ply -o sheets/ --labels labels.csv\n"

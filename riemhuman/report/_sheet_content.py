@@ -24,6 +24,7 @@ from riemhuman.report._sheet_pictures import (
 )
 from riemhuman.report.registered_scans import badge_of
 from riemhuman.report.sheet_values import SheetRow, SheetSubject, SheetValues
+from riemhuman.representation import join_names
 
 NOTHING = "–"
 _MINUS = "−"
@@ -288,7 +289,10 @@ def _about(subject: SheetSubject) -> list[str]:
     sex = "sex not given" if subject.sex == "adult" else subject.sex
     file = subject.file or subject.name
     parts = [sex, subject.visit]
-    if file != subject.person:
+    if subject.further_scans:
+        names = [scan.name for scan in (subject, *subject.further_scans)]
+        parts.append(f"{len(names)} scans: {join_names(sorted(names), 4)}")
+    elif file != subject.person:
         parts.append(file)
     return [part for part in parts if part]
 
@@ -310,6 +314,11 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
     elif not values.implausible:
         sentences.append(
             "The body can be trusted, except in small places that the scan does not show."
+        )
+    n_scans = len(subject.measured_scans)
+    if n_scans > 1:
+        sentences.append(
+            f"Measurements are of the mean of {n_scans} scans; the pictures show {subject.name}."
         )
     for group in values.implausible:
         sentences.append(

@@ -117,7 +117,22 @@ def find_subjects(
             visit=label.when,
             stature=label.stature,
         )
-    return LabelledSubjects(subjects, faces, labels_of_subjects, failures)
+    return _one_per_visit(LabelledSubjects(subjects, faces, labels_of_subjects, failures))
+
+
+def _one_per_visit(labelled: LabelledSubjects) -> LabelledSubjects:
+    """Return one subject for all scans of a person with the same visit and date."""
+    scans_of_visits: dict[tuple[object, ...], list[int]] = {}
+    for number, label in enumerate(labelled.labels):
+        visit = (label.person, label.when) if label.person and label.when else (number,)
+        key = (*visit, labelled.faces[number].tobytes())
+        scans_of_visits.setdefault(key, []).append(number)
+    subjects, faces, labels = [], [], []
+    for numbers in scans_of_visits.values():
+        subjects.append(SheetSubject.of_visit([labelled.subjects[number] for number in numbers]))
+        faces.append(labelled.faces[numbers[0]])
+        labels.append(labelled.labels[numbers[0]])
+    return LabelledSubjects(subjects, faces, labels, labelled.failures)
 
 
 def read_people(table: Path) -> dict[str, PersonLabels]:

@@ -84,7 +84,7 @@ def _people(sheets: Sheets) -> Rows:
                 subject.person,
                 subject.sex,
                 subject.visit,
-                subject.file,
+                "; ".join(scan.file for scan in (subject, *subject.further_scans)),
                 trust,
                 "; ".join(filter(None, [subject.message, *withheld])),
                 _number(subject.median_distance),

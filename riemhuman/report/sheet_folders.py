@@ -73,8 +73,9 @@ def make_sheets(
         Table with the column ``file`` and any of ``person`` (or ``subject``), ``sex`` (woman or
         man), ``visit``, ``date`` (as 2026-03-31) and ``stature`` (measured by hand, metres); by
         default ``labels.csv`` next to the bodies.
-        Each body of a person is compared with the previous visit, if all have different dates or
-        visits.
+        Bodies of one person with the same visit and date are scans of one visit, which get one
+        sheet: the mean is measured, see `rh.measurements.person_in_standard_pose`. It is compared
+        with the previous visit.
     measurements : Measurements, optional
         Measurements of the body model; by default those of the open one.
     stature : float, optional
@@ -159,7 +160,8 @@ def _measured(
             measurements_by_size[n_vertices] = measurements_of_size
         surface = measurements_by_size[n_vertices].definitions.surface
         surface.check_faces(faces, subject.file)
-        check_body_sizes(subject.points, surface, subject.file)
+        for scan in (subject, *subject.further_scans):
+            check_body_sizes(scan.points, surface, scan.file)
         numbers_by_size.setdefault(n_vertices, []).append(number)
     values: dict[int, SheetValues] = {}
     for n_vertices, numbers in numbers_by_size.items():

@@ -22,7 +22,7 @@ from riemhuman.measurements import (
     measurement_from_dict,
     noise_of_measurements,
     person_distance,
-    pose_distance,
+    person_in_standard_pose,
     posture_angles,
 )
 from riemhuman.measurements.plausibility import Group, implausible_groups
@@ -32,6 +32,7 @@ from riemhuman.measurements.populations import (
     percentages,
     spread_of_adults,
 )
+from riemhuman.measurements.same_person import pose_distance_of_visits
 from riemhuman.registration import ScanRecord
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
@@ -116,7 +117,10 @@ class PairedRow:
 
 @dataclass(frozen=True, eq=False)
 class SheetSubject:
-    """A body of which a sheet is made, and what is known about its person and its scan."""
+    """A body of which a sheet is made, and what is known about its person and its scan.
+
+    Of several scans of one visit, this one is shown, and the mean of all is measured.
+    """
 
     name: str
     points: Points
@@ -131,6 +135,7 @@ class SheetSubject:
     median_distance: float = float("nan")
     matched_share: float = float("nan")  # of the surface
     stature: float = float("nan")  # typed in, metres
+    further_scans: tuple[SheetSubject, ...] = ()  # of the same visit
 
     @classmethod
     def of_record(cls, record: ScanRecord) -> SheetSubject:
@@ -154,6 +159,17 @@ class SheetSubject:
             matched_share=record.matched_share,
         )
 
+    @classmethod
+    def of_visit(cls, scans: Sequence[SheetSubject]) -> SheetSubject:
+        """Return one subject for the scans of a visit: the scan that shows most of the body."""
+        best = max(scans, key=lambda scan: (scan.is_measurable, scan.known_vertices.mean()))
+        typed_in = [scan.stature for scan in scans if np.isfinite(scan.stature)]
+        return replace(
+            best,
+            stature=typed_in[0] if typed_in else best.stature,
+            further_scans=tuple(scan for scan in scans if scan is not best),
+        )
+
     @property
     def is_measurable(self) -> bool:
         return self.is_trusted and (
@@ -165,6 +181,19 @@ class SheetSubject:
         if self.trusted_vertices is None:
             return np.ones(len(self.points), dtype=bool)
         return self.trusted_vertices
+
+    @property
+    def measured_scans(self) -> tuple[SheetSubject, ...]:
+        """The scans of this visit that can be measured."""
+        return tuple(scan for scan in (self, *self.further_scans) if scan.is_measurable)
+
+    def measured_points(self) -> Points:
+        """Return the bodies of the measured scans, shape (n_scans, V, 3)."""
+        return np.stack([scan.points for scan in self.measured_scans])
+
+    def measured_vertices(self) -> Booleans:
+        """Return what each of the measured scans shows, shape (n_scans, V)."""
+        return np.stack([scan.known_vertices for scan in self.measured_scans])
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,14 +233,14 @@ def values_of(measurements: Measurements, subjects: Sequence[SheetSubject]) -> l
     standing: dict[int, Points] = {}
     measured = None
     if measurable:
-        points = np.stack([subjects[number].points for number in measurable])
-        straight = in_standard_pose(measurements.definitions, points)
+        shown = [subjects[number] for number in measurable]
+        straight = _in_standard_pose(measurements.definitions, shown)
         standing = dict(zip(measurable, straight, strict=True))
         measured = measurements.measure(
             straight,
             axes="space",
             missing="nan",
-            trusted_vertices=np.stack([subjects[number].known_vertices for number in measurable]),
+            trusted_vertices=np.stack([subject.measured_vertices().any(0) for subject in shown]),
         )
     left_sides = _left_sides(measurements.definitions)
     results = []
@@ -226,6 +255,19 @@ def values_of(measurements: Measurements, subjects: Sequence[SheetSubject]) -> l
         known = _values(measurements, subject, measured.values[place], reasons, standing[number])
         results.append(replace(known, pairs=_pairs(known, left_sides, subject)))
     return results
+
+
+def _in_standard_pose(definitions: MeasurementSet, subjects: Sequence[SheetSubject]) -> Array:
+    """Return the bodies of people in the standard pose; of several scans, the mean."""
+    straight = in_standard_pose(definitions, np.stack([subject.points for subject in subjects]))
+    for number, subject in enumerate(subjects):
+        if len(subject.measured_scans) > 1:
+            straight[number] = person_in_standard_pose(
+                definitions,
+                subject.measured_points(),
+                trusted_vertices=subject.measured_vertices(),
+            )
+    return straight
 
 
 @cache
@@ -260,7 +302,10 @@ def _pairs(
     if left_sides is None or values.standing is None:
         return ()
     measured = left_sides.measure(
-        values.standing, axes="space", missing="nan", trusted_vertices=subject.known_vertices
+        values.standing,
+        axes="space",
+        missing="nan",
+        trusted_vertices=subject.measured_vertices().any(axis=0),
     )
     rows = []
     for name, left in zip(measured.names, measured.values.tolist(), strict=True):
@@ -288,15 +333,17 @@ def _values(
     standing: Points | None,
 ) -> SheetValues:
     named = dict(zip(measurements.names, values.tolist(), strict=True))
-    distance = 0.0
+    distance, n_scans = 0.0, 1
     if standing is not None:
-        distance = float(pose_distance(measurements.definitions, subject.points, standing))
-    noise = noise_of_measurements(measurements.names, distance)
+        scans = subject.measured_points()
+        distance = pose_distance_of_visits(measurements.definitions, scans, standing[np.newaxis])
+        n_scans = len(scans)
+    noise = noise_of_measurements(measurements.names, distance, n_scans)
     deviations = dict(zip(measurements.names, noise.tolist(), strict=True))
     measured_stature = named.get("stature", float("nan"))
     is_typed_in = bool(np.isfinite(subject.stature))
     stature = subject.stature if is_typed_in else measured_stature
-    remarks = []
+    remarks = _remarks_on_scans(subject, measurements.definitions.faces)
     if is_typed_in:
         named["stature"] = stature
         reasons = {name: reason for name, reason in reasons.items() if name != "stature"}
@@ -338,6 +385,19 @@ def _values(
         remarks=(*remarks, *said),
         implausible=tuple(implausible),
     )
+
+
+def _remarks_on_scans(subject: SheetSubject, faces: Triangles) -> list[str]:
+    """Return which of several scans of a visit are left out, or show another person."""
+    remarks = []
+    for scan in subject.further_scans:
+        if not scan.is_measurable:
+            remarks.append(f"{scan.name} is not trusted and left out")
+        elif subject.is_measurable:
+            people = person_distance(subject.points, scan.points, faces)
+            if people.is_hardly_one_person:
+                remarks.append(f"{subject.name} and {scan.name}, of one visit, are {people.text}")
+    return remarks
 
 
 def _implausible(
@@ -399,9 +459,9 @@ def with_changes(
         return replace(values, remarks=(*values.remarks, remark))
     comparison = compare_visits(
         measurements,
-        before.points,
-        after.points,
-        trusted_vertices=np.stack([before.known_vertices, after.known_vertices]),
+        before.measured_points(),
+        after.measured_points(),
+        trusted_vertices=[before.measured_vertices(), after.measured_vertices()],
     )
     people = person_distance(before.points, after.points, measurements.definitions.faces)
     doubt = people.text if people.is_hardly_one_person else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -111,14 +112,18 @@ class Sheet:
     units=choice(*READABLE_UNITS),
 )
 def sheet(
-    body: RegisteredScan | ScanRecord | ArrayLike,
+    body: RegisteredScan | ScanRecord | ArrayLike | Sequence[RegisteredScan | ScanRecord],
     *,
     model: BodyModel | Measurements | None = None,
     name: str = "",
     sex: str = "adult",
     visit: str = "",
     stature: float | None = None,
-    before: RegisteredScan | ScanRecord | ArrayLike | None = None,
+    before: RegisteredScan
+    | ScanRecord
+    | ArrayLike
+    | Sequence[RegisteredScan | ScanRecord]
+    | None = None,
     units: str = "cm",
 ) -> Sheet:
     """Make the sheet of a person.
@@ -130,8 +135,10 @@ def sheet(
 
     Parameters
     ----------
-    body : RegisteredScan, ScanRecord, or array_like, shape (V, 3)
-        A registered scan, its record, or a body of the model, metres, y up.
+    body : RegisteredScan, ScanRecord, or array_like, shape (V, 3) or (n_scans, V, 3)
+        A registered scan, its record, or a body of the model, metres, y up. Several of them, as a
+        list or along the first axis, are scans of one visit: their mean is measured, see
+        `rh.measurements.person_in_standard_pose`, and one is shown.
     model : BodyModel or Measurements, optional
         The body model, or measurements of it; by default the open model with these triangles.
     name : str
@@ -144,7 +151,7 @@ def sheet(
         The stature as measured by hand, metres, for percentiles and the average body; by default
         that of the scan.
     before : RegisteredScan, ScanRecord, or array_like, optional
-        The same person at an earlier visit.
+        The same person at an earlier visit; one or several scans.
     units : {"cm", "in"}
         Centimetres, kilograms and litres, or inches and pounds.
 
@@ -156,15 +163,15 @@ def sheet(
     ('registered mesh', 'stature')
     >>> sheet.save("emma.html")
     """
-    points, subject = _subject(body, "body", name, sex, visit)
+    subject = _subject(body, "body", name, sex, visit)
     if stature is not None:
         subject = replace(subject, stature=stature)
-    measurements = _measurements_of(model, points)
-    real_array(points, "body", (measurements.definitions.n_vertices, 3), batched=False)
+    measurements = _measurements_of(model, subject.points)
+    _check_vertices(subject, "body", measurements)
     (values,) = values_of(measurements, [subject])
     if before is not None:
-        earlier, first = _subject(before, "before", name, sex, "the earlier visit")
-        real_array(earlier, "before", points.shape, batched=False)
+        first = _subject(before, "before", name, sex, "the earlier visit")
+        _check_vertices(first, "before", measurements)
         values = with_changes(measurements, values, first, subject)
     return Sheet(
         name=subject.person or subject.name,
@@ -177,18 +184,46 @@ def sheet(
     )
 
 
-def _subject(
-    body: object, argument: str, name: str, sex: str, visit: str
-) -> tuple[Points, SheetSubject]:
-    """Return a body and what is known about it, from whatever holds it."""
-    if isinstance(body, RegisteredScan):
-        body = record_of(name or "body", body)
-    if isinstance(body, ScanRecord):
-        subject = SheetSubject.of_record(body)
+def _subject(body: object, argument: str, name: str, sex: str, visit: str) -> SheetSubject:
+    """Return what is known about a person at a visit, from whatever holds the scan or scans."""
+    scans: list[object]
+    if isinstance(body, RegisteredScan | ScanRecord):
+        scans = [body]
+    elif isinstance(body, list | tuple) and any(
+        isinstance(scan, RegisteredScan | ScanRecord) for scan in body
+    ):
+        scans = list(body)
     else:
-        points = real_array(body, argument, ("n_vertices", 3), batched=False)
-        subject = SheetSubject(name=name or "body", points=points)
-    return subject.points, replace(subject, person=name, sex=sex, visit=visit, file="")
+        points = real_array(body, argument, ("n_vertices", 3))
+        if points.ndim > 3 or not points.size:
+            raise ArgumentError(
+                f"{argument} must be one body, or the scans of one visit, shape (n_scans, V, 3); "
+                f"found shape {points.shape}"
+            )
+        scans = list(points.reshape(-1, *points.shape[-2:]))
+    names = [name or "body"]
+    if len(scans) > 1:
+        names = [f"{name or 'scan'} {number}" for number in range(1, len(scans) + 1)]
+    subjects = [
+        replace(_scan_subject(scan, argument, text), person=name, sex=sex, visit=visit, file="")
+        for scan, text in zip(scans, names, strict=True)
+    ]
+    return SheetSubject.of_visit(subjects)
+
+
+def _scan_subject(scan: object, argument: str, name: str) -> SheetSubject:
+    if isinstance(scan, RegisteredScan):
+        scan = record_of(name, scan)
+    if isinstance(scan, ScanRecord):
+        return SheetSubject.of_record(scan)
+    points = real_array(scan, argument, ("n_vertices", 3), batched=False)
+    return SheetSubject(name=name, points=points)
+
+
+def _check_vertices(subject: SheetSubject, argument: str, measurements: Measurements) -> None:
+    shape = (measurements.definitions.n_vertices, 3)
+    for scan in (subject, *subject.further_scans):
+        real_array(scan.points, argument, shape, batched=False)
 
 
 def _measurements_of(model: BodyModel | Measurements | None, points: Points) -> Measurements:

@@ -40,11 +40,13 @@ def test_the_visits_before(bodies, tmp_path):
     assert [found.visits_until(number) for number in range(4)] == [[2, 1, 0], [2, 1], [2], [3]]
     assert found.subjects[0].visit == "visit 10"
     assert not any(found.is_without_order(number) for number in range(4))
-    # Several bodies of one visit, or visits that are not told apart, are not compared.
+    # Bodies of one visit are scans of it; visits that are not told apart are not compared.
     table.write_text("file,person,visit\na,x,1\nb,x,1\nc,x,\nd,,\n", encoding="utf-8")
     found = find_subjects([tmp_path], None)
-    assert [found.visits_until(number) for number in range(4)] == [[0], [1], [2], [3]]
-    assert [found.is_without_order(number) for number in range(4)] == [True, True, True, False]
+    assert [subject.name for subject in found.subjects] == ["a", "c", "d"]
+    assert [scan.name for scan in found.subjects[0].further_scans] == ["b"]
+    assert [found.visits_until(number) for number in range(3)] == [[0], [1], [2]]
+    assert [found.is_without_order(number) for number in range(3)] == [True, True, False]
     # Names with dots, and names in the two forms of a letter, are those of their own files.
     table.write_text("file,person\na,x\na.v2,z\nz,y\n", encoding="utf-8")
     with pytest.warns(UserWarning, match=r"labels\.csv names 1 of the 4 bodies, not b\.ply, c"):

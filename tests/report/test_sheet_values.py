@@ -76,3 +76,34 @@ def test_percentiles_that_the_pose_hides_are_left_out(bodies):
     spread = spread_of_adults("neck girth", "adult") * rows["neck girth"].value
     assert np.isnan(rows["neck girth"].percentile) == (rows["neck girth"].uncertainty > spread)
     assert np.isfinite(rows["hip girth"].percentile)
+
+
+def test_several_scans_of_a_visit(bodies, measurements):
+    """The mean is measured; a scan that is not trusted is left out, another person is said."""
+    definitions = measurements.definitions
+    mean = rh.measurements.person_in_standard_pose(definitions, bodies.points[[0, 3]])
+    measured = measurements.measure(mean, axes="space", missing="nan").values
+    sheet = rh.report.sheet(bodies.points[[0, 3]], before=bodies.points[1:3])
+    values = [row.value for row in sheet.measurements]
+    np.testing.assert_allclose(values, measured, rtol=1e-12, equal_nan=True)
+    compared = rh.measurements.compare_visits(
+        measurements, bodies.points[1:3], bodies.points[[0, 3]]
+    )
+    np.testing.assert_allclose(sheet.changes.noise, compared.noise)
+    # ± is smaller than that of one scan in either pose.
+    deviations = np.array([row.uncertainty for row in sheet.measurements])
+    for k in (0, 3):
+        one = np.array([row.uncertainty for row in rh.report.sheet(bodies[k]).measurements])
+        assert (deviations < one)[np.isfinite(one)].all()
+    seen, unseen = (
+        SheetSubject(
+            f"scan {k}", bodies[k], trusted_vertices=np.full(definitions.n_vertices, k == 0)
+        )
+        for k in (0, 3)
+    )
+    other = SheetSubject("scan 12", bodies[12])
+    visit = SheetSubject.of_visit([unseen, seen, other])
+    assert visit.name == "scan 0"
+    (values,) = values_of(measurements, [visit])
+    assert values.remarks[0] == "scan 3 is not trusted and left out"
+    assert values.remarks[1].startswith("scan 0 and scan 12, of one visit, are hardly the same")
