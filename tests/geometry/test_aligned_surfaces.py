@@ -308,9 +308,6 @@ def test_vertices_of_no_triangle_do_not_count(metric_over):
     ("parameters", "message"),
     [
         ((1.0, 0.0, 0.0), r"lam must be above 0 if a > 0 \(found lam = 0\)"),
-        ((-1.0, 1.0, 1.0), "a must be a finite number of at least 0; found -1"),
-        ((1.0, -0.5, 0.0), "lam must be a finite number of at least 0; found -0.5"),
-        ((1.0, 1.0, -1e-9), "c must be a finite number of at least 0; found -1e-09"),
         ((0.0, 1.0, 0.0), "a and c must not both be 0"),
     ],
 )

@@ -1,7 +1,5 @@
 """Spaces with a metric: how they are equipped and made anew, in geomstats' spelling."""
 
-import inspect
-
 import pytest
 from cases import (
     SPACES,
@@ -15,7 +13,6 @@ from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry import (
     AlignedSurfaces,
     ElasticMetric,
-    Manifold,
     MetricFields,
     NormalFields,
     RotationFields,
@@ -79,11 +76,3 @@ def test_spaces_of_users():
     assert isinstance(space.equip_with_metric(HyperbolicDistance).metric, HyperbolicDistance)
     space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver=LinearPath())
     assert space.metric.geodesic_solver == LinearPath()
-
-
-@pytest.mark.parametrize("name", ["belongs", "to_tangent", "random_point", "check_point"])
-def test_optional_arguments_are_those_of_every_manifold(name):
-    for space, *_ in SPACES.values():
-        found = inspect.signature(getattr(type(space), name)).parameters
-        for argument, declared in inspect.signature(getattr(Manifold, name)).parameters.items():
-            assert found[argument].default == declared.default

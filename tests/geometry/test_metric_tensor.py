@@ -377,6 +377,3 @@ def test_base_points_are_optional_where_they_do_not_matter():
         case = CASES[name]
         with pytest.raises(ArgumentTypeError, match="point must be an array of real numbers"):
             case.metric.norm(case.tangent_vecs[0])
-
-
-# Lengths of vectors.

@@ -288,13 +288,6 @@ def test_a_single_distance_does_not_load_numba():
 # Out of the range of numbers.
 
 
-@each_metric
-def test_single_precision_does_not_overflow(weights):
-    template = sphere_template()
-    points = surfaces(template, 3, rng=2) * 1e30
-    check_against_definition(metric_of(template, weights), points)
-
-
 def test_a_wrong_point_is_named_by_its_block_once():
     case = CASES["all sphere"]
     assert len(case.points) == 4

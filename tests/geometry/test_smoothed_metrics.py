@@ -13,11 +13,9 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
     AreaMetric,
-    ElasticMetric,
     RotationMetric,
 )
 from riemhuman.kernels.surface import polar_frames
-from riemhuman.retrieval import scores
 from riemhuman.surfaces import Template
 
 
@@ -170,35 +168,6 @@ def test_fields_are_vectors_in_a_flat_space():
     np.testing.assert_allclose(nearest[0], np.sort(distances, axis=1)[:, :3], atol=1e-5)
 
 
-@pytest.mark.slow
-def test_jobs_and_learning(tmp_path):
-    bodies = rh.datasets.load_open_bodies("coarse")
-    space, some = AlignedSurfaces(bodies.template), bodies.points[:20]
-    metric = AreaMetric(space)
-    distances = rh.pairwise_job(metric, some, tmp_path)
-    np.testing.assert_allclose(distances, metric.dist_pairwise(some), rtol=1e-6, atol=1e-9)
-    with pytest.raises(rh.RiemhumanError, match="time"):
-        rh.pairwise_job(AreaMetric(space, time=0.1), some, tmp_path)
-    learned = rh.LearnedMetric(metric).fit(bodies.points[:80], bodies.subject[:80])
-    found = learned.metric_.dist_pairwise(bodies.points[80:])
-    assert scores(found, bodies.subject[80:]).nn == 100.0
-
-
-@pytest.mark.slow
-def test_noise_on_people_nothing_was_tuned_on():
-    """With a millimetre of noise the paper's metric loses people, and areas keep them."""
-    bodies = rh.datasets.load_open_bodies("coarse", "natural", 12)
-    space = AlignedSurfaces(bodies.template)
-    noise = np.random.default_rng(0).standard_normal(bodies.points.shape)
-    for millimetres, least in ((0.0, 100.0), (1.0, 100.0), (4.0, 98.0)):
-        points = bodies.points + 0.001 * millimetres * noise
-        found = scores(AreaMetric(space).dist_pairwise(points), bodies.subject)
-        assert found.nn >= least
-        assert found.first_tier > 80.0
-    paper = scores(ElasticMetric(space, 1.0, 1e-4, 0.0).dist_pairwise(points), bodies.subject)
-    assert paper.nn < 60.0
-
-
 # The metric of diffused rotations.
 
 TURN = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
@@ -272,30 +241,6 @@ def test_gram_matrix_holds_inner_products(time):
     for j, k in ((0, 0), (2, 5), (8, 1), (8, 8)):
         expected = np.mean(metric.inner_product(vectors[j], vectors[k], points))
         assert gram[j, k] == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_poses_of_people_nothing_was_tuned_on():
-    """One person's two similar poses are taken for each other less often than by normals."""
-    bodies = load_open_bodies("coarse", "natural", 12)
-    space = AlignedSurfaces(bodies.template)
-    normals, rotations = (
-        scores(metric.dist_pairwise(bodies.points), bodies.pose)
-        for metric in (ElasticMetric(space, 0.0, 0.0, 1.0), RotationMetric(space))
-    )
-    assert rotations.nn >= normals.nn + 5
-    assert rotations.first_tier > normals.first_tier
-    assert rotations.second_tier > 99
-
-
-@pytest.mark.parametrize("time", [0.0, None])
-def test_compiled_features_are_those_of_the_definition(time):
-    bodies = load_open_bodies("coarse")
-    metric = RotationMetric(AlignedSurfaces(bodies.template, equip=False), time=time)
-    points = bodies.points[:4]
-    expected = [[metric.dist(one, other) for other in points] for one in points]
-    found = metric.dist_pairwise(points, precision="double")
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=0)
 
 
 def test_compiled_features_refuse_triangles_without_area():

@@ -1,7 +1,5 @@
 """What a method does with a stack is what it does with each: every override of every metric."""
 
-import inspect
-
 import numpy as np
 import pytest
 from cases import KINDS, name_of
@@ -15,20 +13,6 @@ VECTOR_AND_POINT = ("covector", "squared_norm", "norm", "normalize", "differenti
 TWO_VECTORS_AND_POINT = ("inner_product", "curvature_form", "sectional_curvature")
 TWO_POINTS = ("squared_dist", "dist")
 PATHS = ("energy", "length")
-IN_CLOSED_FORM = ("exp", "log", "parallel_transport", "injectivity_radius", "geodesic")
-# One path or a set of points at a time, or no points at all.
-ALONE = {
-    "bulk", "cdist", "check_points", "closest_neighbor_index", "compiled_log_areas",
-    "dist_pairwise", "energy_and_gradient", "features", "gram_matrix", "log_areas",
-    "lower_bound_coordinates", "map", "metric_matrix", "remove_drift", "rotations",
-    "squared_dists_and_gradient", "with_stretching",
-}  # fmt: skip
-
-
-def methods_of(case):
-    """Return the public methods of a metric."""
-    members = inspect.getmembers(type(case.metric), inspect.isfunction)
-    return {name for name, _ in members if not name.startswith("_")}
 
 
 def calls(case):
@@ -107,9 +91,3 @@ def test_paths_in_a_stack_are_those_of_each(case):
     for name in PATHS:
         method = getattr(case.metric, name)
         np.testing.assert_allclose(method(paths), [method(path) for path in paths], rtol=1e-9)
-
-
-@every_case
-def test_no_method_is_forgotten(case):
-    known = {*VECTOR_AND_POINT, *TWO_VECTORS_AND_POINT, *TWO_POINTS, *PATHS, *IN_CLOSED_FORM}
-    assert methods_of(case) - known - ALONE == set()

@@ -9,7 +9,7 @@ import pytest
 
 from riemhuman.checks.labels import label_list
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.io.label_tables import read_label_rows, rows_of_files, without_ending
+from riemhuman.io.label_tables import read_label_rows, rows_of_files
 
 ZOE, DECOMPOSED = (unicodedata.normalize(form, "zoé") for form in ("NFC", "NFD"))
 
@@ -143,15 +143,3 @@ def test_files_with_several_rows_and_rows_with_several_files(tmp_path):
     ):
         with pytest.raises(FileFormatError, match=message):
             match(names, files)
-
-
-def test_endings_of_names():
-    for name, expected in (
-        ("anna.ply", "anna"),
-        ("anna.v2.PLY", "anna.v2"),
-        ("anna.v2", "anna.v2"),
-        ("anna.", "anna."),
-        ("dr. who", "dr. who"),
-        (".ply", ".ply"),
-    ):
-        assert without_ending(name) == expected

@@ -1,6 +1,5 @@
 """Mesh files of every kind are read in their own order; damaged ones raise errors."""
 
-import io
 import os
 import struct
 import sys
@@ -8,7 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import plyfile
 import pytest
 import trimesh
 from cases import sphere_template
@@ -30,7 +28,6 @@ from riemhuman.io import (
     save_mesh,
     to_trimesh,
 )
-from riemhuman.io._mesh_formats import write_ply
 from riemhuman.surfaces import Template
 
 ENDINGS = [".ply", ".obj", ".off"]
@@ -190,19 +187,6 @@ def test_damaged_ply(tmp_path, old, new):
     assert_refused(write(tmp_path, "body.ply", content.replace(old, new, 1)))
 
 
-@pytest.mark.parametrize("encoding", list(ENCODINGS)[1:])
-def test_lengths_and_counts_that_no_file_holds(tmp_path, encoding):
-    order = ENCODINGS[encoding]
-    strip = ("strip", [("int", "double", "a")], [[[1.0]], [[1.0, 2.0]]])
-    ragged = ply([strip, VERTEX, FACE], encoding)
-    length = struct.pack(order + "i", 2)
-    for wrong in (-(2**31), -1, 2**31 - 1):
-        broken = ragged.replace(length, struct.pack(order + "i", wrong), 1)
-        assert_refused(write(tmp_path, "body.ply", broken))
-    for n_rows in (2**31, 2**56, 10**18 - 1, 10**30):
-        assert_refused(write(tmp_path, "b.ply", ragged.replace(b"strip 2", b"strip %d" % n_rows)))
-
-
 @pytest.mark.parametrize("pattern", ["{0}", "{0}/{1}", "{0}//{1}", "{0}/{1}/{1}"])
 def test_obj_with_texture_normals_and_materials(mesh, tmp_path, pattern):
     content = "# Körper \\\n".encode("latin-1") + obj(*mesh, pattern)
@@ -346,22 +330,6 @@ def test_saved_mesh_reads_back_bit_for_bit(mesh, tmp_path, ending):
     np.testing.assert_array_equal(by_trimesh.faces, mesh[1])
 
 
-@pytest.mark.parametrize("scalar", ["<f8", "<f4", ">f8"])
-def test_written_ply_is_that_of_plyfile(mesh, scalar):
-    vertices, faces = mesh[0].astype(scalar), mesh[1].astype(np.int32)
-    places = [("x", scalar), ("y", scalar), ("z", scalar), ("trusted", "u1")]
-    points = np.array([(*place, place[0] > 0.0) for place in vertices.tolist()], places)
-    triangles = np.array([(row,) for row in faces], [("vertex_indices", "i4", (3,))])
-    points["trusted"] = vertices[:, 0] > 0.0
-    elements = [
-        plyfile.PlyElement.describe(points, "vertex"),
-        plyfile.PlyElement.describe(triangles, "face"),
-    ]
-    expected = io.BytesIO()
-    plyfile.PlyData(elements, byte_order="<").write(expected)
-    assert write_ply(vertices, faces, vertices[:, 0] > 0.0) == expected.getvalue()
-
-
 def test_trusted_vertices_of_ply_files(mesh, tmp_path):
     trusted = mesh[0][:, 0] > 0.0
     save_mesh(tmp_path / "body.ply", *mesh, trusted)
@@ -453,17 +421,12 @@ def test_truncated_files_are_refused(mesh, tmp_path):
     [
         ("a.obj", "v 0 0 0\nv 1 b 0\nf 1 1 2\n", "line 2 is not valid: 'v 1 b 0'"),
         ("a.obj", "v 0 0 0\n", "1 vertices and 0 faces"),
-        ("a.obj", "v 0 0 0\nf 1 1 2\n", "refers to vertex 2; the file has 1, counted from 1"),
         ("a.obj", "v 0 0 0\nf 1 0 1\n", "line 2: a face refers to vertex 0; .* from 1, or back"),
         ("a.obj", "v 0 0 0\nf 1 1 -2\n", "line 2: a face refers to vertex -2; .* to -1$"),
         ("a.obj", "v 0,5 0,1 0,2\nf 1 1 1\n", "'v 0,5 0,1 0,2'; decimals need a point"),
         ("a.off", "OFF 1 1 0\n0,5 0,1 0,2\n3 0 0 0\n", "'0,5 0,1 0,2'; decimals need a point"),
-        ("a.obj", "v 0 0 nan\nf 1 1 1\n", r"vertices .*\(0, 2\)"),
-        ("a.off", "OFF 1 0 0\n0 0 0\n", "1 vertices and 0 faces"),
         ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 1\n", r"faces\[0\] = \(0, 0, 1\).*out of range"),
         ("a.off", "OFF\n1 1 0\n0 0\n3 0 0 0\n", "line 3 is not valid: '0 0'"),
-        ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 x 0\n", "line 4 is not valid: '3 0 x 0'"),
-        ("a.off", "OFF\n1 1 0\n0 0 0\n", "1 vertices and 1 faces, 1 lines"),
         ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0\n0\n", "1 faces, 3 lines follow"),
         ("a.off", "OFF\n99999999999 1 0\n0 0 0\n", "1 lines follow"),
     ],
@@ -523,7 +486,6 @@ def test_variants_that_other_programs_write(tmp_path, name):
 
 def test_reasons_and_how_to_mend_a_file(mesh, tmp_path):
     text = ply(elements_of(*mesh), "ascii")
-    binary = ply(elements_of(*mesh), "binary_little_endian")
     n_faces = b"element face %d" % len(mesh[1])
     stl = trimesh.exchange.stl.export_stl(trimesh.creation.box())
     facet = "vertex 0 0 0\nvertex 0,5 0 0\nvertex 0 1 0\n"
@@ -535,29 +497,15 @@ def test_reasons_and_how_to_mend_a_file(mesh, tmp_path):
         ),
         (
             "a.ply",
-            binary.replace(n_faces, b"element face 9"),
-            "declares fewer rows.*correct the num",
-        ),
-        (
-            "a.ply",
             text.replace(b"element face", b"element tristrips"),
             "strips of triangles are not",
         ),
-        ("a.stl", stl[:80] + b"\5\0\0\0" + stl[84:], "declares 5 triangles, and 12 follow"),
         ("a.stl", stl[:-60], "truncated: its header declares 12 triangles, and 10 follow"),
-        ("a.stl", "solid a\nfacet\nvertex 0 0 0\nendfacet\n", "ends with 'endsolid'"),
-        (
-            "a.ply",
-            text.replace(n_faces, b"element face 99"),
-            "truncated: its header declares 143 l",
-        ),
-        ("a.ply", text.replace(b"end_header", b""), "ends with a line 'end_header'"),
         (
             "a.stl",
             f"solid a\n{facet}endfacet\nendsolid\n",
             "not all numbers; decimals need a point",
         ),
-        ("a.off", "OFF\n4\n4\n0\n", "numbers of vertices and faces on one line"),
         ("a.off", "OFF BINARY\n4 4 0\n", "a binary OFF file; save it as text"),
         ("a.off", "4OFF\n1 0 0\n0 0 0 1\n", "four or more coordinates"),
     ):

@@ -7,7 +7,6 @@ from autograd import grad, make_jvp
 from cases import TEMPLATES, open_template, sphere_template, surfaces
 from scipy.sparse import random_array
 
-from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.kernels import surface
 from riemhuman.kernels.surface import (
     apply_operator,
@@ -74,13 +73,6 @@ def test_forms_of_corners_are_those_of_components():
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_triangles_are_degenerate_up_to_eight_rounding_errors():
-    squared_sines = 8 * np.array([0.975, 1.025]) * np.finfo(float).eps
-    f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
-    f_v = 0.1 * np.stack([np.ones(2), np.sqrt(squared_sines), np.zeros(2)], axis=1)
-    np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), [True, False])
-
-
 def test_degenerate_triangles():
     f_u = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [1.0, 0, 0], [1e-9, 0, 0]])
     f_v = np.array([[0, 1.0, 0], [2.0, 0, 0], [0, 1.0, 0], [1.0, 1e-9, 0], [0, 1e-9, 0]])
@@ -89,21 +81,6 @@ def test_degenerate_triangles():
     first = surface.follow_up(f_u, f_v)
     np.testing.assert_array_equal(first.areas[1:4], 1.0)
     np.testing.assert_array_equal(first.e[1:4], 1.0)
-
-
-def test_refuse_triangles():
-    surface.refuse_triangles(np.zeros((2, 5), dtype=bool), "all good", ArgumentError)
-    bad = np.zeros((2, 3, 5), dtype=bool)
-    bad[1, 2, 4] = True
-    with pytest.raises(OutsideManifoldError) as error:
-        surface.refuse_triangles(bad, "g must be small", OutsideManifoldError)
-    assert str(error.value) == "g must be small; found otherwise at triangle 4 of item (1, 2)"
-    bad[1, 2, 1] = True
-    with pytest.raises(ArgumentError) as error:
-        surface.refuse_triangles(bad[1, 2], "g must be small", ArgumentError)
-    assert str(error.value) == (
-        "g must be small; found otherwise at triangle 1, the first of 2 such triangles"
-    )
 
 
 def cotangents_by_hand(template):

@@ -53,16 +53,6 @@ def two_blas_threads():
         yield blas_threads()
 
 
-def test_blas_runs_in_one_thread_and_gets_its_threads_back(two_blas_threads):
-    before = two_blas_threads
-    with threads.single_threaded_libraries():
-        assert set(blas_threads()) == {1}
-        with threads.single_threaded_libraries():
-            assert set(blas_threads()) == {1}
-        assert set(blas_threads()) == {1}
-    assert blas_threads() == before
-
-
 def test_libraries_in_one_thread_for_overlapping_users(two_blas_threads):
     before = two_blas_threads
     first, second = threads.single_threaded_libraries(), threads.single_threaded_libraries()

@@ -43,19 +43,6 @@ def problem(condition=1e4):
     return function, hessian
 
 
-def test_steps_that_raise_the_value_however_little_are_shortened():
-    """Wolfe's first condition asks for a decrease: a rise of 5e-5 of the slope is none."""
-
-    def function(x):
-        return float(np.sum((1.0 + 5e-5) * x**2 - x)), 2.0 * (1.0 + 5e-5) * x - 1.0
-
-    start, direction = np.zeros(1), np.ones(1)
-    assert 0.0 < function(direction)[0] < 1e-4
-    found = _lbfgs._line_search(function, start, direction, 0.0, -1.0)
-    assert found.step == pytest.approx(0.5, abs=1e-4)
-    assert found.value == pytest.approx(-0.25, abs=1e-4)
-
-
 @pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
 def test_near_hessians_save_iterations_whatever_their_size(factor):
     """The operator need not know the scale: the first step finds it."""

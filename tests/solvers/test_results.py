@@ -1,9 +1,6 @@
 """Results, and the one warning of a solver that has not converged."""
 
 import dataclasses
-import importlib
-import inspect
-import pkgutil
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,11 +9,9 @@ from cases import CASES
 
 from riemhuman import solvers
 from riemhuman.errors import (
-    ArgumentError,
     ArgumentTypeError,
     ConvergenceWarning,
     FileFormatError,
-    RiemhumanError,
 )
 from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -32,7 +27,6 @@ from riemhuman.solvers._lbfgs import Minimum
 from riemhuman.solvers.logarithm import LogarithmResult
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, Status
-from riemhuman.surfaces import DeformationBasis
 
 
 def test_a_solver_that_has_not_converged_warns_its_caller_once():
@@ -46,70 +40,6 @@ def test_a_solver_that_has_not_converged_warns_its_caller_once():
     )
     assert warning.filename == __file__
     assert (result.converged, result.n_iterations) == (False, 1)
-
-
-MODULES = [
-    importlib.import_module(f"riemhuman.solvers.{module.name}")
-    for module in pkgutil.iter_modules(solvers.__path__)
-]
-DATACLASSES = [
-    cls
-    for module in MODULES
-    for cls in vars(module).values()
-    if dataclasses.is_dataclass(cls)
-    and getattr(cls, "__module__", "") == module.__name__
-    and not inspect.isabstract(cls)
-    and (hasattr(cls, "solve") or issubclass(cls, solvers.Result))
-]
-
-
-LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1, "sample_size": 1}
-MODELS = {"basis": DeformationBasis(np.eye(1, 3)[None]), "model": print, "parameters": print}
-WRONG = {
-    "basis": (np.zeros((1, 1, 3)), "a DeformationBasis; found ndarray"),
-    "energy": (solvers.SegmentEnergy, r"an energy such as SegmentEnergy\(\); found the class Seg"),
-    "initial": (solvers.LinearPath, "an object with a method solve.*; found the class LinearPath"),
-    "geodesic_solver": (MODELS["basis"], "an object with a method.*; found DeformationBasis"),
-    "callback": (3, "a function; found int"),
-    "parameters": (3, "a function; found int"),
-    "tolerance": (0.0, "a finite number above 0"),
-    "end_tolerance": (0.0, "a finite number above 0"),
-    "pose_weight": (0.0, "a finite number above 0"),
-    "bone_smoothing": (0.0, "a finite number above 0"),
-    "companion_weight": (-1.0, "a finite number of at least 0"),
-}
-
-
-def settings_of(bounds):
-    """Return solvers with the settings of theirs that are named."""
-    return [
-        (cls, field.name)
-        for cls in DATACLASSES
-        if hasattr(cls, "solve") and not cls.__name__.startswith("_")
-        for field in dataclasses.fields(cls)
-        if field.name in bounds
-    ]
-
-
-def build(cls, **settings):
-    """Return a solver, with a basis or a body model of a kind where it needs one."""
-    given = {f.name: MODELS[f.name] for f in dataclasses.fields(cls) if f.name in MODELS and f.init}
-    return cls(**given | settings)
-
-
-@pytest.mark.parametrize(("cls", "name"), settings_of(LEAST))
-def test_least_numbers_are_legal(cls, name):
-    assert getattr(build(cls, **{name: LEAST[name]}), name) == LEAST[name]
-    with pytest.raises(ArgumentError, match=f"{name} must be a whole number of at least"):
-        build(cls, **{name: LEAST[name] - 1})
-
-
-@pytest.mark.everyday
-@pytest.mark.parametrize(("cls", "name"), settings_of(WRONG))
-def test_wrong_settings_are_refused(cls, name):
-    if cls is not PathStraightening or name != "basis":
-        with pytest.raises(RiemhumanError, match=f"{name} must be {WRONG[name][1]}"):
-            build(cls, **{name: WRONG[name][0]})
 
 
 def test_what_is_given_in_place_of_the_metric_is_refused():

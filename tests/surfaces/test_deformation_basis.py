@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from autograd.test_util import check_grads
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.surfaces.deformation_basis import (
     DeformationBasis,
     frames_apart,
@@ -125,12 +125,7 @@ class TestVectors:
         np.testing.assert_array_equal(again.vectors, basis.vectors)
         with pytest.raises(ValueError, match="read-only"):
             again.vectors[0, 0, 0] = 1.0
-        with pytest.raises(ValueError, match="read-only"):
-            again.flat[0, 0] = 1.0
-        assert again.flat.flags.c_contiguous
-        assert np.shares_memory(again.flat, again.vectors)
         assert again.flat.shape == (12, 3 * N_VERTICES)
-        assert (again.n_components, len(again), again.n_vertices) == (12, 12, N_VERTICES)
         assert again.explained_variance is again.explained_variance_ratio is None
 
     def test_deviation_is_told(self, basis):
@@ -218,23 +213,10 @@ class TestFiles:
 
     def test_what_is_missing_or_wrong_is_named(self, basis, tmp_path):
         file = tmp_path / "basis.npz"
-        with pytest.raises(FileError, match=r"basis\.npz"):
-            DeformationBasis.load(file)
-        with pytest.raises(FileError, match="nowhere"):
-            basis.save(tmp_path / "nowhere" / "basis.npz")
-        file.write_bytes(b"garbage")
-        with pytest.raises(FileFormatError, match=r"basis\.npz: damaged, or not an \.npz archive"):
-            DeformationBasis.load(file)
-
         good = {"format_version": 1, "vectors": basis.vectors}
         for change, message in [
             ({"vectors": None}, r"basis\.npz: lacks the fields vectors"),
-            ({"format_version": None}, "lacks the fields format_version"),
-            ({"format_version": 2}, "has format version 2; this release reads version 1"),
             ({"vectors": 2 * basis.vectors}, r"basis\.npz: vectors must be orthonormal"),
-            ({"vectors": np.zeros((0, 5, 3))}, r"basis\.npz: vectors"),
-            ({"vectors": np.zeros((2, 5))}, r"basis\.npz: vectors must have shape"),
-            ({"vectors": np.array(["text"])}, r"basis\.npz: vectors must be an array of real"),
             ({"explained_variance": np.ones(3)}, "explained_variance must have shape"),
         ]:
             fields = {k: v for k, v in (good | change).items() if v is not None}
@@ -308,12 +290,9 @@ def with_bad_entry(number):
     [
         ([], ArgumentError, "motions must hold at least one motion"),
         ([MOTION, MOTION[:10]], ArgumentError, r"motions\[1\] has 10 frames; with step=10 .* 11"),
-        ([iter(())], ArgumentError, r"motions\[0\] has 0 frames"),
         ([MOTION, MOTION[:, :4]], ArgumentError, r"motions\[1\] has 4 vertices; .* have 5"),
         ([[*MOTION[:3], MOTION[3, :4]]], ArgumentError, r"frame 3 of .* 4 vertices; .* 5"),
         ([MOTION, with_bad_entry(10)], ArgumentError, r"frame 10 of motions\[1\] holds 1 NaN"),
-        ([list(with_bad_entry(7))], ArgumentError, r"frame 7 of motions\[0\] holds 1 NaN"),
-        ([Indexed(with_bad_entry(20))], ArgumentError, r"frame 20 of motions\[0\] holds 1 NaN"),
         (MOTION, ArgumentError, r"found one, of shape \(24, 5, 3\)"),
         (["walking"], ArgumentTypeError, r"frame 0 of motions\[0\] must be an array of real"),
     ],

@@ -64,15 +64,6 @@ def test_closed_meshes_are_told():
     assert np.isnan(signed_volume(open_template().vertices, open_template().faces))
 
 
-def test_bad_points_are_refused():
-    faces = sphere_template().faces
-    for measure in (triangle_areas, signed_volume, edge_lengths):
-        with pytest.raises(ArgumentError, match="points must have shape"):
-            measure(np.zeros((42, 2)), faces)
-        with pytest.raises(ArgumentError, match="points holds 126 NaN"):
-            measure(np.full((42, 3), np.nan), faces)
-
-
 def test_adjacent_triangles_share_their_edge():
     faces = sphere_template().faces
     pairs, edges = adjacent_triangles(faces)

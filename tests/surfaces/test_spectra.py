@@ -165,13 +165,3 @@ def test_parts_are_solved_each_for_itself(n_parts):
     np.testing.assert_allclose(found.eigenvalues, expected, rtol=1e-9)
     gram = (found.functions * found.areas) @ found.functions.T
     np.testing.assert_allclose(gram, np.eye(4), atol=1e-9)
-
-
-def test_small_and_large_parts_together():
-    shapes = [sphere(0), sphere(2), sphere(1)]
-    counts = np.cumsum([0] + [len(vertices) for vertices, _ in shapes])
-    points = np.concatenate([(k + 1) * v + 9 * k for k, (v, _) in enumerate(shapes)])
-    faces = np.concatenate([f + n for n, (_, f) in zip(counts, shapes, strict=False)])
-    alone = [spectrum(v, f, 8).eigenvalues / (k + 1) ** 2 for k, (v, f) in enumerate(shapes)]
-    found = spectrum(points, faces, 8).eigenvalues
-    np.testing.assert_allclose(found, np.sort(np.concatenate(alone))[:8], rtol=1e-8)

@@ -77,15 +77,6 @@ def test_degenerate_triangles(template_name):
     assert np.all(np.isfinite(gradient))
 
 
-@pytest.mark.parametrize("share", [0.99, 1.01], ids=["below", "above"])
-def test_how_thin_a_triangle_may_be(share):
-    """Whatever the lengths of its sides: the sine of the angle between them counts."""
-    for along, across in ((1e-3, 1e3), (1e3, 1e-3), (30.0, 20.0)):
-        height = across * share * np.sqrt(surface.DEGENERATE)
-        *_, area = _sums.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
-        assert area == pytest.approx(along * height if share > 1 else 0.0, rel=1e-12)
-
-
 @pytest.mark.parametrize("at", [0.0, 0.4, 1.0], ids=str)
 def test_nearly_degenerate_triangles_are_those_of_the_definition(at):
     template = TEMPLATES["open"]()
@@ -161,29 +152,6 @@ def test_distances_from_one_surface_are_energies_of_single_steps():
 
 TEMPLATE = open_template()
 PRECISIONS = {"single": np.float32, "double": np.float64}
-# Rounding errors of the features, and of the arithmetic that leads to them.
-TOLERANCES = {"single": 1.2e-7, "double": 1e-13}
-
-
-@pytest.mark.parametrize("precision", PRECISIONS)
-def test_normals_of_surfaces(precision):
-    points, n_faces = surfaces(TEMPLATE, 3, rng=21), TEMPLATE.n_faces
-    normals = surface.unit_normals(
-        *surface.partial_derivatives(points, TEMPLATE.differential_operator)
-    )
-    found, rounding = SumOfTerms([NormalTerm()], TEMPLATE).features(points, precision)
-    assert found.dtype == PRECISIONS[precision]
-    assert found.shape[-1] % threads.LANES == 0
-    assert found.shape[-1] - n_faces < threads.LANES
-    np.testing.assert_array_equal(found[..., n_faces:], 0.0)
-    expected = np.swapaxes(normals, 1, 2)
-    np.testing.assert_allclose(found[..., :n_faces], expected, atol=TOLERANCES[precision])
-    again, rounding_again = features_of_fields(
-        NormalTerm(), (normals,), TEMPLATE.face_areas, precision
-    )
-    np.testing.assert_allclose(found, again, atol=TOLERANCES[precision])
-    np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
-    assert rounding.any() == (precision == "single")
 
 
 BY_STRETCH_AND_BY_TURN = ConeTerm(1.0, 1e4, 1.0, 1e-4), ConeTerm(1.0, 1e-4, 1.0, 1e4)

@@ -1,9 +1,5 @@
 """A term of one's own: what a user's script defines, and all that follows from it."""
 
-import subprocess
-import sys
-from itertools import product
-
 import autograd.numpy as anp
 import numpy as np
 import pytest
@@ -230,42 +226,6 @@ def test_a_space_of_fields_without_metric_is_refused():
 
     with pytest.raises(ArgumentError, match="equipped with a metric.*VectorSpace without one"):
         SurfaceMetric(SPACE, [Bare()]).map(POINTS[0])
-
-
-SCRIPT = """
-import numpy as np
-from numba.core.caching import IndexDataCacheFile
-import riemhuman as rh
-
-missed = []
-save = IndexDataCacheFile.save
-IndexDataCacheFile.save = lambda self, key, data: (missed.append(self), save(self, key, data))
-template = rh.Template(np.eye(4)[:, :3], np.array([[0, 1, 2], [1, 0, 3]]))
-space = rh.AlignedSurfaces(template)
-points = template.vertices + np.random.default_rng(0).uniform(-0.1, 0.1, (3, 4, 3))
-{call}
-print(len(missed))
-"""
-
-
-MADE = ["rh.SRNFMetric(space)", "rh.ElasticMetric(space)", "rh.GeneralElasticMetric(space)"]
-# Matrices of metrics need no compiled function.
-CALLS = ["dist_pairwise", "energy_and_gradient"]
-CASES = [f"{metric}.{call}(points)" for metric, call in product(MADE, CALLS)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("call", CASES)
-def test_a_second_process_compiles_nothing(call, tmp_path, monkeypatch):
-    """With a cache of their own: other tests compile at the same time."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    script = SCRIPT.replace("{call}", call)
-    compiled = [
-        int(subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout)
-        for _ in range(2)
-    ]
-    assert compiled[0] > 0
-    assert compiled[1] == 0
 
 
 # Slips in a term of one's own are refused when the metric is made: loops trust its shapes.
