@@ -95,19 +95,6 @@ def test_units_and_axes_make_other_verbs_measure_the_same(run, turned, scans):
     assert float(theirs.out) == pytest.approx(float(ours.out), rel=1e-5)
 
 
-@pytest.mark.slow
-def test_labelled_folders_take_template_unit_and_what_is_there(run, refused, turned, scans):
-    (turned / "labels.csv").write_text(
-        "file,subject,pose\na.ply,anna,sits\nb.ply,anna,sits\nc.ply,ben,sits\n"
-        "body_0.ply,ben,stands\n", encoding="utf-8",
-    )  # fmt: skip
-    options = ("--unit", "millimetres", "--up", "z", "--template", turned / "b.ply")
-    assert "rows without a mesh" in refused("tables", "--bodies", turned, *options, "--json")
-    finished = run("tables", "--bodies", turned, *options, "--allow-missing", "--json")
-    assert finished.code == 0
-    assert "shape metric (1, 0.0001, 0)" in finished.out
-
-
 def test_fit_is_that_of_the_library(run, scans, bodies, tmp_path):
     output, picture = tmp_path / "fit.npz", tmp_path / "fit.html"
     options = ("--picture", picture, "--json")

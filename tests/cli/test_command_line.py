@@ -14,34 +14,12 @@ import pytest
 from tqdm import tqdm
 
 import riemhuman
-from riemhuman.cli import _terminal as terminal
 from riemhuman.cli import main
-from riemhuman.cli._commands import COMMANDS, VERBS, make_parser
+from riemhuman.cli._commands import COMMANDS, make_parser
 from riemhuman.cli._terminal import as_json, note, task
 
 PARSER = make_parser("", "", "")
 COMMAND = (sys.executable, "-m", "riemhuman")
-
-
-def test_help_lists_every_command(capsys):
-    with pytest.raises(SystemExit, match="0"):
-        main(["--help"])
-    printed = capsys.readouterr().out
-    listed = re.findall(r"^    ([a-z-]+)\b", printed, re.MULTILINE)
-    assert sorted(listed) == sorted({name.split()[0] for name in COMMANDS})
-    assert "exit codes: 0 done" in printed
-    assert sorted(COMMANDS) == sorted(name for verbs in VERBS.values() for name in verbs)
-    places = [printed.index(f"\n  {kind}:\n") for kind in VERBS]
-    assert places == sorted(places)
-
-
-def test_without_a_command_the_help_and_three_examples_appear(capsys):
-    assert main([]) == 0
-    printed = capsys.readouterr().out
-    examples = re.findall(r"^  (riemhuman \w.*?)(?:  +#.*)?$", printed, re.MULTILINE)
-    assert len(examples) == 3
-    for example in examples:
-        assert PARSER.parse_args(example.split()[1:]).run
 
 
 def test_help_of_every_command_has_examples_that_parse(capsys):
@@ -104,15 +82,6 @@ def test_errors_take_one_line(run, scans, monkeypatch, error, code, message):
                 main([*arguments, str(scans / "body_0.ply")])
 
 
-def test_interruption_while_results_are_written(run, scans, monkeypatch):
-    def interrupt(*arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sys.stdout, "write", interrupt)
-    finished = run("info", scans / "body_0.ply")
-    assert (finished.code, finished.out, finished.err) == (130, "", "riemhuman: interrupted\n")
-
-
 def test_json_keeps_all_digits_and_has_no_nan():
     record = {"a": 0.1 + 0.2, "b": np.float64(1 / 3), "c": np.array([np.nan, np.inf]), 1: True}
     assert as_json(record) == (
@@ -133,24 +102,6 @@ def test_a_reader_that_leaves(scans):
     )
     os.close(writes)
     assert (finished.returncode, finished.stderr) == (141, "")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="descriptors of Unix")
-@pytest.mark.parametrize(("closed", "code"), [(1, 2), (2, 0)])
-def test_streams_that_the_caller_closed(scans, closed, code):
-    """As in ``riemhuman ... >&-``: without a place for results there is no success."""
-    finished = subprocess.run(
-        [*COMMAND, "info", scans / "labels.csv"],
-        capture_output=True,
-        text=True,
-        preexec_fn=lambda: os.close(closed),
-    )
-    assert finished.returncode == code
-    if closed == 1:
-        assert finished.stderr == (
-            "riemhuman: standard output is closed, so that there is no place for results\n"
-        )
 
 
 @pytest.mark.slow
@@ -191,7 +142,6 @@ def test_an_interrupted_command(scans, tmp_path):
     [
         (["distt", "a.ply", "b.ply"], "did you mean dist?"),
         (["dist", "a.ply", "b.ply", "--aling"], "did you mean --align?"),
-        (["report", "--open", "natural", "--quik"], "did you mean --quick?"),
         (["tables", "--resolution", "corse"], "did you mean coarse?"),
         (["dist"], "usage: riemhuman dist"),
         (["dist", "a", "b", "--pose", "--shape"], "not allowed with argument"),
@@ -220,22 +170,6 @@ def test_the_shell_completes_names_and_options(tmp_path):
 
     assert completed("riemhuman disent") == ["disentangle"]
     assert "--align" in completed("riemhuman dist --al")
-
-
-def test_a_terminal_is_told_at_once(capsys):
-    with task(SimpleNamespace(quiet=False, bars=True), "Reading"):
-        assert capsys.readouterr().err == "Reading ..."
-    assert re.fullmatch(r"\rReading: \d\.\d s\n", capsys.readouterr().err)
-
-
-def test_the_task_is_named_again_below_a_note(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with task(SimpleNamespace(quiet=False, bars=True), "Reading"):
-        capsys.readouterr()
-        terminal.say_compilation()
-    said = capsys.readouterr().err.split("\n")
-    assert said[0].startswith("\r\x1b[Kriemhuman: compiling, once on this machine")
-    assert re.fullmatch(r"Reading \.\.\.\r\x1b\[K\rReading: \d\.\d s", said[1])
 
 
 def test_notes_stand_above_bars(capsys, monkeypatch):

@@ -74,11 +74,9 @@ def test_photographs_of_a_video_become_a_motion(a_map, others, faces, run, refus
     [
         (lambda body: body[:-1], "1,203 vertices.* found 1,202|triangle"),
         (lambda body: body * [-1.0, 1.0, 1.0], "mirrored"),
-        (lambda body: 100.0 * body, "times as large"),
         (lambda body: body * [1.0, -1.0, -1.0], 'up="-y"'),
-        (lambda body: np.where(np.arange(len(body))[:, None] == 7, np.nan, body), "NaN|finite"),
     ],
-    ids=["vertices", "mirrored", "centimetres", "y down", "NaN"],
+    ids=["vertices", "mirrored", "y down"],
 )
 def test_bodies_that_do_not_fit_a_map_are_refused_by_file(
     a_map, others, faces, refused, tmp_path, change, said
@@ -92,12 +90,6 @@ def test_bodies_that_do_not_fit_a_map_are_refused_by_file(
     error = refused("convert", source, tmp_path / "there.ply", "--map", a_map)
     assert "wrong.obj" in error
     assert re.search(said, error), error
-
-
-def test_other_triangles_are_refused_by_file(a_map, others, faces, refused, tmp_path):
-    rh.save_mesh(tmp_path / "wrong.ply", others[1], faces[::-1])
-    command = ("convert", tmp_path / "wrong.ply", tmp_path / "there.ply", "--map", a_map)
-    assert re.search(r"wrong\.ply.*must have the triangles of the map", refused(*command))
 
 
 def test_maps_are_not_made_of_bad_bodies(bodies, refused, tmp_path):

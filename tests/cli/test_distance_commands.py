@@ -254,20 +254,6 @@ def test_plot_shows_the_bodies_of_a_folder(run, refused, scans, matrix, tmp_path
     assert "holds no" in message or "does not hold" in message
 
 
-def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
-    run, matrix, tmp_path, monkeypatch
-):
-    figures = []
-    save = "riemhuman.plots.figures.save_figure"
-    monkeypatch.setattr(save, lambda figure, file: figures.append(figure))
-    assert run("plot", matrix, "-o", tmp_path / "map.png", "--quiet").code == 0
-    (ax,) = figures[0].axes
-    texts = [text.get_text() for text in ax.texts]
-    assert {f"body_{number}" for number in (0, 1, 2, 20, 21, 22)} <= set(texts)
-    assert "those of the metric, in metres: off by" in ax.get_xlabel()
-    assert "nearest to each, the map keeps" in ax.get_xlabel()
-
-
 def test_scores_are_those_of_the_library(run, scans, matrix):
     finished = run("scores", matrix, "--labels", scans / LABELS, "--json")
     found = json.loads(finished.out)

@@ -49,29 +49,6 @@ def people(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
-def test_registered_bodies_share_a_triangulation_and_have_labels(people):
-    bodies = rh.datasets.load_bodies(people / "bodies")
-    assert len(bodies.points) == 80
-    assert len(set(bodies.subject)) == 8
-    assert len(set(bodies.pose)) == 10
-    steps = rh.datasets.find_meshes(people / "steps")
-    assert f"as {len(steps)} registered bodies" in (people / "README.txt").read_text("utf-8")
-    faces = rh.datasets.load_open_model("full").faces
-    for name in ("anna", "ben", "sit", "stand", "visit1", "visit2", f"steps/{steps[0].stem}"):
-        assert np.array_equal(rh.load_mesh(people / f"{name}.ply")[1], faces)
-
-
-@pytest.mark.slow
-def test_bodies_stand_on_the_floor_and_one_sits(people):
-    heights = {}
-    for name in ("sit", "stand"):
-        points = rh.load_mesh(people / f"{name}.ply")[0]
-        assert abs(points[:, 1].min()) < 1e-6
-        heights[name] = points[:, 1].max()
-    assert 0.65 < heights["sit"] / heights["stand"] < 0.85
-
-
 def test_scans_have_a_floor_and_triangles_of_their_own(people):
     n_vertices = rh.load_mesh(people / "anna.ply")[0].shape[0]
     for name in ("anna", "ben"):

@@ -188,13 +188,6 @@ def test_info_says_that_seams_will_be_joined(run, tmp_path):
     assert (folder["vertices"], folder["seams_joined"]) == (162, 480)
 
 
-def test_of_many_arrays_the_first_are_listed(facts, tmp_path):
-    save_arrays(tmp_path / "many.npz", {f"a{k}": np.zeros(1) for k in range(1500)})
-    found = facts(tmp_path / "many.npz")
-    assert [name for name in found if name.startswith("a")] == [f"a{k}" for k in range(100)]
-    assert found["others"] == "1,400 more arrays"
-
-
 def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)

@@ -19,12 +19,6 @@ def test_the_page_has_the_table(run):
     assert shown.strip() == "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def test_the_printed_table_fits_a_terminal(run):
-    printed = run("formats").out
-    assert max(map(len, printed.splitlines())) <= 100
-    assert all(kind.endings[-1] in printed for kind in KINDS)
-
-
 def test_readers_have_their_names_and_return_motions_or_not():
     for kind in KINDS:
         place = rh

@@ -2,8 +2,6 @@
 
 import csv
 import json
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -149,27 +147,6 @@ def test_visits_with_several_scans(run, bodies, measurements, tmp_path):
     assert "leave out --as-is" in refused.err
 
 
-@pytest.mark.slow
-def test_the_page_of_two_bodies(run, scans, tmp_path):
-    page = tmp_path / "differences.html"
-    files = scans / "body_0.ply", scans / "body_2.ply"
-    only = ("--only", "stature", "--only", "waist girth")
-    assert run("compare", *files, *only, "--view", page).code == 0
-    text = page.read_text(encoding="utf-8")
-    assert "Differences between body_0 and body_2" in text
-    assert text.count("data-row=") == 2
-    assert "Millimetres" in text
-    assert (
-        run("compare", *files, *only, "--view", page, "--output-units", "in", "--force").code == 0
-    )
-    text = page.read_text(encoding="utf-8")
-    assert "Inches" in text
-    assert "Millimetres" not in text
-    assert not re.search(r"\d (mm|cm)\b", text)
-    assert run("compare", *files, *only, "--view", tmp_path / "both.png").code == 0
-    assert (tmp_path / "both.png").read_bytes()[1:4] == b"PNG"
-
-
 def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     only = ("--only", "stature")
     one = run("compare", scans / "body_0.ply", scans / "body_2.ply", *only)
@@ -234,28 +211,3 @@ def test_options_reach_the_sheets(run, scans, tmp_path, monkeypatch):
         "files": [scans / "body_0.ply"], "labels": scans / "labels.csv", "measurements": None,
         "stature": 1.7, "units": "in", "unit": "metres", "up": "y", "replace_output": True,
     }  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("always:no PDF")
-def test_sheets_of_a_folder(run, refused, scans, tmp_path, monkeypatch):
-    """Two visits of each person, without PDF files, which need a browser or take long."""
-    monkeypatch.setattr(rh.report.sheet_folders, "find_browser", lambda: None)
-    labels = tmp_path / "people.csv"
-    labels.write_text("file,person,sex,visit\nbody_0,Emma,woman,1\nbody_2,Emma,woman,2\n")
-    files = [scans / f"body_{number}.ply" for number in (0, 2)]
-    sheets = tmp_path / "sheets"
-    command = ("sheet", *files, "-o", sheets, "--labels", labels)
-    finished = run(*command, "--output-units", "in", "--json")
-    assert finished.code == 0, finished
-    record = json.loads(finished.out)
-    names = {Path(file).name for file in record["files"]}
-    assert {"index.html", "measurements.csv", "body_0.html", "body_2.html"} <= names
-    assert "no PDF files are written" in finished.err
-    assert "Measurements of 2 bodies: " in finished.err
-    assert "Changes since visit 1" in (sheets / "body_2.html").read_text(encoding="utf-8")
-    assert "earlier result; --force replaces it" in refused(*command)
-    assert run(*command, "--force", "-q").code == 0
-    last = refused("sheet", *files, "-o", tmp_path / "x", "--labels", tmp_path / "none.csv")
-    assert "there is no table of labels" in last
-    assert not (tmp_path / "x").exists()

@@ -65,26 +65,6 @@ def test_rotations_and_travel(run, refused, people, tmp_path):
     assert "--travel is for --by warping, changes and velocities" in said
 
 
-@pytest.mark.slow
-def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, tmp_path):
-    motions = [rh.datasets.load_mesh_motions(folder)[0] for folder in people[:2]]
-    faces, body = motions[0].faces, motions[0][2]
-    for name, motion in zip("ab", motions, strict=True):
-        (tmp_path / name).mkdir()
-        for k, frame in enumerate(motion):
-            rh.save_mesh(tmp_path / name / f"frame_{k}.ply", 1000 * frame, faces)
-    rh.save_mesh(tmp_path / "metres.ply", body, faces)
-    rh.save_mesh(tmp_path / "large.ply", 1000 * body, faces)
-    expected = float(run("motions", "dist", *people[:2], "--template", tmp_path / "metres.ply").out)
-    assert expected != float(run("motions", "dist", *people[:2]).out)
-    options = ("--template", tmp_path / "large.ply", "--unit", "millimetres")
-    found = float(run("motions", "dist", tmp_path / "a", tmp_path / "b", *options).out)
-    assert found == pytest.approx(expected, rel=1e-5)
-    rh.save_mesh(tmp_path / "other.ply", body, faces[:, [1, 0, 2]])
-    said = refused("motions", "dist", *people[:2], "--template", tmp_path / "other.ply")
-    assert "with other.ply as the template, the triangles of" in said
-
-
 @pytest.mark.everyday("velocities")
 @pytest.mark.parametrize("by", ["changes", "velocities", "rate-invariant"])
 def test_matrix(run, folder, people, tmp_path, by):
@@ -116,26 +96,6 @@ def test_the_page_of_an_alignment_has_both_motions_and_the_warp(run, people, mon
     assert [int(last) + 1 for last in lasts] == counts
 
 
-@pytest.mark.slow
-def test_recordings_of_two_rates_are_aligned_in_seconds(run, tmp_path):
-    """Half the frames at half the rate are the same motion."""
-    jump = Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh"
-    lines = jump.read_text().splitlines()
-    start = next(k for k, line in enumerate(lines) if line.startswith("Frame Time"))
-    step, frames = float(lines[start].split()[-1]), lines[start + 1 :][:24]
-    for name, every in (("all", 1), ("half", 2)):
-        kept = frames[::every]
-        head = [*lines[: start - 1], f"Frames: {len(kept)}", f"Frame Time: {every * step:.8f}"]
-        (tmp_path / f"{name}.bvh").write_text("\n".join([*head, *kept]) + "\n")
-    page = tmp_path / "both.html"
-    finished = run(
-        "motions", "align", tmp_path / "all.bvh", tmp_path / "half.bvh", "-o", page, "-q"
-    )
-    assert finished.code == 0, finished.err
-    (lasts,) = re.findall(r'"lasts":\[(\d+),(\d+)\]', page.read_text(encoding="utf-8"))
-    assert abs(int(lasts[0]) - int(lasts[1])) <= 2
-
-
 def test_alignment(run, people, tmp_path):
     options = ("--n-times", "5", "-q")
     assert run("motions", "align", *people[:2], "-o", tmp_path / "both.npz", *options).code == 0
@@ -155,15 +115,6 @@ def test_a_mean_that_did_not_converge_is_not_trusted(run, people, tmp_path, monk
     assert len(list(mean.glob("frame_*.ply"))) == 2
     assert '"n_frames":2' in (mean / "motion.html").read_text(encoding="utf-8")
     assert run(*command).code == 2
-
-
-@pytest.mark.slow
-def test_mean(run, folder, tmp_path):
-    finished = run(
-        "motions", "mean", folder, "-o", tmp_path / "mean.npz", "--n-times", "5", "--json"
-    )
-    assert finished.code == 0
-    assert len(json.loads(finished.out)["motions"]) == 3
 
 
 def test_where_a_motion_occurs(run, people):

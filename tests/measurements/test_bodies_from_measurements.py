@@ -3,24 +3,16 @@
 import numpy as np
 import pytest
 
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import (
     Measurements,
-    in_standard_pose,
     model_from_measurements,
     predict_measurements,
 )
 from riemhuman.measurements.adults import adults
 from riemhuman.measurements.bodies_from_measurements import _mixture_of_adults
 from riemhuman.measurements.predicted_measurements import predict
-
-SIXTEEN = (
-    ["stature", "cervical height", "chest girth", "under-bust girth", "waist girth", "hip girth"]
-    + ["upper arm girth", "forearm girth", "wrist girth", "thigh girth", "knee girth"]
-    + ["calf girth", "neck girth", "arm length", "inside leg height"]
-    + ["shoulder (biacromial) breadth"]
-)
 
 
 @pytest.fixture(scope="module")
@@ -38,21 +30,6 @@ def test_adults_of_both_sexes_are_spread_as_their_mixture():
         moments += share * (within + np.outer(alone, alone))
     np.testing.assert_allclose(covariance + np.outer(mean, mean), moments, atol=1e-12)
     assert np.trace(covariance) > np.trace(within)
-
-
-@pytest.mark.slow
-def test_sixteen_of_people_outside_the_model(measurements):
-    """Natural people have a surface that no shape coefficient describes."""
-    bodies = load_open_bodies("coarse", "natural", people=11)
-    straight = in_standard_pose(measurements.definitions, bodies.points[10])
-    sixteen = Measurements(measurements.definitions, SIXTEEN)
-    wanted = sixteen.measure(straight, axes="space").to_dict()
-    person = model_from_measurements(wanted, resolution="coarse")
-    assert person.converged
-    assert max(map(abs, person.misses.values())) < 0.002
-    assert person.contradictory == ()
-    again = sixteen.measure(person.points, axes="space")
-    np.testing.assert_allclose(again.values, list(person.values.values()), rtol=1e-12)
 
 
 def test_the_rest_is_the_most_probable(measurements, woman_of_four):
@@ -93,25 +70,6 @@ TALL = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 
 TALL["waist girth (omphalion)"] = 1.08
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("wanted", "sex"), [(TALL, "woman"), ({"stature": 1.8, "body mass": 80.0}, "man")]
-)
-def test_searches_from_other_bodies_end_at_the_same_cost(wanted, sex):
-    """Breadths and girths have kinks, beside which steps of Gauss and Newton alone stop."""
-    rng = np.random.default_rng(0)
-    person = model_from_measurements(wanted, sex, resolution="coarse")
-    people = [person]
-    for _ in range(3):
-        start = person.betas + 0.5 * rng.standard_normal(len(person.betas))
-        people.append(model_from_measurements(wanted, sex, resolution="coarse", start=start))
-    assert all(person.converged for person in people)
-    costs = np.array([person.cost for person in people])
-    # Gauss-Newton steps alone end 0.13 and 0.09 apart.
-    assert np.ptp(costs) < 3e-4 * costs.min()
-    assert max(np.abs(other.betas - person.betas).max() for other in people) < 0.25
-
-
 def test_starts_have_a_coefficient_for_each_direction():
     for start in (np.zeros(5), np.zeros((2, 32)), np.full(32, np.nan)):
         with pytest.raises(ArgumentError, match="start"):
@@ -132,16 +90,6 @@ def test_no_gradient_of_a_distant_body_ends_the_search(woman_of_four):
     for person, cost in ((woman_of_four, 107.24), (other, 300.68)):
         assert person.converged
         assert person.cost < cost
-
-
-@pytest.mark.slow
-def test_the_full_model_from_the_coarse_body_ends_at_the_same_cost():
-    wanted = {"stature": 1.8, "body mass": 80.0}
-    coarse = model_from_measurements(wanted, "man", resolution="coarse")
-    default, warm = (model_from_measurements(wanted, "man", start=s) for s in (None, coarse.betas))
-    assert default.converged
-    assert warm.converged
-    assert abs(warm.cost - default.cost) < 3e-4 * default.cost
 
 
 def test_a_tall_heavy_woman_is_found():
@@ -203,12 +151,10 @@ def test_the_body_is_near_the_prediction(measurements, woman_of_four):
 def test_wrong_values():
     for arguments, message in (
         (({"waist grith": 0.8},), "did you mean 'waist girth'"),
-        (({"waist girth": 0.8}, "w"), "sex must be one of"),
         (({"waist girth": -0.8},), "waist girth must be a finite number above 0"),
         (({},), "must map names"),
         (({"stature": "tall"},), "stature must be a"),
         (({"stature": 170},), "stature must be in m, in which the mean of women is 1.63"),
-        (({"body mass": 70000},), "body mass must be in kg"),
     ):
         with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
             model_from_measurements(*arguments)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from autograd.core import make_vjp
 
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets import load_open_bodies
 from riemhuman.measurements import Measurements
-from riemhuman.measurements._sections import section
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 
 
@@ -18,39 +17,6 @@ def bodies():
 @pytest.fixture(scope="module")
 def measurements(bodies):
     return Measurements(bodies)
-
-
-@pytest.mark.slow
-def test_lines_of_the_coarse_model_lie_where_those_of_the_full_one_do(measurements):
-    """Among adults, the planes of the coarse bodies' girths cut the full bodies alike.
-
-    The rest of the difference is of the surfaces: a chord lies inside the arc that it replaces, so
-    that the limbs of the coarse model are thinner.
-    """
-    betas = np.random.default_rng(0).normal(size=(2, 32))
-    pose = measurements.definitions.standard_pose_vector
-    full, coarse = (load_open_model(resolution) for resolution in ("full", "coarse"))
-    fine = Measurements(full)
-    surfaces, simpler = full(betas, pose), coarse(betas, pose)
-    truth, values = (
-        fine.measure(surfaces, axes="space"),
-        measurements.measure(simpler, axes="space"),
-    )
-    gaps = (values.values - truth.values)[:, [unit == "m" for unit in measurements.units]]
-    assert np.median(np.abs(gaps)) < 0.005
-    assert gaps.max() < 0.03
-    assert gaps.min() > -0.045
-    bodies = LandmarkedBodies(measurements.definitions, simpler, "space")
-    bodies_in_full = LandmarkedBodies(fine.definitions, surfaces, "space")
-    for name in ("forearm girth", "mid-thigh girth", "chest girth", "calf girth"):
-        number = measurements.names.index(name)
-        girth, simple = (
-            own_set.definitions.measurements[number] for own_set in (fine, measurements)
-        )
-        cutter = bodies_in_full.cutter(girth.parts, girth.leave_out)
-        normals = bodies.axis(simple.normal)
-        moved = section(surfaces, bodies.place(simple.at), normals, cutter).hulls(normals).lengths
-        np.testing.assert_allclose(moved, truth[name], atol=0.006, err_msg=name)
 
 
 @pytest.mark.parametrize("axes", ["space", "body"])

@@ -12,7 +12,6 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.measurements import Girth, Measurements, in_standard_pose
 from riemhuman.measurements._vertex_slopes import slopes_along
 from riemhuman.measurements.measuring import values_and_slopes
-from riemhuman.registration import ScanRegistration
 from riemhuman.surfaces import Template
 
 DIMENSIONS = {"m": 1, "m²": 2, "m³": 3, "kg": 3}
@@ -207,25 +206,6 @@ def test_fists_measure_as_relaxed_hands(bodies, measurements):
         assert np.abs(found[name] - relaxed[name]).max() < 0.0005
 
 
-@pytest.mark.slow
-def test_noisy_scans_measure_like_the_body():
-    """Loose points with 2 mm of noise, of two performances of a person nothing was tuned on."""
-    trimesh = pytest.importorskip("trimesh")
-    bodies = load_open_bodies("full", people=4)
-    measurements = Measurements(bodies.model)
-    lengths = [unit == "m" for unit in measurements.units]
-    registration = ScanRegistration(bodies.model)
-    for number in (3, 0):
-        mesh = bodies.template.to_trimesh(bodies.points[number])
-        points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=number)
-        noise = np.random.default_rng(number).normal(0.0, 0.002, points.shape)
-        result = registration.solve(points + noise)
-        assert result.trusted
-        both = np.stack([result.points, bodies.points[number]])
-        registered, truth = measurements.measure(both, pose="standard").values[:, lengths]
-        assert np.abs(registered - truth).max() < 0.010
-
-
 def test_reflected_and_flat_bodies_are_refused(bodies, measurements):
     for wrong in (bodies.points[0] * [-1, 1, 1], 0.0 * bodies.points[0]):
         for pose in ("as is", "standard"):
@@ -243,20 +223,13 @@ def test_wrong_arguments(bodies, measurements):
             lambda: Measurements(measurements.definitions, [Girth(name="g", at="nose tip")]),
             "'nose tip'",
         ),
-        (lambda: measurements.measure(point[:-1]), "shape"),
-        (lambda: measurements.measure(point, pose="t"), "pose must be one of"),
         (
             lambda: measurements.measure(point, pose="standard", gradient=True),
             "gradient requires pose",
         ),
         (lambda: Measurements(other), "there are no measurements for"),
         (lambda: measurements.measure(point)["statur"], "did you mean 'stature'"),
-        (lambda: Measurements(point), "model must be a BodyModel"),
         (lambda: Measurements(bodies.model, measurements.definitions), "pass that as model"),
-        (
-            lambda: Measurements(measurements.definitions, "m.json"),
-            "definitions must be measurements",
-        ),
         (
             lambda: measurements.measure(point, trusted_vertices=np.arange(5)),
             "trusted_vertices must be",
@@ -287,8 +260,6 @@ def test_sizes_are_a_mapping_of_names(bodies, measurements):
     assert "waist girth" in sizes
     assert list(sizes) == list(sizes.keys()) == list(sizes.names)
     assert len(sizes) == len(measurements.names)
-    assert dict(sizes).keys() == dict(sizes.items()).keys() == sizes.to_dict().keys()
-    np.testing.assert_array_equal(dict(sizes)["stature"], sizes["stature"])
     np.testing.assert_array_equal({**sizes}["volume"], sizes["volume"])
     assert (sizes.get("statur"), sizes.get("statur", 2.0)) == (None, 2.0)
     np.testing.assert_array_equal(sizes.get("stature"), sizes["stature"])

@@ -12,7 +12,6 @@ from riemhuman.measurements import (
     noise_of_measurements,
     pose_distance,
 )
-from riemhuman.measurements.measurement_set import load_json
 
 
 @pytest.fixture(scope="module")
@@ -49,20 +48,6 @@ def test_poses_hide_changes(bodies):
     assert "in the same pose, 2.4 cm" in result.pose_advice()
     assert "0.9 in would do" in result.pose_advice("in")
     assert not in_same_pose.pose_advice()
-
-
-@pytest.mark.slow
-def test_as_many_measurements_are_marked_as_chance_marks():
-    """Of natural people, who bulge at their joints, and who were not measured for the noise."""
-    natural = load_open_bodies("coarse", "natural", people=5)
-    measurements = Measurements(natural.model)
-    known = load_json("noise_of_poses.json")["measurements"]
-    noise = np.array([known.get(name, np.nan) for name in measurements.names])
-    points = natural.points[:30].reshape(3, 10, -1, 3)[:, 3::3]
-    values = measurements.measure(points, pose="standard", missing="nan").values
-    i, j = np.triu_indices(3, 1)
-    marked = np.abs(values[:, i] - values[:, j]) > 2 * np.hypot(noise, noise)
-    assert marked.mean() < 2 * 0.0455
 
 
 @pytest.mark.parametrize(("number", "is_told"), [(5, True), (9, False)])
