@@ -157,15 +157,7 @@ def test_meshes_it_cannot_take():
         descriptor.describe(vertices, faces[:1])
     with pytest.raises(DegenerateSurfaceError, match="no triangle of the mesh has area"):
         descriptor.describe(0 * vertices, faces)
-    with pytest.raises(ArgumentError, match="NaN or infinite"):
-        descriptor.describe(vertices * np.nan, faces)
     with pytest.raises(ArgumentError, match="faces is empty"):
         descriptor.describe(vertices, np.zeros((0, 3), dtype=int))
-
-    for parameters, message in (
-        ({"radii": (0.1, -0.1)}, "radii must be positive numbers"),
-        ({"voxel_size": 0}, "voxel_size must be a finite number above 0"),
-        ({"n_bins": 1}, "n_bins must be a whole number of at least 2"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            AreaProjectionTransform(**parameters)
+    with pytest.raises(ArgumentError, match="radii must be positive numbers"):
+        AreaProjectionTransform(radii=(0.1, -0.1))

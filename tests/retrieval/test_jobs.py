@@ -13,8 +13,6 @@ import riemhuman.retrieval.jobs
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
-    DegenerateSurfaceError,
-    FileError,
 )
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -171,13 +169,6 @@ def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
     assert (n_done > 0) == (n_steps > 100)
 
 
-def test_one_process_at_a_time(tmp_path):
-    message = "another process is working"
-    with JobFolder(tmp_path).locked(), pytest.raises(FileError, match=message):
-        pairwise_job(METRIC, POINTS, tmp_path)
-    assert not (tmp_path / "manifest.json").exists()
-
-
 def begun(folder, monkeypatch, n_steps=30, memory=MEMORY):
     """Begin a job in a folder, and interrupt it."""
     with monkeypatch.context() as patches:
@@ -280,15 +271,9 @@ def test_half_written_files_are_written_anew(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"n_jobs": 0}, ArgumentError, "n_jobs must be -1, or at least 1; found 0"),
-        ({"n_jobs": 1.5}, ArgumentTypeError, "n_jobs must be a whole number"),
-        ({"precision": "half"}, ArgumentError, "precision must be one of"),
-        ({"memory": "2 GiB"}, ArgumentTypeError, "memory must be a whole number"),
         ({"memory": 100}, ArgumentError, r"memory must be at least \d+ bytes .*; found 100"),
         ({"points": iter(POINTS)}, ArgumentTypeError, "points must be an array, or have a length"),
         ({"points": POINTS[:0]}, ArgumentError, "points must hold at least one point"),
-        ({"points": POINTS[:, 1:]}, ArgumentError, "points must have shape"),
-        ({"folder": 3}, ArgumentTypeError, "folder must be the path of a folder; found 3"),
         ({"client": "tcp://scheduler"}, ArgumentTypeError, "client must be a distributed.Client"),
     ],
 )
@@ -311,13 +296,6 @@ def test_a_wrong_point_is_named_and_what_is_done_is_kept(tmp_path):
     np.testing.assert_array_equal(
         pairwise_job(METRIC, POINTS, tmp_path), METRIC.dist_pairwise(POINTS)
     )
-
-
-def test_a_surface_without_normals_is_named(tmp_path):
-    flat = POINTS.copy()
-    flat[20] = 0.0
-    with pytest.raises(DegenerateSurfaceError, match=r"points\[\d+:\d+\]: every triangle"):
-        pairwise_job(METRIC, flat, tmp_path, memory=MEMORY)
 
 
 class Short(OnTheFly):

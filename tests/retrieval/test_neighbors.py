@@ -7,7 +7,7 @@ import pytest
 from cases import KINDS, name_of, sphere_template, surfaces
 
 from riemhuman.checks import memory
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, OutOfMemoryError
+from riemhuman.errors import ArgumentError, FileError, OutOfMemoryError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
 from riemhuman.retrieval import neighbors as neighbors_module
@@ -157,17 +157,11 @@ def test_a_wrong_point_is_named():
 
 def test_wrong_calls():
     points = groups(sphere_template())[:8]
-    with pytest.raises(ArgumentError, match="algorithm must be one of"):
-        NearestNeighbors(POSE, algorithm="tree").fit(points)
     neighbors = NearestNeighbors(POSE)
     with pytest.raises(ArgumentError, match="call fit first"):
         neighbors.kneighbors(points)
     with pytest.raises(ArgumentError, match="X must hold at least one point"):
         neighbors.fit(points[:0])
-    with pytest.raises(ArgumentTypeError, match="X must be an array"):
-        neighbors.fit(iter(points))
-    with pytest.raises(ArgumentError, match="X.* must have shape"):
-        neighbors.fit(points[:, :-1])
     neighbors.fit(points)
     for call in (neighbors.kneighbors, neighbors.fit):
         with pytest.raises(ArgumentError, match=r"found one, of shape .*: pass X\[np.newaxis\]"):

@@ -66,19 +66,6 @@ def test_worked_by_hand():
     assert result.n_queries == 6
 
 
-def test_agrees_with_a_recount_where_nothing_ties():
-    rng = np.random.default_rng(0)
-    labels = rng.integers(0, 4, size=30)
-    distances = rng.random((30, 30))
-    expected = [
-        recount([item for item in np.argsort(distances[query]) if item != query], labels, query)
-        for query in range(30)
-    ]
-    np.testing.assert_allclose(
-        as_array(scores(distances, labels)), 100 * np.mean(expected, axis=0), rtol=1e-13
-    )
-
-
 @pytest.mark.parametrize("n_values", [1, 2, 3])
 @pytest.mark.parametrize("labels", ["aabbbb", "aaaaab", "aabbc"])
 def test_ties_score_their_expectation_over_all_orders(labels, n_values):
@@ -129,12 +116,10 @@ SQUARE = np.ones((4, 4))
     ("distances", "labels", "error", "message"),
     [
         (np.ones((4, 5)), range(4), ArgumentError, r"distances must be a square.*\(4, 5\)"),
-        ("text", range(4), ArgumentTypeError, "distances"),
         (np.where(np.eye(4, k=1), np.nan, 1), "aabb", ArgumentError, r"distances\[0, 1\] is nan"),
         (np.where(np.eye(4, k=3), -0.5, 1), "aabb", ArgumentError, r"\[0, 3\] is -0.5"),
         (SQUARE, "aab", ArgumentError, "labels must hold .* 4 points; found 3"),
         (SQUARE, "abcd", ArgumentError, "found none among 4 items"),
-        (SQUARE, None, ArgumentTypeError, "labels"),
         (SQUARE, [[0], [0], [1], [1]], ArgumentTypeError, "labels .*unhashable"),
     ],
 )

@@ -48,15 +48,6 @@ def test_directions_of_poses_count_less_and_others_as_much(bodies, metric):
     )
 
 
-@pytest.mark.slow
-def test_both_resolutions_agree(bodies, metric):
-    coarse, full = (rh.datasets.load_open_model(name) for name in ("coarse", "full"))
-    shapes = np.clip(np.random.default_rng(2).standard_normal((4, full.n_betas)), -2.0, 2.0)
-    poses = bodies.pose_vectors[:4]
-    found = rh.PersonMetric(rh.AlignedSurfaces(full.template)).dist_pairwise(full(shapes, poses))
-    np.testing.assert_allclose(found, metric.dist_pairwise(coarse(shapes, poses)), rtol=0.15)
-
-
 def test_distances_are_those_of_coordinates_and_ignore_place_and_direction(bodies, metric):
     first, second = bodies[0], bodies[17]
     turn = Rotation.from_euler("xyz", [20, 70, -30], degrees=True).as_matrix()

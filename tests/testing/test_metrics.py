@@ -8,7 +8,7 @@ from cases import CASES, KINDS, HalfPlane, HyperbolicDistance, name_of
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import FlatMetric, NormalFieldMetric, RiemannianMetric, VectorSpace
-from riemhuman.testing import PropertyCheck, PropertyReport, check_metric
+from riemhuman.testing import check_metric
 
 POINTS = HalfPlane().random_point(4, rng=3)
 PLANE_POINTS = np.random.default_rng(4).uniform(-1.0, 1.0, (4, 2))
@@ -146,18 +146,6 @@ def test_only_what_is_broken_is_named(twin, lacking):
 def test_what_is_not_finite_fails():
     failures = check_metric(NotFinite(plane()), PLANE_POINTS).failures
     assert {SYMMETRIC, LINEAR, STACKED, COVECTORS, LIMIT} <= {check.name for check in failures}
-
-
-def test_report_is_a_table():
-    report = check_metric(WrongCovector(plane()), PLANE_POINTS)
-    lines = str(report).splitlines()
-    assert lines[0] == "WrongCovector: 12 of 13 properties hold"
-    (failed,) = [line for line in lines if line.startswith("FAILS")]
-    assert COVECTORS in failed
-    assert "> 1e-06" in failed
-    assert not report.passed
-    assert PropertyReport("Nothing", ()).passed
-    assert [PropertyCheck("any", error, 1.0).holds for error in (1.0, np.nan)] == [True, False]
 
 
 def test_arguments_stay_as_they_are():
