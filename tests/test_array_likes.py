@@ -116,11 +116,6 @@ def test_batches_of_different_lengths_are_named(world):
         assert function(betas[0], pose).shape[0] == 4
 
 
-def test_a_metric_of_bodies_is_no_space_of_motions(world):
-    with pytest.raises(ArgumentTypeError, match="space must be a MotionSpace.* ElasticMetric"):
-        rh.motions.RateInvariantMetric(world[1])
-
-
 def test_measurements_in_a_series():
     wanted = pandas.Series({"stature": 1.7})
     found = rh.measurements.model_from_measurements(wanted, resolution="coarse")

@@ -7,7 +7,6 @@ import importlib
 import inspect
 import pkgutil
 
-import numpy as np
 from numpydoc.docscrape import NumpyDocString
 from public_names import public_objects
 
@@ -143,50 +142,3 @@ def test_public_names_are_documented():
 def test_modules_say_what_they_hold():
     docs = {name: importlib.import_module(name).__doc__ for name in MODULES}
     assert [fault for name, doc in docs.items() for fault in problems_of_summary(name, doc)] == []
-
-
-def documented(parameter="a", method="Summary.", other="Summary."):
-    """Return a class whose docstring lists a parameter, with two methods."""
-
-    class Twin:
-        __doc__ = f"Summary.\n\nParameters\n----------\n{parameter} : int\n    Text.\n"
-
-        def __init__(self, a):
-            self.a = a
-
-        def method(self):
-            pass
-
-        def other(self, *b):
-            pass
-
-    Twin.method.__doc__ = method
-    Twin.other.__doc__ = f"{other}\n\nParameters\n----------\n*b\n    Text.\n"
-    return Twin
-
-
-def test_the_checker_tells_narrow_types():
-    def average(a: np.ndarray):
-        """Summary.
-
-        Parameters
-        ----------
-        a : array_like
-        """
-
-    (problem,) = problems_of("average", average)
-    assert "a is array_like, the signature says" in problem
-
-
-def test_the_checker_tells_what_is_wrong():
-    assert problems_of("twin", documented()) == []
-    derived = type("Derived", (documented(),), {"__doc__": "Summary.", "method": lambda self: 2})
-    assert len(problems_of("twin", derived)) == 1  # the parameters of the class alone
-    for wrong, label in (
-        ({"parameter": "b"}, "twin:"),
-        ({"method": None}, "twin.method"),
-        ({"method": "Two lines\nwithout a full stop"}, "twin.method"),
-        ({"other": "No full stop"}, "twin.other"),
-    ):
-        (problem,) = problems_of("twin", documented(**wrong))
-        assert problem.startswith(label)

@@ -76,23 +76,6 @@ def test_commands_import_what_they_use():
     assert result.stdout.split() == []
 
 
-@pytest.mark.slow
-def test_facts_of_a_mesh_need_no_registration(tmp_path):
-    """`riemhuman info` answers a tenth sooner without the subpackage of scans."""
-    result = run(
-        "import riemhuman as rh\n"
-        "from riemhuman.cli import main\n"
-        "import numpy as np\n"
-        f"file = {str(tmp_path / 'tetrahedron.ply')!r}\n"
-        "faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])\n"
-        "rh.save_mesh(file, np.concatenate([np.zeros((1, 3)), np.eye(3)]), faces)\n"
-        "assert main(['info', file, '--json']) == 0\n"
-        "assert 'riemhuman.registration' not in sys.modules"
-    )
-    assert result.returncode == 0, result.stderr
-    assert '"triangles_facing_inward": 0' in result.stdout
-
-
 def test_type_checkers_know_the_names_of_the_top_level():
     """They do not run `__getattr__`: each name is imported for them from where it is loaded."""
     tree = ast.parse(Path(riemhuman.__file__).read_text(encoding="utf-8"))

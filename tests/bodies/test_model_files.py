@@ -9,7 +9,7 @@ from model_pickles import Call, ch, old_sparse, pickled, select, smpl_fields, sm
 from scipy import sparse
 
 from riemhuman.bodies import BodyModel, convert_model, model_contents
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.errors import ArgumentError, FileFormatError
 
 FIELDS = smpl_fields()
 REGRESSOR = sparse.csc_matrix(FIELDS["J_regressor"])
@@ -105,10 +105,6 @@ def test_many_shape_coefficients(tmp_path):
     assert BodyModel.from_file(sixteen).n_betas == 16
     with pytest.raises(ArgumentError, match=r"n_betas is 17; .*h\.npz has 16"):
         BodyModel.from_file(sixteen, n_betas=17)
-    with pytest.raises(ArgumentError, match="n_betas must be a whole number of at least 0"):
-        BodyModel.from_file(sixteen, n_betas=-1)
-    with pytest.raises(ArgumentTypeError, match="n_betas must be a whole number"):
-        BodyModel.from_file(sixteen, n_betas=2.5)
 
 
 def test_single_precision(tmp_path, reference):
@@ -164,15 +160,10 @@ def sparse_with(**changes):
         ({"J_regressor": old_sparse(REGRESSOR[:23])}, r"shape of weights, \(60, 24\), transposed"),
         (sparse_with(_shape=(2**40, 60)), "J_regressor must have the shape of weights"),
         ({"posedirs": FIELDS["posedirs"][..., :198]}, r"posedirs must have shape \(60, 3, 207\)"),
-        ({"weights": None}, "field weights: holds NoneType in place of an array"),
         ({"v_template": ch(None)}, "field v_template: holds NoneType in place of an array"),
         (
             {"v_template": select(ch(np.zeros(4)), np.array([0, 4]), (2,))},
             "field v_template: .*index 4 is out of bounds",
-        ),
-        (
-            {"v_template": select(ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
-            "field v_template: .*cannot reshape array of size 2",
         ),
         (
             {"v_template": ch(FIELDS["v_template"], "chumpy.ch MatVecMult")},
@@ -183,8 +174,6 @@ def sparse_with(**changes):
             "field J_regressor: .*index 26 exceeds",
         ),
         (sparse_with(indptr=REGRESSOR.indptr[::-1].copy()), "csc matrix whose indptr is malformed"),
-        (sparse_with(indices=REGRESSOR.indices[:5]), "csc matrix whose indptr is malformed"),
-        (sparse_with(data=np.array(["a"])), "field J_regressor: .*could not convert string"),
     ],
 )
 def test_malformed_fields(tmp_path, changes, message):

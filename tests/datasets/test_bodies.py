@@ -145,14 +145,6 @@ def test_files_that_are_refused(tmp_path, change, message):
         Bodies.load(path)
 
 
-def test_representations():
-    bodies = Bodies(**fields())
-    assert repr(bodies) == "<Bodies: 6 surfaces, 2 people in 3 poses, 4 vertices, 4 triangles>"
-    assert "6 surfaces, 2 people" in bodies._repr_html_()
-    assert "<img" in bodies._repr_html_()
-    assert "<img" not in bodies[[]]._repr_html_()
-
-
 def test_the_sex_is_the_last_word_of_a_name():
     bodies = Bodies(**fields(subject_names=["tall woman", "old man"]))
     assert bodies.sex.tolist() == ["woman"] * 3 + ["man"] * 3

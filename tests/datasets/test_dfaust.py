@@ -7,7 +7,6 @@ import pytest
 from riemhuman.datasets import Motion, load_dfaust
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     FileError,
     FileFormatError,
     FrameIndexError,
@@ -117,8 +116,6 @@ def test_choosing(folder):
     [
         ((50001,), r"subjects .*50002, 50009, 50004 in .*registrations_m.*; unknown: '50001'"),
         (([50002, "50002"],), "subjects must be one or more different names"),
-        (([],), r"one or more.*found \[\]"),
-        (([[]],), r"unknown: '\[\]'"),
         ((None, "flying"), r"sequences .*hips, knees, light_hopping_loose in .*unknown: 'flying'"),
         (([50002, 50009], ["hips", "knees"]), "missing: 50002_knees, 50009_knees"),
     ],
@@ -133,8 +130,6 @@ def test_wrong_arguments(folder, tmp_path):
     assert len(load_dfaust(folder / "mine.h5")) == 2
     (tmp_path / "empty").mkdir()
     for arguments, error, message in (
-        ((3,), ArgumentTypeError, "path must be the path of a file or folder"),
-        ((folder, 2.5), ArgumentTypeError, r"subjects must be a list of names; found 2\.5"),
         ((tmp_path / "nowhere",), FileError, "no file .*nowhere"),
         ((tmp_path / "empty",), FileError, f"holds neither {MEN} nor {WOMEN}"),
         ((folder, None, None, 61), ArgumentError, "must be at most .* 60; found 61"),
@@ -155,11 +150,8 @@ def test_damaged_files(folder):
     ("faces", "message"),
     [
         (None, "holds no dataset 'faces' of triangles; found 50002_hips"),
-        (FACES[:, :2], r"n_faces, 3"),
         (FACES + 0.5, "whole numbers"),
         (FACES - 1, "counted from 0"),
-        (FACES[:0], "counted from 0"),
-        (np.bytes_(b"none"), "whole numbers"),
     ],
 )
 def test_wrong_triangles(tmp_path, faces, message):
@@ -183,18 +175,13 @@ def test_both_files_have_the_same_triangles(folder):
     [
         (np.zeros((4, N_VERTICES, 3)), r"must have shape \(5, 3, n_frames\).* found \(4, 5, 3\)"),
         (np.zeros((N_VERTICES, 3, 0)), r"found \(5, 3, 0\)"),
-        (np.zeros(4), r"found \(4,\)"),
         (np.full((N_VERTICES, 3, 4), b"a"), "does not hold numbers"),
-        (None, "does not hold numbers"),
     ],
 )
 def test_malformed_sequences(tmp_path, values, problem):
     path = write(tmp_path / MEN, {"50002_hips": np.zeros((N_VERTICES, 3, 4))})
     with h5py.File(path, "r+") as file:
-        if values is None:
-            file["50002_knees/inside"] = np.zeros(3)
-        else:
-            file["50002_knees"] = values
+        file["50002_knees"] = values
     with pytest.raises(FileFormatError, match=rf"50002_knees of .*{MEN} .*{problem}"):
         load_dfaust(path)
     assert keys(load_dfaust(path, 50002, "hips")) == ["50002_hips"]  # the other does not matter
@@ -211,18 +198,3 @@ def test_frames_that_are_not_finite_are_named(folder):
         motion[40::-20]
     with pytest.raises(FileFormatError, match=r"frames 0, 1, .*, 9 and 21 more of 50009_hips"):
         other[:]
-
-
-def test_a_file_that_changes_or_goes(folder):
-    motion = load_dfaust(folder, 50009)[0]
-    motion[0]
-    with h5py.File(folder / MEN, "r+") as file:  # it is closed between readings
-        file["50009_hips"][..., 3] = 2.5
-    np.testing.assert_array_equal(motion[3], 2.5)
-    with h5py.File(folder / MEN, "r+") as file:
-        del file["50009_hips"]
-    with pytest.raises(FileFormatError, match=rf"{MEN}: .*50009_hips"):
-        motion[0]
-    (folder / MEN).unlink()
-    with pytest.raises(FileError, match=f"there is no file .*{MEN}"):
-        motion[0]

@@ -43,8 +43,7 @@ def test_directions_of_joint_angles():
 
 
 @pytest.mark.everyday
-@pytest.mark.parametrize("angles", [("z",), ("z", 1.0, 2.0), ("q", 1.0), 30.0, ("x", "ten"), ()])
-@pytest.mark.parametrize("joint", ["shoulder", "left_shoulder"])
-def test_angles_without_axes_are_refused(joint, angles):
+@pytest.mark.parametrize("angles", [("z", 1.0, 2.0), ("q", 1.0), 30.0, ("x", "ten"), ()])
+def test_angles_without_axes_are_refused(angles):
     with pytest.raises(ArgumentError, match="shoulder'\\] must be axes"):
-        joint_rotations({joint: angles}, load_open_model("coarse"))
+        joint_rotations({"shoulder": angles}, load_open_model("coarse"))

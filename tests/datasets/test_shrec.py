@@ -7,7 +7,7 @@ from known_surfaces import sphere
 from riemhuman.datasets import LabelledMeshes, load_shrec14
 from riemhuman.datasets.shrec import read_classes
 from riemhuman.descriptors import ShapeDNA
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io import save_mesh
 
 CLASSES = "PSB 1\n2 5\n\nanna 0 3\n0\n1\n2\n\nbert 0 2\n3\n4\n"
@@ -46,15 +46,8 @@ def test_labels_and_meshes(data):
     np.testing.assert_array_equal(meshes[-1][0], meshes[4][0])
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        ["000", "001", "002", "003", "004"],
-        ["T0", "T1", "T2", "T3", "T4"],
-        ["shrec14_human_0", "shrec14_human_1", "shrec14_human_2", "shrec14_human_3", "x4"],
-    ],
-)
-def test_numbers_find_names(tmp_path, names):
+def test_numbers_find_names(tmp_path):
+    names = ["000", "T1", "shrec14_human_2", "3", "x4"]
     write_meshes(tmp_path / "Data", names, "off")
     (tmp_path / "human.cla").write_text(CLASSES)
     assert [file.stem for file in load_shrec14(tmp_path).files] == names
@@ -89,16 +82,10 @@ def test_damaged_meshes_are_named(data):
 def test_folders(tmp_path, data):
     with pytest.raises(FileError, match="there is no folder"):
         load_shrec14(tmp_path / "nowhere")
-    with pytest.raises(ArgumentTypeError, match="folder must be the path"):
-        load_shrec14(3)
-    with pytest.raises(ArgumentTypeError, match="classes must be the path of a file; found 4"):
-        load_shrec14(data, 4)
     with pytest.raises(FileError, match=r"holds no class file"):
         load_shrec14(data / "Data")
     with pytest.raises(FileError, match=r"there is no file .*none.cla"):
         load_shrec14(data, data / "none.cla")
-    with pytest.raises(ArgumentError, match="scale must be a finite number above 0"):
-        load_shrec14(data, scale=0)
     (data / "more.cla").write_text(CLASSES)
     with pytest.raises(FileError, match="holds 2 class files: more.cla, test.cla; choose one"):
         load_shrec14(data)
@@ -123,14 +110,11 @@ def test_class_hierarchies_and_white_space(tmp_path):
     ("text", "message"),
     [
         ("", "does not begin with PSB"),
-        ("PSB 1\n", r"x\.cla: its header is damaged"),
         ("PSB 1\nten 3\n", "its header is damaged: .* 'ten'"),
         ("PSB 1\n1 2\nanna 0 2\n0\n", "2 different meshes; found 1"),
-        ("PSB 1\n2 1\nanna 0 1\n0\n", "class 2 of 2 is damaged"),
         ("PSB 1\n1 1\nanna 0 1\n0\n1\n", "1 different meshes; found 1, .* and 1 further words"),
         ("PSB 1\n2 2\nanna 0 1\n0\nbert 0 1\n0\n", "found 2, 1 of them different"),
         ("PSB 1\n2 2\nanna 0 1\n0\nanna 0 1\n1\n", "class 2 of 2 repeats the name 'anna'"),
-        ("PSB 1\n1 1\nanna 0 many\n0\n", "class 1 of 1 is damaged: .* 'many'"),
         ("PSB 1\n1 1\nanna 0 -1\n0\n", "class 1 of 1 is damaged"),
     ],
 )

@@ -37,14 +37,6 @@ def test_bodies_of_the_other_mesh_are_fitted(transferred, people):
     assert other_person < 0.012
 
 
-@pytest.mark.slow
-def test_joints_stay_inside_the_body(model, transferred):
-    """In the rest pose they are where the first model has them, but for the person's build."""
-    gaps = np.linalg.norm(transferred.joints() - model.joints(), axis=1)
-    assert gaps.max() < 0.05
-    assert transferred.joint_names == model.joint_names
-
-
 def test_pose_directions_are_transferred(model, bending, monkeypatch):
     """A model with them, transferred to a posed body of its own mesh, makes the same body.
 
