@@ -27,15 +27,6 @@ def test_axes_of_joints_do_not_matter(recording, frames, share):
     np.testing.assert_allclose(retarget(other, frames_per_second=5)[:], frames, atol=1e-6)
 
 
-def test_axes_of_each_joint_of_the_trunk_do_not_matter(recording, frames):
-    quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
-    for name in ("Hips", "Spine1", "LeftShoulder", "LeftFoot"):
-        axes = np.tile(np.eye(3), (len(recording.parents), 1, 1))
-        axes[recording.joint_names.index(name)] = quarter
-        turned = retarget(with_axes(recording, axes), frames_per_second=5)
-        np.testing.assert_allclose(turned[:], frames, atol=1e-6)
-
-
 def in_space(model, betas, motions):
     """Return the rotations of joints in space, and their places, of two motions."""
     rest, order = model.joints(betas), model.joint_order

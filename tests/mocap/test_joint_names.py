@@ -27,6 +27,7 @@ STUDIOS = {
     "Biped 001": ("Bip001_{side}_{part}", "L R", BIPED, "Bip001_{}"),
     "Truebones": ("BN_Bip01_{side}_{part}", "L R", BIPED, "BN_{}"),
     "MVN, 100STYLE, MHAD": ("{side}{part}", "Left Right", JOINTS, "{}"),
+    "SMPL": ("{side}_{part}", "Left Right", (*JOINTS[:3], "Foot", *JOINTS[4:]), "{}"),
     "Kinect": ("{part}{side}", "Left Right", (*JOINTS[:3], "Foot", "Clavicle", *JOINTS[5:]), "{}"),
     "Maya": ("{part}_{side}", "L R", (*JOINTS[:4], "Scapula", *JOINTS[5:]), "{}_M"),
     "Rokoko": (

@@ -92,8 +92,6 @@ def test_other_arrays_and_layouts(joints):
         ((5, 263), "HumanML3D's features"),
         ((2, 5, 17, 3), "those of one person"),
         ((5, 19, 3), "must be of 22 .*; found 19"),
-        ((0, 17, 3), "at least one frame"),
-        ((5, 51), r"must have shape \(n_frames, J, 3\)"),
     ):
         with pytest.raises(ArgumentError, match=message):
             skeleton_from_positions(np.ones(shape), RATE)

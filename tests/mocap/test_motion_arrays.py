@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import motion_from_arrays
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentError
 from riemhuman.surfaces.procrustes import make_upright
 
 N_FRAMES = 12
@@ -130,12 +130,8 @@ def test_the_open_model_performs_them():
         ({"poses": np.zeros((N_FRAMES, 70))}, r"\(n_frames, 3 J\).*found \(12, 70\)"),
         ({"poses": np.zeros((N_FRAMES, 24, 3, 3))}, r"poses\[0, 0\] is not one, the first of 288"),
         ({"poses": np.zeros((0, 24, 3))}, "at least one frame"),
-        ({"poses": np.full((N_FRAMES, 24, 3), np.nan)}, "poses holds 864 NaN"),
-        ({"translations": np.zeros((11, 3))}, r"translations must have shape \(12, 3\)"),
         ({"betas": np.zeros((11, 10))}, r"\(12, B\), one row per frame; found \(11, 10\)"),
         ({"betas": np.zeros((12, 10)), "weights": np.zeros(12)}, "not all 0"),
-        ({"frames_per_second": 0.0}, "frames_per_second"),
-        ({"up": "w"}, "up must be one of"),
     ],
 )
 def test_wrong_arguments(smpl, changes, message):
@@ -148,5 +144,3 @@ def test_wrong_arguments(smpl, changes, message):
     }
     with pytest.raises(ArgumentError, match=message):
         motion_from_arrays(**(right | changes))
-    with pytest.raises(ArgumentTypeError, match="model must be a BodyModel"):
-        motion_from_arrays(**(right | {"model": "smpl"}))

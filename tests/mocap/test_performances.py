@@ -183,14 +183,6 @@ def test_chests_do_not_pitch_where_joints_lean_at_rest(lean, tmp_path):
     assert abs(pitches[0] - pitches[1]) < 5.0
 
 
-def test_progress_is_shown_on_request(capsys):
-    recording = load_bvh(RECORDING)
-    retarget(recording, frames_per_second=5.0)[0]
-    assert capsys.readouterr().err == ""
-    retarget(recording, frames_per_second=5.0, progress=True)[0]
-    assert "Performing: 100%" in capsys.readouterr().err
-
-
 def test_runs_of_frames_do_not_change_them(monkeypatch):
     recording = load_bvh(RECORDING)
     at_once = retarget(recording)

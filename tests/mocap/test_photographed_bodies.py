@@ -64,16 +64,6 @@ def test_recordings_say_which_reader_reads_them(bodies, photograph):
         rh.datasets.load_recording(photograph(bodies[0] * TURNED))
 
 
-@pytest.mark.parametrize("turn", [TURNED, np.ones(3)], ids=["y down", "y up"])
-def test_files_of_either_axis_become_upright(bodies, photograph, turn, tmp_path):
-    for number in range(0, 100, 33):
-        photograph(bodies[number] * turn, f"photograph_{number}.npz")
-    for file in sorted(tmp_path.glob("*.npz")):
-        body = bodies[int(file.stem.split("_")[1])]
-        found = rh.datasets.load_photographed_bodies(file, bodies.template.faces)
-        np.testing.assert_allclose(found.points[0, :, 1], body[:, 1], atol=1e-6)
-
-
 def test_people_who_lie_are_y_down_unless_told(bodies, photograph):
     lying = bodies[0][:, [1, 2, 0]]
     path = photograph(lying)

@@ -185,11 +185,9 @@ def test_rates(tmp_path, smpl):
     ("name", "content", "message"),
     [
         ("a.pkl", pickle.dumps({"verts": ROWS, "cam": 1.0}), r"verts \(6, 72\), cam \(float\)"),
-        ("a.pkl", pickle.dumps([ROWS]), "it holds a list"),
         ("a.pkl", pickle.dumps({"p": {"poses": ROWS}}), r"it holds p \{poses\}"),
         ("a.pkl", pickled({"a": Call("os system", ("true",))}), r"asks for os\.system"),
         ("a.pkl", zlib.compress(pickle.dumps({"p": ROWS}))[:-20], "ends too early"),
-        ("a.pt", pickle.dumps(1), "save it again with torch.save"),
         ("a.mp4", b"", r"\.bvh, .*\.glb; found '\.mp4'"),
     ],
 )
@@ -197,13 +195,6 @@ def test_refused_files(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         load_recording(tmp_path / name)
-
-
-@pytest.mark.slow
-def test_files_that_expand_without_end(tmp_path):
-    (tmp_path / "a.pkl").write_bytes(zlib.compress(bytes(2**28)))
-    with pytest.raises(FileFormatError, match="far more memory"):
-        load_recording(tmp_path / "a.pkl")
 
 
 def test_lists_in_each_other_without_end(tmp_path):
@@ -263,10 +254,7 @@ def test_avatars_of_smpl_files(smpl, tmp_path):
         ({"smplVersion": np.int32(9)}, "must be from 0 to 7; found 9"),
         ({"bodyPose": POSES}, r"bodyPose must have shape \(6, 22, 3\); found \(6, 24, 3\)"),
         ({"frameCount": np.array([1, 2])}, "frameCount must be a whole number"),
-        ({"bodyTranslation": PLACES * np.nan}, "bad.smpl"),
         ({"frameRate": np.float32(-1.0)}, "frameRate"),
-        ({"frameRate": np.array("fast")}, "frameRate"),
-        ({"shapeParameters": np.array(["tall"])}, "shapeParameters"),
         (
             {"frameCount": np.int32(2**31 - 1), "bodyPose": None, "bodyTranslation": None},
             "neither bodyPose nor bodyTranslation",

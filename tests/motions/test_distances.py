@@ -119,11 +119,3 @@ def test_wrong_motions_are_named(distance, motions):
     distance.n_components = 3
     with pytest.raises(rh.RiemhumanError, match=r"motions\[1\] must be an array, or have"):
         distance.dist_pairwise([motions[0], iter(motions[0])])
-
-
-@pytest.mark.parametrize(
-    ("name", "options"), [("frames", {"n_components": 0}), ("velocities", {"n_jobs": 0})]
-)
-def test_parameters_out_of_range(space, name, options):
-    with pytest.raises(rh.RiemhumanError, match=next(iter(options))):
-        DISTANCES[name](space, **options)

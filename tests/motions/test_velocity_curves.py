@@ -1,12 +1,9 @@
 """Equal chords of smooth curves: where they lie does not depend on when a curve was sampled."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
-from riemhuman.geometry import ElasticMetric
-from riemhuman.motions._velocity_curves import TransportedVelocities, even_segments
+from riemhuman.motions._velocity_curves import even_segments
 
 
 def helix(times):
@@ -73,22 +70,3 @@ def test_standing_still_and_lines(segments, smoothing, chord):
     np.testing.assert_allclose(chords, np.tile(chord, (5, 1)), rtol=2e-6)
     assert (np.diff(places) > 0).all()
     assert places[[0, -1]].tolist() == [0.0, len(segments)]
-
-
-def test_velocities_are_transported_over_the_middle_to_the_reference(space, motions):
-    """In coordinates whose products are the inner products of the metric, with its weights."""
-    metric, frames = ElasticMetric(space, 0.7, 0.2, 0.4), motions[0][:4]
-    reference = motions[1][0]
-    segments = TransportedVelocities(metric, reference, heading=True).segments(frames)
-    fields, base = metric.target_metric, metric.map(reference)
-    images = metric.map(frames)
-    starts, velocities = images[:-1], fields.log(images[1:], images[:-1])
-    middles = fields.exp(0.5 * velocities, starts)
-    velocities = fields.parallel_transport(velocities, starts, end_point=middles)
-    ends = np.broadcast_to(base, middles.shape)
-    velocities = fields.parallel_transport(velocities, middles, end_point=ends)
-    expected = fields.inner_product(velocities[:, None], velocities, base)
-    scale = np.abs(expected).max()
-    np.testing.assert_allclose(segments @ segments.T, expected, atol=1e-9 * scale)
-    lengths = [metric.dist(first, second) for first, second in pairwise(frames)]
-    np.testing.assert_allclose(np.linalg.norm(segments, axis=1), lengths, rtol=1e-6)
