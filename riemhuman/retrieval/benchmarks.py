@@ -249,13 +249,24 @@ def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
         "area metric": AreaMetric(space),
     }
-    with suppress(ArgumentError):  # of other triangles than the open model's
-        metrics["person metric"] = PersonMetric(space)
+    with suppress(ArgumentError):  # of surfaces that are not human bodies
+        metrics["person metric"] = _person_metric(space)
     return metrics | {
         "SRNF": SRNFMetric(space),
         "rotation metric": RotationMetric(space),
         "general elastic metric (1, 1, 1)": GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
     }
+
+
+def _person_metric(space: AlignedSurfaces) -> PersonMetric:
+    """Return the metric of people, by a map to the open model if the triangles are others."""
+    try:
+        return PersonMetric(space)
+    except ArgumentError:
+        # Most tables need no registration, which takes a while to import.
+        from riemhuman.topologies import TopologyMap
+
+        return PersonMetric(space, TopologyMap.fit(space.template))
 
 
 def representations(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import autograd.numpy as np
 import numpy as onp
 
-from riemhuman.arrays import Array, Points
+from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AreaMetric, PullbackMetric
@@ -18,7 +18,10 @@ from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.io.arrays import load_arrays
 from riemhuman.surfaces import Template
-from riemhuman.surfaces.nearest_points import nearest_points
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+
+if TYPE_CHECKING:
+    from riemhuman.topologies import TopologyMap
 
 WEIGHTS = Path(__file__).parent / "data" / "person_metric.npz"
 
@@ -42,8 +45,10 @@ class PersonMetric(PullbackMetric):
     Parameters
     ----------
     space : AlignedSurfaces
-        Surfaces with the triangles of the open body model, in either resolution, as registration
-        gives them. `rh.topologies.TopologyMap` brings bodies with other triangles there.
+    topology : TopologyMap, optional
+        Where the vertices of `space` lie on the open body model, for surfaces with other triangles:
+        `rh.topologies.TopologyMap.fit` finds it from any of them, in seconds. Surfaces from
+        registration have the model's triangles, in either resolution, and need none.
     **solvers : strategies, see `RiemannianMetric`
 
     Notes
@@ -63,14 +68,22 @@ class PersonMetric(PullbackMetric):
     is_translation_invariant = True
     is_rotation_invariant = True
 
-    def __init__(self, space: SurfaceSpace, **solvers: Unpack[Solvers]) -> None:
+    def __init__(
+        self,
+        space: SurfaceSpace,
+        topology: TopologyMap | None = None,
+        **solvers: Unpack[Solvers],
+    ) -> None:
         space = surface_space(space)
         self._areas = AreaMetric(space)
         masses = space.template.vertex_heat.masses
         fields, weights = fields_of_poses()
-        directions = _carried(fields, space.template) * onp.sqrt(masses)[:, onp.newaxis]
+        carried = _carried(fields, space.template, topology)
+        roots = onp.sqrt(masses)[:, onp.newaxis]
         # On other templates, the directions are no longer quite orthonormal.
-        directions = onp.linalg.qr(directions)[0] / onp.sqrt(masses)[:, onp.newaxis]
+        orthonormal = onp.linalg.qr(carried * roots)[0]
+        # Vertices without triangles have no mass.
+        directions = onp.divide(orthonormal, roots, out=onp.zeros_like(carried), where=roots > 0.0)
         self._removed = directions * (1.0 - weights)
         self._measured = directions * masses[:, onp.newaxis]
         super().__init__(space, self._areas.target_metric, self.person_fields, **solvers)
@@ -106,18 +119,39 @@ def fields_of_poses() -> tuple[Array, Array]:
     return arrays["fields"].astype(float), arrays["weights"].astype(float)
 
 
-def _carried(fields: Array, template: Template) -> Array:
-    """Return fields over the coarse open template, carried to one with the open model's mesh."""
+def _carried(fields: Array, template: Template, topology: TopologyMap | None) -> Array:
+    """Return fields over the coarse open template, carried to another template."""
+    if topology is None:
+        return _over_model(
+            fields,
+            template,
+            "space",
+            "; give topology=rh.topologies.TopologyMap.fit(space.template)",
+        )
+    if not onp.array_equal(template.faces, topology.template_faces):
+        raise ArgumentError("topology must be a map of the triangles of space; found others")
+    model = topology.model.template
+    return _at(topology.template_places.places, _over_model(fields, model, "topology"), model.faces)
+
+
+def _over_model(fields: Array, template: Template, name: str, advice: str = "") -> Array:
+    """Return fields over the coarse open template at either resolution of the open model."""
     coarse = load_open_model("coarse").template
     if onp.array_equal(template.faces, coarse.faces):
         return fields
     full = load_open_model("full").template
     if not onp.array_equal(template.faces, full.faces):
         raise ArgumentError(
-            "space must have the open body model's triangles, as registered scans do; found "
-            f"{template.n_faces} other triangles. TopologyMap brings bodies to the open model"
+            f"{name} must have the open body model's triangles, as registered scans do; found "
+            f"{template.n_faces} other triangles{advice}"
         )
     places, _ = nearest_points(full.vertices, coarse.vertices, coarse.faces)
-    corners = fields[coarse.faces[places.triangles]]
-    carried: Array = onp.einsum("vc,vck->vk", places.barycentric, corners)
-    return carried
+    return _at(places, fields, coarse.faces)
+
+
+def _at(places: SurfacePoints, fields: Array, faces: Triangles) -> Array:
+    """Return fields over the vertices of a mesh, interpolated at places on it."""
+    interpolated: Array = onp.einsum(
+        "vc,vck->vk", places.barycentric, fields[faces[places.triangles]]
+    )
+    return interpolated

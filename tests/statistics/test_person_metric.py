@@ -66,5 +66,5 @@ def test_distances_are_those_of_coordinates_and_ignore_place_and_direction(bodie
 
 def test_other_triangles_are_refused(bodies):
     other = rh.Template(bodies.template.vertices, bodies.template.faces[:, [1, 2, 0]])
-    with pytest.raises(ArgumentError, match="must have the open body model's triangles"):
+    with pytest.raises(ArgumentError, match="space must have the open body model's triangles"):
         rh.PersonMetric(rh.AlignedSurfaces(other))

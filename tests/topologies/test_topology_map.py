@@ -116,6 +116,21 @@ def test_there_and_back_is_the_same_body(known, people):
     assert np.linalg.norm(back - others, axis=-1).mean() < 0.001
 
 
+def test_people_are_as_far_apart_over_both_topologies(known, people):
+    bodies, others, faces = people
+    space, other_space = (
+        rh.AlignedSurfaces(rh.Template(surfaces[0], triangles))
+        for surfaces, triangles in ((bodies, known.model.faces), (others, faces))
+    )
+    expected = rh.PersonMetric(space).dist_pairwise(bodies)
+    found = rh.PersonMetric(other_space, known).dist_pairwise(others)
+    np.testing.assert_allclose(found, expected, rtol=0.25)
+    areas = rh.AreaMetric(other_space).dist_pairwise(others)
+    assert np.all(found[found > 0] < 0.9 * areas[found > 0])
+    with pytest.raises(ArgumentError, match="topology must be a map of the triangles of space"):
+        rh.PersonMetric(space, known)
+
+
 def test_files_hold_the_map(known, people, model, tmp_path):
     _, others, _ = people
     known.save(tmp_path / "map.npz")
