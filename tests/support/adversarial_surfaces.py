@@ -141,52 +141,6 @@ def exact_elastic(surfaces: Surfaces, i: int, j: int, a: float, lam: float, c: f
     return total
 
 
-def exact_elastic_product(
-    surfaces: Surfaces, h: np.ndarray, k: np.ndarray, a: float, lam: float, c: float
-) -> mp.mpf:
-    """Return the inner product of deformations at the first surface with 60 digits."""
-    total = mp.mpf(0)
-    for face in surfaces.template.faces:
-        everything = (surfaces.points[0], h, k, surfaces.template.vertices)
-        f, *changes, t = (edges(points[face]) for points in everything)
-        inverse, area = (f.T * f) ** -1, mp.norm(normal(f))
-        if a:
-            p, q = (inverse * (f.T * change + change.T * f) for change in changes)
-            total += mp.mpf(a) * exact_traces(p, q, lam) * area / 2
-        if c:
-            p, q = (change_of_normal(f, change) for change in changes)
-            total += mp.mpf(c) * exact_area(t) * (p.T * q)[0]
-    return total
-
-
-def exact_traces(p: mp.matrix, q: mp.matrix, lam: float) -> mp.mpf:
-    """Return tr(p₀ q₀) + λ tr p tr q."""
-    traces, product = (p[0, 0] + p[1, 1]) * (q[0, 0] + q[1, 1]), p * q
-    return product[0, 0] + product[1, 1] + (mp.mpf(lam) - mp.mpf(0.5)) * traces
-
-
-def exact_srnf_product(surfaces: Surfaces, h: np.ndarray, k: np.ndarray) -> mp.mpf:
-    """Return the inner product for square root normal fields with 60 digits."""
-    total = mp.mpf(0)
-    for face in surfaces.template.faces:
-        f, *changes = (edges(points[face]) for points in (surfaces.points[0], h, k))
-        n = normal(f)
-        # The root of an area is that of the length of N = f_u × f_v, over √2.
-        slopes = []
-        for change in changes:
-            slope = (normal(f + change) - normal(f - change)) / 2
-            slopes.append(slope - (n.T * slope)[0] / (2 * mp.norm(n) ** 2) * n)
-        total += (slopes[0].T * slopes[1])[0] / (2 * mp.norm(n))
-    return total
-
-
-def change_of_normal(e: mp.matrix, change: mp.matrix) -> mp.matrix:
-    """Return the derivative of the unit normal of two edge vectors."""
-    # The cross product is bilinear, so that this difference is its derivative.
-    slope, n = (normal(e + change) - normal(e - change)) / 2, normal(e) / mp.norm(normal(e))
-    return (slope - (n.T * slope)[0] * n) / mp.norm(normal(e))
-
-
 def exact_srnf(surfaces: Surfaces, i: int, j: int) -> mp.mpf:
     """Return the squared distance of the square root normal fields with 60 digits."""
     total = mp.mpf(0)
