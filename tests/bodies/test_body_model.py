@@ -293,13 +293,8 @@ def test_wrong_arguments(method):
     evaluate = getattr(model, method)
     for arguments, message in [
         ({"betas": np.zeros(N_BETAS + 1)}, r"betas must have shape \(\.\.\., 2\); found \(3,\)"),
-        ({"betas": [np.nan, 0.0]}, "betas holds 1 NaN"),
         ({"pose": np.zeros((3, 3))}, r"pose must have shape .*4, 3.* or .*12.*; found \(3, 3\)"),
-        ({"pose": 0.0}, "pose must have shape"),
         ({"trans": np.zeros(2)}, "trans must have shape"),
     ]:
         with pytest.raises(ArgumentError, match=message):
             evaluate(**arguments)
-    for name in ("betas", "pose", "trans"):
-        with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
-            evaluate(**{name: "tall"})

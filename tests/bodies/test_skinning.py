@@ -146,11 +146,6 @@ def test_arrays_of_other_joints_are_refused():
         joint_motions(joints[:1], still, [-1, 0], (0, 1))
     with pytest.raises(ArgumentError, match=r"rotations must have shape \(..., 2, 3, 3\)"):
         joint_motions(joints, joints, [-1, 0], (0, 1))
-    surface, weights = np.zeros((5, 3)), np.full((5, 2), 0.5)
-    with pytest.raises(ArgumentError, match=r"surface must have shape \(..., 5, 3\)"):
-        skin_surface(surface[:4], weights, joints, still, joints)
-    with pytest.raises(ArgumentError, match=r"positions must have shape \(..., 2, 3\)"):
-        skin_surface(surface, weights, joints, still, joints[:1])
     for ends in ((0, 2), (-1, 1)):
         with pytest.raises(ArgumentError, match="must be a joint, from 0 to 1"):
             joints_between([-1, 0], *ends)

@@ -25,16 +25,12 @@ KINDS = {
     "None among numbers": with_missing(NUMBERS, None),
     "NaN among text": with_missing(TEXT, np.nan),
     "an array with NaN": np.array(with_missing(NUMBERS, np.nan)),
-    "single precision": np.array(with_missing(NUMBERS, np.nan), np.float32),
     "arrays of no dimension": [np.array(label) for label in with_missing(NUMBERS, np.nan)],
     "NaT": np.array(with_missing(["2020", "2021", "2022"] * 4, "NaT"), "datetime64[Y]"),
     "masked": with_missing(NUMBERS, np.ma.masked),
     "NA": with_missing(TEXT, pandas.NA),
-    "pandas' NaT": with_missing(TEXT, pandas.NaT),
     "nullable integers": pandas.Series(with_missing(NUMBERS, None), dtype="Int64"),
-    "text of pandas": pandas.Series(with_missing(TEXT, None), dtype="string"),
     "categories": pandas.Categorical(with_missing(TEXT, None)),
-    "objects of pandas": pandas.Series(with_missing(TEXT, None), dtype=object),
     "empty text": with_missing(TEXT, ""),
     "blank text": np.array(with_missing(TEXT, " ")),
     "part of a pair": [("x", label) for label in with_missing(NUMBERS, np.nan)],
@@ -171,12 +167,6 @@ def test_labels_of_any_container(labels):
     numbers, classes = class_numbers(labels, "labels", N_POINTS)
     np.testing.assert_array_equal(numbers, NUMBERS)
     assert len(classes) == 3
-
-
-def test_labels_of_real_tensors():
-    torch = pytest.importorskip("torch")
-    for labels in (torch.tensor(NUMBERS), list(torch.tensor(NUMBERS))):
-        assert label_list(labels, "labels", N_POINTS) == NUMBERS
 
 
 @pytest.mark.everyday

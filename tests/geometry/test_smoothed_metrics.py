@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
     AreaMetric,
@@ -215,11 +215,9 @@ def test_default_time_of_rotations_follows_the_size_of_the_template():
     assert limb == pytest.approx(0.1, abs=0.002)
 
 
-def test_wrong_arguments_and_surfaces_without_area():
+def test_surfaces_without_area():
     template = sphere_template()
     space = AlignedSurfaces(template)
-    with pytest.raises(ArgumentError, match="time"):
-        RotationMetric(space, time=-1.0)
     metric = RotationMetric(space)
     f, g = surfaces(template, 2)
     flat = f.copy()

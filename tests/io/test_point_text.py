@@ -51,13 +51,10 @@ def test_columns_that_a_header_names(tmp_path):
     "text",
     [
         "0,5 0,1 0,2\n1,5 1,1 0,3\n",
-        "0,5;0,1;0,2\n1,5;1,1;0,3\n",
         "0,5,0,1,0,2\n1,5,1,1,0,3\n",
         "0,5,0,1,0\n1,5,1,1,0\n",
-        "-0,5,1,1,2,5e-3\n0,5,1,1,2,5e-3\n",
         "1,234.5,2,345.6,3,456.7\n1,234.5,2,345.6,3,456.8\n",
         "0.5 0.1 0.2\n1,5 1,1 0,3\n",
-        "0.5,0.1,0.2\n1,5,1,1,0,3\n",
         "x y z\n0,5 0,1 0,2\n",
     ],
 )
@@ -71,9 +68,7 @@ def test_decimal_commas_are_refused(tmp_path, text):
     ("text", "message"),
     [
         ("id x y\n1 2 3\n", r"line 1 is not valid: 'id x y'.* columns x, y and z"),
-        ("x x y z\n1 2 3 4\n", "line 1 is not valid"),
         ("1 0.5 0.1 0.2\n2 0.5 0.1 0.3\n3 0.1 0.5 0.1\n", "the first column numbers the points"),
-        ("0.5;0.1;\n0.5;0.1;\n", "3 columns"),
         ("0.5;;0.1\n", "line 1 is not valid: '0.5;;0.1'; it should hold numbers"),
         ("0 0 1\n\n0 1\n", "line 3 is not valid: '0 1'; it has 2 numbers, and line 1 has 3"),
         ("3\n0 0 1\n0 1 0\n", "its first line declares 3 points, and 2 follow"),

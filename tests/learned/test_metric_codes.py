@@ -65,7 +65,5 @@ def test_conventions_and_refusals(known):
     with pytest.raises(ArgumentError, match="all are the same"):
         codes.fit(known.points[[0, 0, 0]])
     np.testing.assert_array_equal(codes.transform(known.points[:4]), found)
-    with pytest.raises(ArgumentError, match="n_codes"):
-        MetricCodes(codes.metric, n_codes=1).fit(known.points)
     with pytest.raises(NotDefinedError, match="SobolevMetric does not define lower_bound"):
         MetricCodes(rh.SobolevMetric(space)).fit(known.points)

@@ -230,10 +230,6 @@ def test_wrong_arguments(bodies, measurements):
         (lambda: Measurements(other), "there are no measurements for"),
         (lambda: measurements.measure(point)["statur"], "did you mean 'stature'"),
         (lambda: Measurements(bodies.model, measurements.definitions), "pass that as model"),
-        (
-            lambda: measurements.measure(point, trusted_vertices=np.arange(5)),
-            "trusted_vertices must be",
-        ),
     ):
         with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
             wrong()

@@ -21,7 +21,6 @@ from oracles import orders
 
 from riemhuman.errors import (
     ArgumentError,
-    ArgumentTypeError,
     ConvergenceWarning,
     NotDefinedError,
     OutsideManifoldError,
@@ -142,10 +141,6 @@ def test_an_exponential_that_does_not_exist_is_refused():
 def test_bad_input():
     metric, start = CASES["mixed triangle"].metric, CASES["mixed triangle"].points[0]
     solver = DiscreteExponential()
-    with pytest.raises(ArgumentError, match="base_point must have shape"):
-        solver.solve(metric, start, start[:2])
-    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
-        solver.solve(metric, start[None], start)
     with pytest.raises(ArgumentError, match="tangent_vec holds 9 NaN"):
         solver.solve(metric, np.nan * start, start)
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
@@ -233,11 +228,7 @@ def test_derivatives_need_a_whole_path():
     path = np.stack([START, START + VELOCITIES[0]])
     for points, velocity, covectors, message in (
         (path[:1], VELOCITIES[0], path[:1], "path must have at least two times; found 1"),
-        (START, VELOCITIES[0], START, "path must have shape"),
-        (path, VELOCITIES, path, "tangent_vec must have shape"),
         (path, VELOCITIES[0], path[:1], "covectors must have shape"),
     ):
         with pytest.raises(ArgumentError, match=message):
             SOLVER.derivatives(METRIC, points, velocity, covectors)
-    with pytest.raises(ArgumentTypeError, match="metric must be a metric"):
-        SOLVER.derivatives(None, path, VELOCITIES[0], path)

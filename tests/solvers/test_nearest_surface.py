@@ -88,8 +88,6 @@ def test_refusals():
     images = metric.map(POINTS)
     with pytest.warns(ConvergenceWarning, match="NearestSurface.*maximum number of iterations"):
         NearestSurface(max_iter=1).solve(metric, images, POINTS[0])
-    with pytest.raises(ArgumentError, match="start must have shape"):
-        NearestSurface().solve(metric, images, POINTS)
     with pytest.raises(ArgumentError, match="images"):
         NearestSurface().solve(metric, images[:, :-1], POINTS[0])
     with pytest.raises(ArgumentError, match="images must hold at least one target"):

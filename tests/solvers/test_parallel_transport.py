@@ -196,14 +196,8 @@ def test_bad_input():
             ladder.solve(case.metric, vector, start, **arguments)
     with pytest.raises(NotDefinedError, match="geodesic_solver=BasisPath"):
         ladder.solve(case.metric, vector, start, end_point=end)
-    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
-        ladder.solve(case.metric, vector[:2], start, path=case.points)
-    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
-        ladder.solve(case.metric, vector[None], start, path=case.points)
     with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
         ladder.solve(case.metric, vector, start, path=case.points[:1])
-    with pytest.raises(ArgumentError, match="base_point must have shape"):
-        ladder.solve(case.metric, vector, start[:2], path=case.points)
     with pytest.raises(ArgumentError, match="path must start at base_point; it is off by"):
         ladder.solve(case.metric, vector, end, path=case.points)
     ebin = CASES["ebin 1 sphere"]

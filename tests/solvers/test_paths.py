@@ -191,13 +191,6 @@ def test_the_keyboard_stops_all(metric, points):
         InterruptedPath(3).solve_many(metric, PairsOfPoints(points), n_jobs=2)
 
 
-def test_progress(metric, points, capsys):
-    LinearPath(3).solve_many(metric, PairsOfPoints(points))
-    assert capsys.readouterr().err == ""
-    LinearPath(3).solve_many(metric, PairsOfPoints(points), progress=True)
-    assert "Geodesics" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", ["mixed sphere", "normals sphere", "half-plane, distance"])
 def test_no_path_is_shorter_than_the_bound(name):
     """The closed form is a distance, and paths through other points are no shorter."""

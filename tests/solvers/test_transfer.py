@@ -169,14 +169,10 @@ def test_a_pose_or_its_change():
 
 
 def test_bad_input(space, motion):
-    with pytest.raises(ArgumentError, match="transfer must be one of 'change', 'pose'"):
-        MotionTransfer(transfer="both")
     with pytest.raises(ArgumentError, match='axes must be "world" if transfer="pose"'):
         MotionTransfer("body", "pose")
     with pytest.raises(ArgumentError, match="reference must be left out"):
         MotionTransfer(transfer="pose").solve(space, motion, motion[0], reference=motion[1])
-    with pytest.raises(ArgumentError, match="axes must be one of 'world', 'body'"):
-        MotionTransfer("hip")
     with pytest.raises(ArgumentError, match="motion must have at least one frame; found none"):
         MotionTransfer().solve(space, [], motion[0])
     with pytest.raises(ArgumentError, match=r"motion\[1\] must have shape"):
@@ -185,8 +181,6 @@ def test_bad_input(space, motion):
         MotionTransfer().solve(space, motion, motion)
     with pytest.raises(DegenerateSurfaceError, match="triangle 0"):
         MotionTransfer().solve(space, motion, 0.0 * motion[0])
-    with pytest.raises(ArgumentError, match="after holds 126 NaN"):
-        ShapeTransfer().solve(space, motion[0], np.nan * motion[1], motion[2])
 
 
 def metrics(space):
@@ -258,8 +252,6 @@ def test_bad_input_of_disentangling():
     space = AlignedSurfaces(sphere_template(), equip=False)
     body = space.template.vertices
     pair = metrics(space)
-    with pytest.raises(ArgumentError, match="shape must have shape"):
-        Disentangling().solve(*pair, body[:4], body)
     with pytest.raises(ArgumentError, match="pose must be one surface"):
         Disentangling().solve(*pair, body, np.stack([body, body]))
     with pytest.raises(ArgumentError, match="every triangle of pose must have an area"):

@@ -103,19 +103,13 @@ def test_refusals():
     for wrong in (first.astype(int) + 1, ["a", "a", "a", "b", "b", "b"], first + 0.5):
         with pytest.raises(ArgumentError, match="in_first must hold booleans, or 0 and 1"):
             two_sample_test(distances, wrong, units=None)
-    with pytest.raises(ArgumentError, match=r"in_first must hold a label for each of 6.*found 5"):
-        two_sample_test(distances, first[:5], units=None)
     with pytest.raises(ArgumentError, match="each group"):
         two_sample_test(distances, np.ones(6, dtype=bool), units=None)
     with pytest.raises(TypeError, match="units"):  # whether people are several points must be said
         two_sample_test(distances, first)
     with pytest.raises(ArgumentError, match="units: 1 has points in both"):
         two_sample_test(distances, first, units=[0, 1, 1, 1, 2, 2])
-    with pytest.raises(ArgumentError, match="units must hold a label for each of 6"):
-        two_sample_test(distances, first, units=[0, 1])
     mixed = two_sample_test(distances, first, units=["b", ("c",), "b", 1, 1, 2])
     assert mixed.n_permutations == 6  # two units of four
-    with pytest.raises(ArgumentError, match="n_permutations"):
-        two_sample_test(distances, first, n_permutations=0, units=None)
     with pytest.raises(ArgumentError, match="distances must be a square"):
         two_sample_test(distances[:5], first, units=None)

@@ -159,9 +159,7 @@ def test_arguments_stay_as_they_are():
     ("arguments", "message"),
     [
         ({"points": POINTS[:2]}, "points must hold three points or more; found 2"),
-        ({"points": POINTS[:, :1]}, r"points must have shape .*found \(4, 1\)"),
         ({"tangent_vecs": POINTS[:3]}, "tangent_vecs must hold 4 vectors; found 3"),
-        ({"tolerance": 0.0}, "tolerance must be a finite number above 0"),
     ],
 )
 def test_bad_arguments(arguments, message):
