@@ -189,23 +189,3 @@ def test_reading(benchmark, tmp_path, suffix):
     if meshio:
         calls["meshio"] = lambda: meshio.read(file)
     compared(benchmark, f"reading a full body, {suffix}", calls, rounds=10)
-
-
-def test_many_flat_bodies(benchmark):
-    """Blocks of 256 bodies, of which a product of matrices makes most."""
-    points = bodies("full").points
-    metric = rh.SRNFMetric(rh.AlignedSurfaces(bodies("full").template, equip=False))
-    features = tuple(
-        np.concatenate([array] * 3)[:256] for array in metric.features(points, "single")
-    )
-    others = tuple(array.copy() for array in features)
-    rows, columns = (some[0].reshape(256, -1) for some in (features, others))
-    for title, second, factor in (("256 x 256", others, columns), ("256", features, rows)):
-        compared(
-            benchmark,
-            f"pairs of {title} full bodies, SRNF in float32",
-            {
-                "riemhuman": lambda second=second: metric.bulk.squared_distances(features, second),
-                "the product alone (BLAS)": lambda factor=factor: rows @ factor.T,
-            },
-        )
