@@ -70,6 +70,8 @@ def is_split(faces: Triangles, polygons: Polygons) -> bool:
     is_triangle = np.repeat(lengths == 3, lengths - 2)
     if not np.array_equal(faces[is_triangle].ravel(), corners[np.repeat(lengths == 3, lengths)]):
         return False
+    if is_triangle.all():
+        return True
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     numbers = np.repeat(np.arange(len(lengths)), 3 * (lengths - 2))
     # Diagonals are passed in both directions, the sides of a polygon in its own.

@@ -75,6 +75,7 @@ _SCRIPTS = (
     "viewer_ground.js",
     "viewer_motion.js",
     "viewer_eyes.js",
+    "viewer_smooth.js",
     "viewer_body.js",
     "viewer_values.js",
     "viewer_trail.js",

@@ -10,9 +10,11 @@ import pytest
 from open_bodies import coarse_bodies
 from PIL import Image
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.measurements import open_measurements
 from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies, view_path
 from riemhuman.plots.windows import Window
+from riemhuman.surfaces import nearest_points
 
 BODIES = coarse_bodies()
 FACES = BODIES.template.faces
@@ -328,3 +330,29 @@ def test_stills_stand_in_where_there_is_no_webgl(browser, page_of):
     still, stage = browser.find(".still").size, browser.find(".stage").size
     assert stage["height"] <= still["height"] + 10 < 150  # no tall empty stage
     browser.devtools("Page.removeScriptToEvaluateOnNewDocument", **added)
+
+
+SMOOTH = """
+const { viewer } = document.querySelector('.viewer');
+const [body] = viewer.bodies();
+const { attributes, index } = body.mesh.geometry;
+const lists = (arrays) => arrays.map((array) => [...array]);
+const triangles = [0, 5, 1234].map((face) => body.smooth.faceOf(16 * face + 7));
+return [...lists([body.positions, attributes.position.array, index.array]), triangles];
+"""
+
+
+def test_coarse_bodies_are_drawn_nearer_to_the_full_ones(browser, opened):
+    opened("one")
+    *arrays, triangles = browser.run(SMOOTH)
+    own, points = (np.reshape(array, (-1, 3)) for array in arrays[:2])
+    fine = np.reshape(arrays[2], (-1, 3))
+    np.testing.assert_array_equal(points[: len(own)], own)
+    assert (len(fine), triangles) == (16 * len(FACES), [0, 5, 1234])
+    middle = (BODIES[0].min(axis=0) + BODIES[0].max(axis=0)) / 2
+    full = load_open_bodies("full")[0] - middle
+    flat, smooth = (
+        nearest_points(full, vertices, faces)[1].mean()
+        for vertices, faces in ((own, FACES), (points, fine))
+    )
+    assert smooth < 0.9 * flat

@@ -46,6 +46,7 @@ function tubesAlong(polylines, radius) {
 
 class MeasurementList extends Panel {
   async prepare({ bodies }) {
+    this.isOnSurface = true;
     // For each body and measurement, its polylines.
     this.lines = await Promise.all(bodies.map(async ({ points, low, step, ends }) => {
       const numbers = await unpack(points, Uint16Array, 3);

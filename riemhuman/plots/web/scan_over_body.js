@@ -77,6 +77,7 @@ function discsAt(points, normals, radius) {
 
 class ScanOverBody extends Panel {
   async prepare(data) {
+    this.isOnSurface = true;
     const [places, distances, background, seen, faces, normals] = await Promise.all([
       unpack(data.points, Uint16Array, 3),
       unpack(data.distances, Uint16Array, 1),

@@ -112,8 +112,9 @@ class Viewer {
   async choose(index) {
     this.wanted = index;
     if (!this.built[index]) {
+      const skin = { ...this.skin, flat: this.panel.isOnSurface };
       this.built[index] = await Promise.all(this.data.choices[index].bodies.map(
-        (body) => Body.from(body, this.faces, this.data.n_vertices, this.skin),
+        (body) => Body.from(body, this.faces, this.data.n_vertices, skin),
       ));
     }
     if (this.wanted !== index) return; // something else was chosen in the meantime
@@ -288,9 +289,10 @@ class Viewer {
     const point = body.mesh.worldToLocal(nearest.point.clone()).toArray();
     const gap = (vertex) =>
       Math.hypot(...point.map((value, axis) => value - body.positions[3 * vertex + axis]));
-    const { a, b, c } = nearest.face;
-    const vertex = [a, b, c].reduce((best, each) => (gap(each) < gap(best) ? each : best));
-    return { body, face: nearest.faceIndex, vertex };
+    const face = body.smooth ? body.smooth.faceOf(nearest.faceIndex) : nearest.faceIndex;
+    const corners = body.faces.slice(3 * face, 3 * face + 3);
+    const vertex = corners.reduce((best, each) => (gap(each) < gap(best) ? each : best));
+    return { body, face, vertex };
   }
 
   // Show what the pointer is on.

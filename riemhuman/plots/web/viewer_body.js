@@ -62,7 +62,7 @@ function smoothNormals(positions, faces, normals) {
 
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
-  static async from(data, faces, nVertices, { shade, eyes }) {
+  static async from(data, faces, nVertices, { shade, eyes, flat }) {
     const [frames, values, colors, components] = await Promise.all([
       framesOf(data, nVertices),
       data.values && inflate(data.values),
@@ -70,10 +70,10 @@ class Body {
       unpackComponents(data.components),
     ]);
     const numbers = values && new Float32Array(values.buffer);
-    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components, shade, eyes });
+    return new Body(data, faces, nVertices, { frames, values: numbers, colors, components, shade, eyes, flat });
   }
 
-  constructor(data, faces, nVertices, { frames, values, colors, components, shade, eyes }) {
+  constructor(data, faces, nVertices, { frames, values, colors, components, shade, eyes, flat }) {
     this.label = data.label;
     this.nFrames = frames.nFrames;
     this.frames = frames;
@@ -110,7 +110,9 @@ class Body {
         material.vertexColors = true;
       }
     }
-    this.mesh = new THREE.Mesh(this.geometry, material);
+    // Of other meshes, it is not known that they are round.
+    this.smooth = shade && nVertices < COARSE && !flat ? new SmoothSurface(this.geometry) : null;
+    this.mesh = new THREE.Mesh((this.smooth || this).geometry, material);
     this.eyes = eyes && new Eyes(this, eyes);
     this.turning = new THREE.Group();
     this.turning.add(this.mesh);
@@ -132,6 +134,7 @@ class Body {
     // Covers all times, so that it is computed only once.
     this.geometry.computeBoundingSphere();
     this.geometry.boundingSphere.radius = Math.hypot(this.radius, this.height / 2);
+    this.mesh.geometry.boundingSphere = this.geometry.boundingSphere;
   }
 
   // The frame, or a position between two frames, at a share of the duration.
@@ -148,6 +151,7 @@ class Body {
     this.geometry.attributes.position.needsUpdate = true;
     smoothNormals(this.positions, this.faces, this.normals);
     this.geometry.attributes.normal.needsUpdate = true;
+    if (this.smooth) this.smooth.show();
     if (this.eyes) this.eyes.show();
     if (this.ground) {
       if (this.track) this.ground.pass(this.passed());

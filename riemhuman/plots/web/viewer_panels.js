@@ -17,6 +17,7 @@ class Panel {
   constructor(viewer) {
     this.viewer = viewer;
     this.part = viewer.find("panel");
+    this.isOnSurface = false; // what is drawn close to the triangles needs them as they are
   }
 
   async prepare() {}

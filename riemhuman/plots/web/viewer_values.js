@@ -66,6 +66,7 @@ class ValueScale {
   drawLines() {
     const { geometry, mesh } = this.body;
     geometry.setAttribute("value", new THREE.BufferAttribute(Float32Array.from(this.values), 1));
+    if (this.body.smooth) this.body.smooth.paint();
     if (this.body.eyes) this.body.eyes.paint();
     mesh.material.onBeforeCompile = (shader) => {
       shader.uniforms.lineStep = this.lineStep;
@@ -123,6 +124,7 @@ class ValueScale {
       }
     });
     this.body.geometry.attributes.color.needsUpdate = true;
+    if (this.body.smooth) this.body.smooth.paint();
     if (this.body.eyes) this.body.eyes.paint();
   }
 }
