@@ -7,7 +7,9 @@ same body. In the body part that moves with a joint, the model's axes are the me
 
 - pelvis, chest: the line of hips or shoulders and the trunk, above all while the person stands
   upright (a pelvis leans less than a trunk that bends);
-- head, collars, hands: the axes of chest or forearm, because their positions tell nothing more;
+- head: the axes of the body in a standing rest pose, in which it looks ahead;
+- collars, hands, heads without a rest pose: the axes of chest or forearm, because their positions
+  tell nothing more;
 - limbs: the bone, and the axis in which its knee or elbow bends;
 - feet: a level sole, while they stand still; in the air the axes of the shank.
 """
@@ -22,7 +24,7 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import LIMBS
-from riemhuman.kernels.rotations import nearest_rotations, shortest_rotations, transpose
+from riemhuman.kernels.rotations import log, nearest_rotations, shortest_rotations, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.mocap._joint_names import SIDES, model_joints
 from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
@@ -37,6 +39,7 @@ from riemhuman.mocap._skeletons import (
     turned_towards,
 )
 
+_VERTICAL = np.array([0.0, 1.0, 0.0])
 # A knee or elbow shows its axis where it bends by more than this, degrees.
 BENT = 15.0
 # Bends, degrees, whose axis counts as much as that of a limb that is not rotated about itself.
@@ -45,6 +48,8 @@ _TRUSTED_LEG, _TRUSTED_ARM = 35.0, 20.0
 _LEVEL_FEET = 0.02
 # Feet whose toes point down by this many degrees more than at rest have raised heels.
 _HEEL_RAISED = 15.0
+# Largest mean rotation between head and chest that a rest pose may imply.
+_MOST_NOD = np.radians(40.0)
 # Share of frames in which nobody stands upright, beside those in which someone does.
 _BENT_POSTURE = 0.02
 
@@ -89,7 +94,7 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, Array]:
     }
     pelvis, chest = (source.rotation(name) @ axes[name] for name in ("pelvis", "chest"))
     if "head" in source.joints:
-        axes["head"] = mean_axes(source.rotation("head"), chest, upright)
+        axes["head"] = _axes_of_head(source, figure, chest, upright)
     for side in SIDES:
         collar = f"{side}_collar"
         if collar in source.joints and collar in figure.joints:
@@ -104,6 +109,17 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, Array]:
             forearm = source.rotation(limb[1]) @ axes[limb[1]]
             axes[limb[2]] = mean_axes(source.rotation(limb[2]), forearm, source.is_valid)
     return axes
+
+
+def _axes_of_head(source: RecordedSkeleton, figure: Figure, chest: Array, upright: Array) -> Array:
+    """Return the axes of the head, which looks ahead in the rest pose, or else on average."""
+    on_average = mean_axes(source.rotation("head"), chest, upright)
+    if source.head_at_rest is None:
+        return on_average
+    at_rest = source.head_at_rest @ frame(_VERTICAL, figure.bone("right_hip", "left_hip")).T
+    # Nobody holds the head like that throughout: joints have other axes than in the rest pose.
+    is_rest = np.linalg.norm(log(on_average, at_rest)) < _MOST_NOD
+    return at_rest if is_rest else on_average
 
 
 def mean_axes(rotations: Array, targets: Array, weights: Array | Booleans) -> Array:
@@ -150,8 +166,7 @@ def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> Arra
         # Both stand upright at rest, however their joints are placed.
         recorded = recorded @ source.upright[name]
         line = "hip" if name == "pelvis" else "shoulder"
-        across = figure.bone(f"right_{line}", f"left_{line}")
-        rest = frame(across, np.array([0.0, 1.0, 0.0]))
+        rest = frame(figure.bone(f"right_{line}", f"left_{line}"), _VERTICAL)
     return np.asarray(recorded @ rest.T)
 
 
@@ -218,12 +233,11 @@ def _axes_of_foot(
     knee, ankle, toes = (f"{side}_{part}" for part in ("knee", "ankle", "toes"))
     rotations = source.rotation(ankle)
     flat = source.flat[:, SIDES.index(side)]
-    vertical = np.array([0.0, 1.0, 0.0])
     up = figure.frame[:, 0]
     shank = source.rotation(knee) @ axes[knee]
     if toes not in source.joints or not has_bone(figure.rest, figure.joints, ankle, toes):
         weights = flat if flat.any() else source.is_valid
-        level = turned_towards(shank, up, vertical) if flat.any() else shank
+        level = turned_towards(shank, up, _VERTICAL) if flat.any() else shank
         return {ankle: mean_axes(rotations, level, weights)}
     directions = unit(bone(source.positions, source.joints, ankle, toes))
     rest = figure.bone(ankle, toes)
@@ -231,7 +245,7 @@ def _axes_of_foot(
     steepest = np.arcsin(-unit(rest) @ up) + np.radians(_HEEL_RAISED)
     flat = flat & (np.arcsin(np.clip(-directions[:, 1], -1.0, 1.0)) < steepest)
     toe_rotations = source.rotation(toes)
-    sole = frame(vertical, directions) @ frame(up, rest).T
+    sole = frame(_VERTICAL, directions) @ frame(up, rest).T
     if flat.any():
         # Soles are level in the mean over frames in which the foot stands still.
         return {ankle: mean_axes(rotations, sole, flat), toes: mean_axes(toe_rotations, sole, flat)}
@@ -239,7 +253,7 @@ def _axes_of_foot(
     # Balls on the floor are level across, more so the less the toes point down; toes lie on it.
     grounded = source.grounded[:, SIDES.index(side)] * horizontal
     if grounded.mean() > _LEVEL_FEET:
-        foot = frame(directions, vertical) @ frame(rest, up).T
+        foot = frame(directions, _VERTICAL) @ frame(rest, up).T
         toe_axes = mean_axes(toe_rotations, sole, grounded)
         return {ankle: mean_axes(rotations, foot, grounded), toes: toe_axes}
     # Feet in the air are turned about themselves as their knees are, and toes bend where they

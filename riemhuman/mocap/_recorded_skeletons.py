@@ -45,9 +45,11 @@ _OTHER_FLOOR = 0.4
 # A toe is at least this share of the farthest joint of the foot away, and at least so many leg
 # lengths; a foot in line with the shank on average, by its cosine, shows no direction.
 _SHORT_FOOT, _SHORTEST_FOOT, _STRAIGHT_FOOT = 0.5, 0.06, 0.94
-# Legs of an upright rest pose are straight by this cosine. Lines from hips to shoulders that lean
-# by these degrees there lean because of where the joints were placed.
-_STRAIGHT_LEG, _LEAST_LEAN, _MOST_LEAN = 0.985, 6.0, 30.0
+# Legs of an upright rest pose are straight by this cosine, those of one that stands by the second.
+# Lines from hips to shoulders that lean by these degrees there lean because of where the joints
+# were placed.
+_STRAIGHT_LEG, _LEGS_APART = 0.985, 0.9
+_LEAST_LEAN, _MOST_LEAN = 6.0, 30.0
 # Joints nearer than this are in one place, leg lengths.
 _ONE_PLACE = 1e-3
 # Bones besides those of the limbs.
@@ -67,7 +69,8 @@ class RecordedSkeleton:
     (n_frames, J, 3, 3) are those in space; `is_valid` (n_frames,) marks frames on the floor of the
     longest part without an interruption. Of each foot (n_frames, 2), the ball is `still`, the ball
     is `grounded` on the floor, and the whole foot is `flat` on it. `upright` has the rotations by
-    which the frames of pelvis and chest lean at rest, where they do.
+    which the frames of pelvis and chest lean at rest, where they do. `head_at_rest` is the frame of
+    a head that looks ahead, in the axes of the file, if it has a standing rest pose.
     """
 
     joints: dict[str, int]
@@ -81,6 +84,7 @@ class RecordedSkeleton:
     grounded: Booleans
     flat: Booleans
     upright: dict[str, Array]
+    head_at_rest: Array | None
 
     def rotation(self, name: str) -> Array:
         """Return the rotations in space of the bone that begins at a joint, (n_frames, 3, 3)."""
@@ -156,7 +160,7 @@ def read_skeleton(
     }
     return RecordedSkeleton(
         *(joints, carriers, rotations, positions, rate, leg, is_valid, ball_still, grounded, flat),
-        _upright_corrections(recording, joints),
+        *_standing_rest(recording, joints),
     )
 
 
@@ -187,13 +191,16 @@ def _toes(
     return below[chosen]
 
 
-def _upright_corrections(recording: SkeletonMotion, joints: Mapping[str, int]) -> dict[str, Array]:
-    """Return rotations that turn the frames of pelvis and chest upright, where they lean at rest.
+def _standing_rest(
+    recording: SkeletonMotion, joints: Mapping[str, int]
+) -> tuple[dict[str, Array], Array | None]:
+    """Return what a standing rest pose says, if there is one.
 
-    Only a rest pose with straight legs says what upright is.
+    That is rotations that turn the frames of pelvis and chest upright, where they lean at rest with
+    straight legs; and the frame of a head that looks ahead, in the axes of the file.
     """
     if not recording.has_rest_pose:
-        return {}
+        return {}, None
     still = np.tile(np.eye(3), (1, len(recording.parents), 1, 1))
     _, rest = in_space(still, recording.offsets[None], recording.parents)
     legs = [
@@ -204,16 +211,17 @@ def _upright_corrections(recording: SkeletonMotion, joints: Mapping[str, int]) -
     up = -unit(np.mean(legs, axis=0))
     back = unit(trunk(rest[0], joints))
     lean = np.degrees(np.arccos(np.clip(back @ up, -1.0, 1.0)))
-    if min(-leg @ up for leg in legs) < _STRAIGHT_LEG or not _LEAST_LEAN < lean < _MOST_LEAN:
-        return {}
-    corrections = {}
-    for name, line, axes in (
-        ("pelvis", "hip", pelvis_frame(rest[0], joints)),
-        ("chest", "shoulder", body_frame(rest[0], joints, "shoulder")),
-    ):
-        across = bone(rest[0], joints, f"right_{line}", f"left_{line}")
-        corrections[name] = axes.T @ frame(across, up)
-    return corrections
+    straight = min(-leg @ up for leg in legs)
+    if straight < _LEGS_APART or not lean < _MOST_LEAN:
+        return {}, None
+    hips, shoulders = (
+        bone(rest[0], joints, f"right_{line}", f"left_{line}") for line in ("hip", "shoulder")
+    )
+    head = frame(up, hips)
+    if straight < _STRAIGHT_LEG or lean <= _LEAST_LEAN:
+        return {}, head
+    pelvis, chest = pelvis_frame(rest[0], joints), body_frame(rest[0], joints, "shoulder")
+    return {"pelvis": pelvis.T @ frame(hips, up), "chest": chest.T @ frame(shoulders, up)}, head
 
 
 def _carrier(positions: Array, parents: Integers, end: int, leg: float) -> int:

@@ -14,7 +14,8 @@ from riemhuman.kernels.rotations import log
 
 @pytest.fixture(scope="module")
 def frames(recording):
-    return retarget(recording, frames_per_second=5)[:]
+    """Frames of a recording whose rest pose, scrambled by other axes, tells nothing of the head."""
+    return retarget(replace(recording, has_rest_pose=False), frames_per_second=5)[:]
 
 
 @pytest.mark.parametrize("share", [0.1, 1.0])
@@ -25,6 +26,24 @@ def test_axes_of_joints_do_not_matter(recording, frames, share):
     other = with_axes(recording, axes)
     np.testing.assert_allclose(other.positions, recording.positions, atol=1e-9)
     np.testing.assert_allclose(retarget(other, frames_per_second=5)[:], frames, atol=1e-6)
+
+
+def test_a_head_that_is_held_low_throughout_stays_low(recording):
+    # Nothing but the rest pose, which both share, tells the head's axes.
+    down = Rotation.from_euler("x", 20, degrees=True).as_matrix()
+    rotations = recording.rotations.copy()
+    rotations[:, recording.joint_names.index("Head")] @= down
+    motions = [
+        retarget(one, frames_per_second=5)
+        for one in (recording, replace(recording, rotations=rotations))
+    ]
+    model = motions[0].model
+    (before, _), (after, _) = in_space(model, motions[0].betas, motions)
+    moved = np.degrees(np.linalg.norm(log(before, after), axis=-1))
+    head = model.joint_names.index("head")
+    np.testing.assert_allclose(moved[:, head], 20.0, atol=0.1)
+    neck = model.joint_names.index("neck")  # is between chest and head
+    assert np.delete(moved, [neck, head], axis=1).max() < 0.1
 
 
 def in_space(model, betas, motions):

@@ -3,6 +3,7 @@
 The truth is an open motion: its joints are written as markers, and performed by the same person.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -153,7 +154,9 @@ def test_a_real_recording_gives_the_body_of_its_skeleton(tmp_path):
     markers["Head"] = places(skeleton, "Head")
     header = {"DataRate": skeleton.frames_per_second}
     motion = load_recording(write_trc(tmp_path / "walk.trc", markers, header=header))
-    apart = np.linalg.norm(motion[::10] - retarget(skeleton)[::10], axis=-1)
+    # Markers show no rest pose, from which the axes of the skeleton's head are.
+    body = retarget(replace(skeleton, has_rest_pose=False))
+    apart = np.linalg.norm(motion[::10] - body[::10], axis=-1)
     assert apart.mean() < 0.01
     assert apart.max() < 0.06
 
