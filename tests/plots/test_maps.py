@@ -173,30 +173,6 @@ def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
     assert across == pytest.approx(along, rel=0.02)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("n_classes", [1, 13])
-def test_maps_of_one_class_and_of_more_classes_than_fit(n_classes):
-    positions = np.random.default_rng(0).normal(size=(26, 2)) * [1.0, 0.0]
-    surfaces = np.repeat([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]], 26, axis=0)
-    ax = plot_embedding(positions, np.arange(26) % n_classes, points=surfaces, faces=[[0, 1, 2]])
-    drawn = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
-    assert len(drawn) == min(n_classes, 12)
-    assert (ax.get_legend() is not None) == (n_classes > 12)
-
-
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [
-        (0.0, "distances are kept"),
-        (0.11, "distances are off by a tenth"),
-        (0.34, "distances are off by a third"),
-        (0.48, "distances are off by half"),
-    ],
-)
-def test_stress_in_words(value, words):
-    assert describe_stress(value) == words
-
-
 def test_a_metric_and_bodies_are_embedded_in_one_call():
     bodies = rh.datasets.load_open_bodies("coarse")[:12]
     metric = rh.SRNFMetric(rh.AlignedSurfaces(bodies.template, equip=False))

@@ -20,18 +20,6 @@ def test_energy_is_drawn_as_it_is():
     assert not legend.get_window_extent().overlaps(several.bbox)  # it hides no line
 
 
-def contrast(one, other):
-    """Return the contrast of two colours, as the Web Content Accessibility Guidelines define it."""
-    linear = [
-        np.where(
-            np.array(c) <= 0.04045, np.array(c) / 12.92, ((np.array(c) + 0.055) / 1.055) ** 2.4
-        )
-        for c in (one, other)
-    ]
-    low, high = sorted(float(c[:3] @ [0.2126, 0.7152, 0.0722]) for c in linear)
-    return (high + 0.05) / (low + 0.05)
-
-
 def test_two_classes_have_no_curve_and_no_matrix():
     distances = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
     with pytest.raises(ArgumentError, match="at least 3 classes for this plot; found 2"):

@@ -87,23 +87,6 @@ def test_a_figure_in_inches_shows_the_same_distances(over):
 
 
 @pytest.mark.slow
-def test_a_page_in_inches_has_no_millimetres(browser, over, tmp_path):
-    viewer = rh.plots.view_scan(over.scan_points, BODY, FACES, system="in")
-    assert " mm" not in viewer.page().split("<script")[0]
-    assert " in of the body" in viewer.description
-    viewer.save(tmp_path / "over.html")
-    browser.open(tmp_path / "over.html", 1000, 700)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
-    panel = "document.querySelector('.viewer').viewer.panel"
-    distances = np.array(browser.run(f"return [...{panel}.distances]"))
-    shown = viewer.panel.over.distances
-    np.testing.assert_allclose(distances, shown / 0.0254, atol=0.5e-4 / 0.0254 + 1e-6)
-    browser.actions().move_to_element(browser.find("canvas")).perform()
-    hint = browser.run("return document.querySelector('[data-part=hint]').textContent")
-    assert " in" in hint
-
-
-@pytest.mark.slow
 def test_a_scan_is_seen_through_and_cut(browser, over, tmp_path):
     page = tmp_path / "over.html"
     rh.plots.view_scan(over.scan_points, BODY, FACES).save(page)

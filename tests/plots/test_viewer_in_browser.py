@@ -30,15 +30,10 @@ WITHOUT_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 
 
 def viewer_of(name):
-    """Return coloured bodies, one body, signed values, or paths to choose from or to compare."""
+    """Return coloured bodies, one body, or paths to choose from."""
     first, values = BODIES.points[:1], np.linspace(0, 2, len(FACES))
     if name == "one":
         return view_bodies(first[0], FACES)
-    if name == "signed":
-        heights = first[0, FACES, 1].mean(axis=1)
-        heights -= (heights.min() + heights.max()) / 2
-        signed = ViewedBody("heights", first, values=heights, value_label="m")
-        return Viewer(FACES, {"": [signed]})
     if name == "bodies":
         coloured = [
             ViewedBody(label, surface[None], values=values, value_label="per m²")
@@ -49,9 +44,6 @@ def viewer_of(name):
         return Viewer(FACES, {"": coloured})
     start, end = BODIES.points[[0, 3]]
     path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
-    if name == "recorded":
-        knees = {"all": path, "half": path[:3]}
-        return view_path(knees, FACES, side_by_side=True, frames_per_second=2)
     texts = {"title": "Two paths", "description": "From one to another."}
     return view_path({"there": path, "back": path[::-1]}, FACES, **texts, seconds=1.2)
 
@@ -170,20 +162,6 @@ def test_mouse_names_body_and_value_and_frames_a_point(browser, opened):
     assert state(browser, "zoom") == before
 
 
-@pytest.mark.slow
-def test_signs_are_said_on_the_scale_and_under_the_pointer(browser, opened):
-    canvas = opened("signed", 600, 700)
-    scale = [part.text for part in browser.driver.find_elements("css selector", ".scale span")]
-    assert scale == ["−0.85", "+0.85 m"]
-    for below, sign in ((-150, "+"), (150, "−")):  # from the middle: the chest and a shank
-        for right in range(-90, 91, 10):
-            browser.actions().move_to_element_with_offset(canvas, right, below).perform()
-            if text := text_of(browser, "hint"):
-                break
-        assert text.removeprefix("heights: ").startswith(sign)
-        assert " m (" in text
-
-
 def screenshot(browser):
     """Return what the browser shows, outlines smooth."""
     browser.wait_for_picture()
@@ -297,21 +275,6 @@ def test_the_last_choice_is_shown(browser, opened):
     )
     assert chosen == 0
     assert browser.run("return document.querySelector('.viewer').dataset.choice") == "there"
-
-
-@pytest.mark.slow
-def test_time_of_a_path_is_a_share_and_of_a_recording_seconds_and_frames(browser, opened):
-    opened("paths")
-    assert text_of(browser, "moment") == "t = 0.00"
-    opened("recorded")
-    assert text_of(browser, "moment") == "0.00 s of 2.00 s, frame 1 of 5"
-    slider = browser.find("input[type=range]")
-    browser.run("arguments[0].focus()", slider)
-    browser.press("\ue014")  # right: one frame
-    assert text_of(browser, "moment") == "0.50 s of 2.00 s, frame 2 of 5"
-    assert slider.get_attribute("aria-valuetext") == "0.50 seconds, frame 2 of 5"
-    browser.press("\ue010")  # End
-    assert text_of(browser, "moment") == "2.00 s of 2.00 s, frame 5 of 5"
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import random
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from cosmic_ray.work_db import use_db
@@ -18,9 +19,9 @@ from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 SETTINGS = """
 [cosmic-ray]
 module-path = "riemhuman/{subpackage}"
-timeout = 300.0
+timeout = {timeout}
 excluded-modules = []
-test-command = "{python} -m pytest -x -q -p no:cacheprovider tests/{subpackage}"
+test-command = "{tests}"
 [cosmic-ray.distributor]
 name = "local"
 [cosmic-ray.filters.operators-filter]
@@ -28,11 +29,16 @@ exclude-operators = ["core/ReplaceBinaryOperator_BitOr_.*", "core/RemoveDecorato
 """
 
 subpackage, number, seed = (*sys.argv[1:], *("12", "0")[len(sys.argv) - 2 :])
+tests = [sys.executable, *f"-m pytest -x -q -p no:cacheprovider tests/{subpackage}".split()]
+begin = time.monotonic()
+subprocess.run(tests, check=True)
+# A change may make tests endless, and others may use the machine meanwhile.
+timeout = 60.0 + 4.0 * (time.monotonic() - begin)
 with tempfile.TemporaryDirectory() as folder:
     settings, session = Path(folder, "mutations.toml"), Path(folder, "session.sqlite")
-    settings.write_text(SETTINGS.format(subpackage=subpackage, python=sys.executable))
-    for command in (["init", settings, session], ["baseline", settings]):
-        subprocess.run(["cosmic-ray", *command], check=True)
+    chosen_settings = {"subpackage": subpackage, "timeout": timeout, "tests": " ".join(tests)}
+    settings.write_text(SETTINGS.format(**chosen_settings))
+    subprocess.run(["cosmic-ray", "init", settings, session], check=True)
     subprocess.run(["cr-filter-operators", session, settings], check=True)
     with use_db(str(session)) as database:
         waiting = sorted(item.job_id for item in database.pending_work_items)
