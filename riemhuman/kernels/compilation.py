@@ -144,6 +144,8 @@ class CompilationTime:
         self._starts.append(time.perf_counter())
 
     def _end(self) -> None:
+        if not self._starts:  # a function of others that calls ours, begun before we listened
+            return
         # A function may wait for others that it calls.
         start = self._starts.pop()
         elapsed = self.seconds + time.perf_counter() - (self._starts or [start])[0]
