@@ -30,6 +30,8 @@ def test_weights_of_vectors_and_of_fields_of_matrices():
         np.testing.assert_allclose(metric.squared_dist(a, b), expected, rtol=1e-14)
         found = metric.cdist(a[None], np.stack([a, b]), precision="double")
         np.testing.assert_allclose(found, [[0.0, np.sqrt(expected)]], rtol=1e-14)
+        coordinates = metric.lower_bound_coordinates(np.stack([a, b]))
+        np.testing.assert_allclose(np.linalg.norm(np.subtract(*coordinates)), found[0, 1])
 
 
 def test_vectors_stay_as_they_are_wherever_they_go():
