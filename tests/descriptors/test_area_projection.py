@@ -146,6 +146,8 @@ def test_distances_of_histograms():
     middle = (rows[:, None] + rows) / 2
     exact = (rel_entr(rows[:, None], middle) + rel_entr(rows[None], middle)).sum(axis=-1)
     np.testing.assert_allclose(found, exact, atol=1e-12)
+    nearly_equal = np.concatenate([rows, np.nextafter(rows, 1.0)])
+    assert AreaProjectionTransform().distances(nearly_equal).min() == 0.0
 
 
 def test_meshes_it_cannot_take():
