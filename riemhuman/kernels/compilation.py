@@ -9,6 +9,7 @@ functions of modules: one composed at run time would be compiled anew in every p
 from __future__ import annotations
 
 import functools
+import gc
 import hashlib
 import os
 import sys
@@ -116,7 +117,7 @@ class CompilationTime:
         self.seconds = 0.0
         self._tell: Callable[[], None] | None = None
         self._starts: list[float] = []
-        self._listens = False
+        self._listens = self._collects = False
 
     def tell(self, function: Callable[[], None] | None) -> None:
         """Have a function called, once, when compilation has taken two seconds."""
@@ -141,6 +142,10 @@ class CompilationTime:
         event.register("numba:compile", Listener())
 
     def _begin(self) -> None:
+        if not self._starts:
+            # Numba makes many objects and keeps most: a search for unused ones takes long.
+            self._collects = gc.isenabled()
+            gc.disable()
         self._starts.append(time.perf_counter())
 
     def _end(self) -> None:
@@ -151,6 +156,8 @@ class CompilationTime:
         elapsed = self.seconds + time.perf_counter() - (self._starts or [start])[0]
         if not self._starts:
             self.seconds = elapsed
+            if self._collects:
+                gc.enable()
         if self._tell is not None and elapsed > _LONG:
             tell, self._tell = self._tell, None
             tell()

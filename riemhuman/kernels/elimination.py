@@ -69,17 +69,17 @@ class SymmetricSolver:
             n_columns = part.stop - part.start
             x = np.zeros((len(columns), _TOGETHER))
             x[:, :n_columns] = columns[self._order, part]
-            _solve_symmetric(self._ends, self._rows, self._entries, self._pivots, x)
+            row = np.empty(_TOGETHER)
+            _solve_symmetric(self._ends, self._rows, self._entries, self._pivots, x, row)
             solved[self._order, part] = x[:, :n_columns]
         return solved.reshape(values.shape)
 
 
 @compiled(fastmath=FUSED)
 def _solve_symmetric(
-    ends: Integers, rows: Integers, entries: Array, pivots: Array, x: Array
+    ends: Integers, rows: Integers, entries: Array, pivots: Array, x: Array, y: Array
 ) -> None:
-    """Replace X, of `_TOGETHER` columns, by (L D Lᵀ)⁻¹ X."""
-    y = np.empty(_TOGETHER)
+    """Replace X, of `_TOGETHER` columns, by (L D Lᵀ)⁻¹ X; y is room for a row of it."""
     for j in range(len(x)):
         for i in range(_TOGETHER):
             y[i] = x[j, i]

@@ -152,9 +152,10 @@ def with_continuous_signs(quaternions: Array) -> Array:
 @compiled
 def fill_quaternions(rotations: Array, quaternions: Array) -> None:
     """Fill `quaternions` of rotations, shape (n, 3, 3)."""
-    q = onp.empty(4)
     for t in range(len(rotations)):
-        r = rotations[t]
+        r, q = rotations[t], quaternions[t]
+        r10, r20, r21 = r[1, 0], r[2, 0], r[2, 1]
+        r01, r02, r12 = r[0, 1], r[0, 2], r[1, 2]
         trace = r[0, 0] + r[1, 1] + r[2, 2]
         # The component whose column of 4 q qᵀ is taken, and its square times four.
         chosen, largest = 0, 1.0 + trace
@@ -162,19 +163,18 @@ def fill_quaternions(rotations: Array, quaternions: Array) -> None:
             square = 1.0 + 2.0 * r[k, k] - trace
             if square > largest:
                 chosen, largest = k + 1, square
-        x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-        xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]
+        x, y, z = r21 - r12, r02 - r20, r10 - r01
+        xy, xz, yz = r01 + r10, r02 + r20, r12 + r21
         if chosen == 0:
-            q[0], q[1], q[2], q[3] = largest, x, y, z
+            q0, q1, q2, q3 = largest, x, y, z
         elif chosen == 1:
-            q[0], q[1], q[2], q[3] = x, largest, xy, xz
+            q0, q1, q2, q3 = x, largest, xy, xz
         elif chosen == 2:
-            q[0], q[1], q[2], q[3] = y, xy, largest, yz
+            q0, q1, q2, q3 = y, xy, largest, yz
         else:
-            q[0], q[1], q[2], q[3] = z, xz, yz, largest
-        length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        for k in range(4):
-            quaternions[t, k] = q[k] / length
+            q0, q1, q2, q3 = z, xz, yz, largest
+        length = math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+        q[0], q[1], q[2], q[3] = q0 / length, q1 / length, q2 / length, q3 / length
 
 
 def log(r1: Array, r2: Array) -> Array:
@@ -223,7 +223,7 @@ def nearest_rotations(matrices: Array) -> Array:
     matrices = onp.asarray(matrices, dtype=onp.float64)
     flat = onp.ascontiguousarray(matrices.reshape(-1, 3, 3))
     nearest, near = onp.empty(flat.shape), onp.empty(len(flat), dtype=bool)
-    _by_newton(flat, nearest, near)
+    _by_newton(flat, nearest, onp.empty((3, 3)), near)
     left, _, right = onp.linalg.svd(flat[~near])
     left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]
     nearest[~near] = left @ right
@@ -231,12 +231,11 @@ def nearest_rotations(matrices: Array) -> Array:
 
 
 @compiled
-def _by_newton(matrices: Array, nearest: Array, near: Array) -> None:
+def _by_newton(matrices: Array, nearest: Array, cofactors: Array, near: Array) -> None:
     """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it."""
     # Faster than singular values and as exact (Higham, "Computing the polar decomposition", 1986).
-    x, cofactors = onp.empty((3, 3)), onp.empty((3, 3))
     for t in range(len(matrices)):
-        squares = 0.0
+        x, squares = nearest[t], 0.0
         for i in range(3):
             for j in range(3):
                 x[i, j] = matrices[t, i, j]
@@ -256,9 +255,6 @@ def _by_newton(matrices: Array, nearest: Array, near: Array) -> None:
                     largest = max(largest, abs(change))
             if largest < 1e-9:  # the next change is its square: the rest is rounding
                 break
-        for i in range(3):
-            for j in range(3):
-                nearest[t, i, j] = x[i, j]
 
 
 @compiled

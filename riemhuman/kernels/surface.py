@@ -336,17 +336,18 @@ def polar_frames(f_u: Array, f_v: Array) -> Array:
 def fill_rotations(f_u: Array, f_v: Array, axes: Array, rotations: Array) -> bool:
     """Fill `polar_frames` times axes transposed; return whether every triangle has an area."""
     for t in range(len(f_u)):
-        u, v = f_u[t], f_v[t]
-        n0, n1, n2 = _cross(u[0], u[1], u[2], v[0], v[1], v[2])
+        u0, u1, u2 = f_u[t, 0], f_u[t, 1], f_u[t, 2]
+        v0, v1, v2 = f_v[t, 0], f_v[t, 1], f_v[t, 2]
+        n0, n1, n2 = _cross(u0, u1, u2, v0, v1, v2)
         squared = n0 * n0 + n1 * n1 + n2 * n2
-        e, g = u[0] * u[0] + u[1] * u[1] + u[2] * u[2], v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        e, g = u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2
         if squared <= DEGENERATE * e * g:
             return False
         length = math.sqrt(squared)
         n0, n1, n2 = n0 / length, n1 / length, n2 / length
-        a0, a1, a2 = _cross(v[0], v[1], v[2], n0, n1, n2)
-        b0, b1, b2 = _cross(n0, n1, n2, u[0], u[1], u[2])
-        a0, a1, a2, b0, b1, b2 = a0 + u[0], a1 + u[1], a2 + u[2], b0 + v[0], b1 + v[1], b2 + v[2]
+        a0, a1, a2 = _cross(v0, v1, v2, n0, n1, n2)
+        b0, b1, b2 = _cross(n0, n1, n2, u0, u1, u2)
+        a0, a1, a2, b0, b1, b2 = a0 + u0, a1 + u1, a2 + u2, b0 + v0, b1 + v1, b2 + v2
         trace = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
         for j in range(3):
             x, y, z = axes[t, j, 0] / trace, axes[t, j, 1] / trace, axes[t, j, 2]

@@ -17,8 +17,7 @@ from riemhuman.geometry.manifold import SurfaceSpace, surface_space
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.strategies import Solvers
 from riemhuman.io.arrays import load_arrays
-from riemhuman.surfaces import Template
-from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+from riemhuman.surfaces import SurfacePoints, Template
 
 if TYPE_CHECKING:
     from riemhuman.topologies import TopologyMap
@@ -119,6 +118,14 @@ def fields_of_poses() -> tuple[Array, Array]:
     return arrays["fields"].astype(float), arrays["weights"].astype(float)
 
 
+@cache
+def _places_on_coarse_body() -> SurfacePoints:
+    """Return where the vertices of the full open template lie on the coarse one."""
+    # Stored: to compile the search for them takes a tenth of a first `riemhuman tables`.
+    arrays = load_arrays(WEIGHTS, ["triangles", "barycentric"])
+    return SurfacePoints(arrays["triangles"], arrays["barycentric"])
+
+
 def _carried(fields: Array, template: Template, topology: TopologyMap | None) -> Array:
     """Return fields over the coarse open template, carried to another template."""
     if topology is None:
@@ -145,8 +152,7 @@ def _over_model(fields: Array, template: Template, name: str, advice: str = "") 
             f"{name} must have the open body model's triangles, as registered scans do; found "
             f"{template.n_faces} other triangles{advice}"
         )
-    places, _ = nearest_points(full.vertices, coarse.vertices, coarse.faces)
-    return _at(places, fields, coarse.faces)
+    return _at(_places_on_coarse_body(), fields, coarse.faces)
 
 
 def _at(places: SurfacePoints, fields: Array, faces: Triangles) -> Array:

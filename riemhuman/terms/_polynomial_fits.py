@@ -71,11 +71,11 @@ LARGEST_RATIO = 0.01
 _DEGREES = {np.dtype(np.float32): 7, np.dtype(np.float64): 12}
 
 
-PRECISION = {np.dtype(np.float32): True, np.dtype(np.float64): None}
+PRECISION = {np.dtype(np.float32): None, np.dtype(np.float64): True}
 """What loops are told of the precision of their features, for the functions below.
 
-The branch is known when a loop is compiled, so that coefficients are constants. Numba types both
-branches, which therefore return one type.
+The branch is known when a loop is compiled, so that coefficients are constants. What double
+precision needs is compiled only where the argument is not None.
 """
 
 
@@ -86,19 +86,17 @@ _UNROLLED = 10
 @compiled(forceinline=True, fastmath=FUSED)
 def polynomial(coefficients: tuple[float, ...], x: float) -> float:
     """Return the polynomial in x, by Horner's rule; the constant term comes first."""
-    return _horner(coefficients[-1], coefficients[:-1], x)
+    value = coefficients[-1]
+    for k in range(len(coefficients) - 2, -1, -1):
+        value = value * x + coefficients[k]
+    return value
 
 
 @compiled(forceinline=True, fastmath=FUSED)
 def long_polynomial(coefficients: tuple[float, ...], x: float) -> float:
     """Return the `polynomial` of more than `_UNROLLED` + 1 coefficients."""
-    value = _horner(coefficients[-1], coefficients[_UNROLLED:-1], x)
-    return _horner(value, coefficients[:_UNROLLED], x)
-
-
-@compiled(forceinline=True, fastmath=FUSED)
-def _horner(value: float, coefficients: tuple[float, ...], x: float) -> float:
-    for k in range(len(coefficients) - 1, -1, -1):
+    value = polynomial(coefficients[_UNROLLED:], x)
+    for k in range(_UNROLLED - 1, -1, -1):
         value = value * x + coefficients[k]
     return value
 
@@ -113,13 +111,13 @@ def _derivative(coefficients: tuple[float, ...], x: float) -> float:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_arc_and_slope(chord: float, acute: bool, single: bool | None) -> tuple[float, float]:
+def squared_arc_and_slope(chord: float, acute: bool, double: bool | None) -> tuple[float, float]:
     """Return θ² and |dθ²/dp| = θ/sin θ of unit vectors n and m."""
     # By the shorter squared chord p ≤ 2, from n to m if `acute`, else from n to −m:
     # θ² = p Q(p) or (π − √(p Q(p)))². At antipodal vectors the slope is set to 0.
     real = type(chord)
     quotient = (
-        real(long_polynomial(_ARC, chord)) if single is None else polynomial(_SINGLE_ARC, chord)
+        polynomial(_SINGLE_ARC, chord) if double is None else real(long_polynomial(_ARC, chord))
     )
     squared = chord * quotient
     angle = real(math.pi) - np.sqrt(squared)
@@ -131,9 +129,9 @@ def squared_arc_and_slope(chord: float, acute: bool, single: bool | None) -> tup
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _split(x: float, single: bool | None) -> tuple[float, float]:
+def _split(x: float, double: bool | None) -> tuple[float, float]:
     """Return k and 2⁻ᵏ, for x > 0, such that 2⁻ᵏ x lies in [√½, √2), from the bits of x."""
-    if single is None:
+    if double is not None:
         k = (np.float64(x).view(np.int64) - _LOWEST) >> 52
         return type(x)(k), type(x)(np.int64((1023 - k) << 52).view(np.float64))
     bits = np.int32(np.float32(x).view(np.int32) - _LOWEST_SINGLE)
@@ -143,41 +141,44 @@ def _split(x: float, single: bool | None) -> tuple[float, float]:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def hyperbolic_length(m: float, sinh: float, single: bool | None) -> float:
+def hyperbolic_length(m: float, sinh: float, double: bool | None) -> float:
     """Return ℓ = log(1 + m + sinh ℓ), where m = cosh ℓ − 1; NaN where sinh ℓ overflows."""
     real = type(m)
     growth = m + sinh
-    exponent, scale = _split(real(1.0) + growth, single)
+    exponent, scale = _split(real(1.0) + growth, double)
     fraction = growth * scale + (scale - real(1.0))
-    if single is None:
-        quotient = real(long_polynomial(_LOGARITHM, fraction))
-    else:
+    if double is None:
         quotient = polynomial(_SINGLE_LOGARITHM, fraction)
+    else:
+        quotient = real(long_polynomial(_LOGARITHM, fraction))
     return exponent * real(math.log(2.0)) + fraction * quotient + real(0.0) * growth
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_length_and_slope(m: float, single: bool | None) -> tuple[float, float]:
+def squared_length_and_slope(m: float, double: bool | None) -> tuple[float, float]:
     """Return ℓ² and dℓ²/dm = 2ℓ/sinh ℓ, where m = cosh ℓ − 1 ≥ 0; NaN where m² overflows."""
     real = type(m)
     tiny = real(1e-30)  # keeps 0/0 from m = 0, where ℓ/sinh ℓ = 1
     sinh = np.sqrt(m * (m + real(2.0)))
-    length = hyperbolic_length(m, sinh, single)
+    length = hyperbolic_length(m, sinh, double)
     return length * length, real(2.0) * (length + tiny) / (sinh + tiny)
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def half_sine_squared_and_slope(squared: float, single: bool | None) -> tuple[float, float]:
+def half_sine_squared_and_slope(squared: float, double: bool | None) -> tuple[float, float]:
     """Return sin²(min(½ψ, ½π)), and its slope in ¼ψ²."""
     real = type(squared)
     limit = real(0.25 * math.pi**2)
     inside = squared < limit
     # In this order, NaN stays NaN.
     squared = limit if squared > limit else squared
-    slope = real(long_polynomial(_DOUBLE_SINE, squared)) if inside else real(0.0)
-    if single is None:
-        return squared * real(polynomial(_SINE, squared)), slope
-    return squared * polynomial(_SINGLE_SINE, squared), slope
+    if double is None:
+        value = polynomial(_SINGLE_SINE, squared)
+        slope = value + squared * _derivative(_SINGLE_SINE, squared)
+    else:
+        value = real(polynomial(_SINE, squared))
+        slope = real(long_polynomial(_DOUBLE_SINE, squared))
+    return squared * value, slope if inside else real(0.0)
 
 
 @compiled(forceinline=True, fastmath=FUSED)

@@ -200,12 +200,13 @@ class ConeTerm(Term):
         return 16.0 * self.b * gap
 
     def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
-        real, single, squared = a.dtype.type, PRECISION[a.dtype], np.zeros((len(a), len(b)))
+        real, double, squared = a.dtype.type, PRECISION[a.dtype], np.zeros((len(a), len(b)))
         scale, turn, fit = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2, None
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
             ratio = self.b / self.a
             scale, fit = 1.0 / excess_at_pi(ratio), half_angle_fit(ratio, a.dtype)
-        _tile(a, b, (real(scale), real(turn)), fit, single, a is b, squared)
+        angles = np.zeros(CHUNK, a.dtype)
+        _tile(a, b, (real(scale), real(turn)), fit, double, a is b, angles, squared)
         return 16.0 * self.b * squared
 
     def add_segments(self, records: Array, slopes: Array, areas: Array) -> float:
@@ -325,7 +326,7 @@ def cone_pair(
     angle: float,
     scale: float,
     fit: tuple[float, ...] | None,
-    single: bool | None,
+    double: bool | None,
 ) -> tuple[float, Point, Point, float]:
     """Return d²/16b of points (x, y, s) and its slopes by both and by `angle`, for all loops.
 
@@ -337,8 +338,8 @@ def cone_pair(
     x, y, s = x1 - x2, y1 - y2, s1 - s2
     m = (x * x + y * y) * inverse
     if fit is None:
-        length, by_length = squared_length_and_slope(m, single)
-        half, by_angle = half_sine_squared_and_slope(scale * length + angle, single)
+        length, by_length = squared_length_and_slope(m, double)
+        half, by_angle = half_sine_squared_and_slope(scale * length + angle, double)
         by_m = by_angle * scale * by_length
     else:
         half, by_share = half_sine_of_share(scale * m, fit)
@@ -401,13 +402,13 @@ def _segment(
     by_x2, by_y2, by_s2 = by_points2[0], by_points2[1], by_points2[2]
     angles, rates = onp.zeros(len(areas)), onp.empty(len(areas))
     # Three loops, because a single one would need too many arrays for vector registers.
-    _fill_angles(record1[6:9], record2[6:9], turn, None, angles, 0, len(areas))
+    _fill_angles(record1[6:9], record2[6:9], turn, True, angles, 0, len(areas))
     total = 0.0
     for t in range(len(areas)):
         weight = factor * areas[t]
         a, b = (x1[t], y1[t], s1[t]), (x2[t], y2[t], s2[t])
         inverse = 0.5 / (y1[t] * y2[t])
-        squared, by_a, by_b, rate = cone_pair(a, b, inverse, angles[t], stretch, None, None)
+        squared, by_a, by_b, rate = cone_pair(a, b, inverse, angles[t], stretch, None, True)
         total += weight * squared
         rates[t] = weight * rate
         by_x1[t] += weight * by_a[0]
@@ -426,7 +427,7 @@ def _fill_angles(
     rows: Array,
     columns: Array,
     turn: float,
-    single: bool | None,
+    double: bool | None,
     angles: Array,
     first: int,
     last: int,
@@ -438,7 +439,7 @@ def _fill_angles(
         x2, y2, z2 = columns[0, first:last], columns[1, first:last], columns[2, first:last]
         for t in range(last - first):
             a, b = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
-            angles[t] = turn * arc_pair(a, b, None, single)[0]
+            angles[t] = turn * arc_pair(a, b, None, double)[0]
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -494,12 +495,13 @@ def _tile(
     b: Array,
     scales: tuple[float, float],
     fit: tuple[float, ...] | None,
-    single: bool | None,
+    double: bool | None,
     within: bool,
+    angles: Array,
     squared: Array,
 ) -> None:
     """Add sums over triangles, with the scales of `cone_pair` and of squared angles of normals."""
-    n_values, angles = a.shape[2], onp.zeros(CHUNK, dtype=a.dtype)
+    n_values = a.shape[2]
     scale, turn = scales
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
@@ -518,11 +520,11 @@ def _tile(
                     b[j, 3, first:last],
                 )
                 if fit is None:
-                    _fill_angles(a[i, 4:], b[j, 4:], turn, single, angles, first, last)
+                    _fill_angles(a[i, 4:], b[j, 4:], turn, double, angles, first, last)
                 total = type(scale)(0.0)
                 for t in range(last - first):
                     one = (x1[t], y1[t], s1[t])
                     other = (x2[t], y2[t], s2[t])
                     inverse = h1[t] * h2[t]
-                    total += cone_pair(one, other, inverse, angles[t], scale, fit, single)[0]
+                    total += cone_pair(one, other, inverse, angles[t], scale, fit, double)[0]
                 squared[i, j] += total

@@ -155,7 +155,7 @@ Vector = tuple[float, float, float, float]
 
 @compiled(forceinline=True, fastmath=FUSED)
 def arc_pair(
-    a: Vector, b: Vector, either_sign: bool | None, single: bool | None
+    a: Vector, b: Vector, either_sign: bool | None, double: bool | None
 ) -> tuple[float, Vector, Vector]:
     """Return θ² between unit vectors and its slopes by both, for all loops over pairs.
 
@@ -170,10 +170,10 @@ def arc_pair(
     z, w = a[2] - sign * b[2], a[3] - sign * b[3]
     chord = x * x + y * y + z * z + w * w
     if either_sign is None:
-        squared, slope = squared_arc_and_slope(chord, acute, single)
+        squared, slope = squared_arc_and_slope(chord, acute, double)
         by_a, by_b = real(2.0) * sign * slope, real(-2.0) * slope
     else:
-        squared, slope = squared_arc_and_slope(chord, True, single)
+        squared, slope = squared_arc_and_slope(chord, True, double)
         by_a, by_b = real(2.0) * slope, real(-2.0) * sign * slope
     slopes_a = (by_a * x, by_a * y, by_a * z, by_a * w)
     return squared, slopes_a, (by_b * x, by_b * y, by_b * z, by_b * w)
@@ -207,7 +207,7 @@ def add_segment(
     total = 0.0
     for t in range(len(areas)):
         a, b = (x1[t], y1[t], z1[t], 0.0), (x2[t], y2[t], z2[t], 0.0)
-        squared, by_a, by_b = arc_pair(a, b, None, None)
+        squared, by_a, by_b = arc_pair(a, b, None, True)
         factor = weight * areas[t]
         total += factor * squared
         by_x1[t] += factor * by_a[0]
@@ -232,7 +232,7 @@ def _tile(
     a: Array,
     b: Array,
     weights: Array,
-    single: bool | None,
+    double: bool | None,
     either_sign: bool | None,
     within: bool,
     squared: Array,
@@ -260,5 +260,5 @@ def _tile(
                             (x1[t], y1[t], z1[t], w1[t]),
                             (x2[t], y2[t], z2[t], w2[t]),
                         )
-                    total += areas[t] * arc_pair(first_field, second_field, either_sign, single)[0]
+                    total += areas[t] * arc_pair(first_field, second_field, either_sign, double)[0]
                 squared[i, j] += total

@@ -1,5 +1,6 @@
 """Where compiled functions cannot be kept, everything works as well, and one warning says so."""
 
+import gc
 import os
 import shutil
 import subprocess
@@ -188,7 +189,9 @@ def test_a_long_compilation_is_told_once(monkeypatch):
     taken._begin()  # a function that the first one calls
     taken._end()
     assert told == [0.5]  # 0.5 and 2.0 seconds
+    assert not gc.isenabled()
     taken._end()
+    assert gc.isenabled()
     taken._begin()
     taken._end()
     assert (len(told), taken.seconds) == (1, 7.5)

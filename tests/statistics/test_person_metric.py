@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
-from riemhuman.statistics.person_metric import fields_of_poses
+from riemhuman.io.arrays import load_arrays
+from riemhuman.statistics.person_metric import WEIGHTS, fields_of_poses
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,14 @@ def test_directions_of_poses_count_less_and_others_as_much(bodies, metric):
     np.testing.assert_allclose(
         of_person - (masses * of_person) @ fields @ fields.T, rest, atol=1e-5
     )
+
+
+def test_stored_places_are_the_nearest_on_the_coarse_body():
+    full, coarse = (rh.datasets.load_open_model(name).template for name in ("full", "coarse"))
+    stored = load_arrays(WEIGHTS, ["triangles", "barycentric"])
+    nearest, _ = rh.surfaces.nearest_points(full.vertices, coarse.vertices, coarse.faces)
+    np.testing.assert_array_equal(stored["triangles"], nearest.triangles)
+    np.testing.assert_allclose(stored["barycentric"], nearest.barycentric, atol=1e-12)
 
 
 def test_distances_are_those_of_coordinates_and_ignore_place_and_direction(bodies, metric):

@@ -219,8 +219,8 @@ def test_which_cones_have_a_space_of_fields():
 
 
 @njit
-def compiled_pair(a, b, inverse, angle, scale, fit, single):
-    return cone.cone_pair(a, b, inverse, angle, scale, fit, single)
+def compiled_pair(a, b, inverse, angle, scale, fit, double):
+    return cone.cone_pair(a, b, inverse, angle, scale, fit, double)
 
 
 def points_of_the_cone(n):
@@ -250,7 +250,7 @@ def test_the_pair_function_is_the_definition(lam, law):
     slopes = [grad(definition, k)(first, second) for k in (0, 1)]
     for k, (a, b) in enumerate(zip(first, second, strict=True)):
         value, *found, _ = compiled_pair(
-            tuple(a), tuple(b), 0.5 / (a[1] * b[1]), 0.0, scale, fit, None
+            tuple(a), tuple(b), 0.5 / (a[1] * b[1]), 0.0, scale, fit, True
         )
         assert value == pytest.approx(definition(a, b), rel=1e-12, abs=1e-300)
         for slope, expected in zip(found, (slopes[0][k], slopes[1][k]), strict=True):
@@ -270,6 +270,6 @@ def test_the_slope_by_the_angle_of_normals():
         return term.squared_dist(here, (*fields, normal))[0] / (16.0 * term.b)
 
     phi = 0.6
-    value, _, _, rate = compiled_pair(a, b, 0.5 / (a[1] * b[1]), turn * phi**2, scale, None, None)
+    value, _, _, rate = compiled_pair(a, b, 0.5 / (a[1] * b[1]), turn * phi**2, scale, None, True)
     assert value == pytest.approx(definition(phi), rel=1e-13)
     assert rate * 2.0 * turn * phi == pytest.approx(grad(definition)(phi), rel=1e-12)

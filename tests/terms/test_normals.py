@@ -14,9 +14,9 @@ each_precision = pytest.mark.parametrize("precision", PRECISIONS)
 
 
 @njit
-def pair(a, b, either_sign, single):
+def pair(a, b, either_sign, double):
     """Return the result for vectors of R⁴, given as tuples."""
-    return normals.arc_pair(a, b, either_sign, single)
+    return normals.arc_pair(a, b, either_sign, double)
 
 
 def squared_angle(a, b):
@@ -78,7 +78,7 @@ def test_the_pair_function_is_the_definition(term, n_components, factor, angle):
     by_first, by_second = (grad(definition, k)(first, second) for k in (0, 1))
     for k, (a, b) in enumerate(zip(first, second, strict=True)):
         rest = np.zeros(4 - n_components)
-        value, *slopes = pair((*a, *rest), (*b, *rest), either_sign, None)
+        value, *slopes = pair((*a, *rest), (*b, *rest), either_sign, True)
         expected = definition(a[None], b[None])
         assert factor * value == pytest.approx(expected, rel=1e-13, abs=1e-300)
         for n, slope, other in ((a, slopes[0], by_first[k]), (b, slopes[1], by_second[k])):

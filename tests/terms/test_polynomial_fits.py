@@ -25,10 +25,10 @@ def relative_errors(function, exact, arguments, real):
 
 
 @njit
-def half_angle(m, quarter, single):
+def half_angle(m, quarter, double):
     """Return sin²(½ min(π, ψ)) of ψ² = 4 · quarter · ℓ²."""
-    squared, _ = fits.squared_length_and_slope(m, single)
-    return fits.half_sine_squared_and_slope(quarter * squared, single)[0]
+    squared, _ = fits.squared_length_and_slope(m, double)
+    return fits.half_sine_squared_and_slope(quarter * squared, double)[0]
 
 
 def as_compiled(function):
@@ -43,10 +43,10 @@ half_sine_of_share = as_compiled(fits.half_sine_of_share)
 @each_precision
 def test_short_arcs(precision):
     real = PRECISIONS[precision]
-    single = fits.PRECISION[np.dtype(real)]
+    double = fits.PRECISION[np.dtype(real)]
     chords = np.concatenate([np.logspace(-30, -1, 50), np.linspace(0.1, 2.0, 100)])
     errors = relative_errors(
-        lambda p: squared_arc_and_slope(p, True, single)[0],
+        lambda p: squared_arc_and_slope(p, True, double)[0],
         lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2,
         chords,
         real,
@@ -59,24 +59,24 @@ def test_short_arcs(precision):
 @pytest.mark.parametrize("lam", LAMBDAS)
 def test_half_angles(precision, lam):
     real = PRECISIONS[precision]
-    single, quarter = fits.PRECISION[np.dtype(real)], real(1.0 / (32.0 * lam))
+    double, quarter = fits.PRECISION[np.dtype(real)], real(1.0 / (32.0 * lam))
 
     def exact(m):
         half = mp.sqrt(mp.mpf(float(quarter))) * 2 * mp.asinh(mp.sqrt(m / 2))
         return mp.sin(min(half, mp.pi / 2)) ** 2
 
     errors = relative_errors(
-        lambda m: half_angle(m, quarter, single), exact, np.logspace(-28, 18, 100), real
+        lambda m: half_angle(m, quarter, double), exact, np.logspace(-28, 18, 100), real
     )
     assert errors.max() < 16 * ROUNDING[precision]
-    assert half_angle(real(0.0), quarter, single) == 0.0
+    assert half_angle(real(0.0), quarter, double) == 0.0
 
 
 def test_an_excess_whose_square_overflows_is_nan():
     """Pairs in single precision are then computed again in double precision."""
-    single = fits.PRECISION[np.dtype(np.float32)]
-    assert np.isnan(half_angle(np.float32(1e25), np.float32(0.01), single))
-    assert half_angle(1e25, 1e-6, None) < 1.0
+    double = fits.PRECISION[np.dtype(np.float32)]
+    assert np.isnan(half_angle(np.float32(1e25), np.float32(0.01), double))
+    assert half_angle(1e25, 1e-6, True) < 1.0
 
 
 @pytest.mark.parametrize(("real", "tolerance"), [(np.float32, 5e-7), (np.float64, 5e-15)])
@@ -110,8 +110,8 @@ def around(switch):
 
 @njit
 def loops(m, quarter):
-    squared, in_m = fits.squared_length_and_slope(m, None)
-    value, rate = fits.half_sine_squared_and_slope(quarter * squared, None)
+    squared, in_m = fits.squared_length_and_slope(m, True)
+    value, rate = fits.half_sine_squared_and_slope(quarter * squared, True)
     return value, rate * quarter * in_m
 
 
@@ -144,7 +144,7 @@ def test_slopes_of_half_angles(lam, function):
 
 def test_slopes_of_squared_angles():
     def found(p, q):
-        return squared_arc_and_slope(min(p, q), p <= q, None)
+        return squared_arc_and_slope(min(p, q), p <= q, True)
 
     squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
     for p in squared_chords:

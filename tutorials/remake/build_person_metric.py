@@ -16,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from riemhuman.datasets import load_open_bodies
+from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.geometry import AlignedSurfaces, AreaMetric
 from riemhuman.io.arrays import save_arrays
 from riemhuman.statistics.person_metric import WEIGHTS
+from riemhuman.surfaces import nearest_points
 
 _SEEDS = (50, 51, 52)
 _DIRECTIONS, _FLOOR = 20, 0.003
@@ -44,7 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     masses = bodies.template.vertex_heat.masses
     fields = directions[:_DIRECTIONS] / np.sqrt(masses)
     weights = np.sqrt(floor / (variances + floor))
-    save_arrays(options.file, {"fields": fields.T.astype(np.float32), "weights": weights})
+    full, coarse = (load_open_model(name).template for name in ("full", "coarse"))
+    places, _ = nearest_points(full.vertices, coarse.vertices, coarse.faces)
+    arrays = {"fields": fields.T.astype(np.float32), "weights": weights, **places._asdict()}
+    save_arrays(options.file, arrays, compressed=True)
     sys.stdout.write(f"{options.file}: {_DIRECTIONS} directions, weights {weights.round(3)}\n")
 
 
