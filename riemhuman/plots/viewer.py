@@ -34,7 +34,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
-from riemhuman.mocap.motions import ModelMotion, Motion
+from riemhuman.mocap.motions import ArrayMotion, ModelMotion, Motion
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
 from riemhuman.plots._ground_picture import GROUND
@@ -68,6 +68,8 @@ SAVED_VIEWS = (".html", ".htm", ".png", *FILM_ENDINGS)
 """Endings of the files that `save` of a viewer writes."""
 
 _SECONDS = 2.4  # a path is played in, unless its duration is given
+# Recordings with more frames are shown at fewer a second, but at no fewer than the second.
+_MOST_FRAMES, _LEAST_RATE = 10_000, 30.0
 _STILL_HEIGHT = 480
 _MOST_IN_PICTURE = 8
 # Parts of the script, in their order.
@@ -379,7 +381,8 @@ def view_path(
     seconds : float, optional
         Duration of the path at speed 1, by default 2.4.
     frames_per_second : float, optional
-        Rate of a recording, instead of `seconds`; the page shows seconds and frame numbers.
+        Rate of a recording, instead of `seconds`; the page shows seconds and frame numbers. Of more
+        than 10,000 frames it shows fewer, at least 30 a second, and says so.
     keep_places : bool
         Whether surfaces stay where they are, as those of recordings do; by default the surfaces of
         a path are moved so that they stand on the ground, see `on_the_ground`.
@@ -404,6 +407,12 @@ def view_path(
         surfaces, triangles = as_surfaces(one_path, triangles)
         places = real_array(surfaces, "path", ("n_times", "n_vertices", 3), batched=False)
         frames[name] = places if is_recording else on_the_ground(places)
+    if frames_per_second is not None and max(map(len, frames.values())) > _MOST_FRAMES:
+        step = max(1, int(frames_per_second / _LEAST_RATE))
+        frames = {name: _every(step, surfaces) for name, surfaces in frames.items()}
+        frames_per_second /= step
+        if step > 1:
+            description = f"{description} Showing one in {step} frames.".strip()
     if side_by_side:
         choices = {title: [ViewedBody(name, surfaces) for name, surfaces in frames.items()]}
     else:
@@ -418,6 +427,20 @@ def view_path(
         description,
         seconds=_SECONDS if seconds is None else seconds,
         frames_per_second=frames_per_second,
+    )
+
+
+def _every(step: int, surfaces: Points | ModelMotion) -> Points | ModelMotion:
+    """Return the first of each `step` frames."""
+    if not isinstance(surfaces, ModelMotion):
+        return surfaces[::step]
+    return ArrayMotion(
+        (surfaces.subject, surfaces.sequence),
+        surfaces.frames_per_second / step,
+        surfaces.model,
+        surfaces.betas,
+        surfaces.pose_vectors[::step],
+        surfaces.translations[::step],
     )
 
 

@@ -276,6 +276,7 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
         key=lambda record: (
             record.trusted,
             bool(record.arrays),
+            not record.message,
             -np.nan_to_num(record.median_distance),
             natural_key(record.name),
         ),

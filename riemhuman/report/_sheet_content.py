@@ -265,12 +265,10 @@ def badge(subject: SheetSubject, values: SheetValues) -> tuple[str, str]:
         return "partial", "partly trusted"
     if subject.trusted_vertices is None and subject.is_trusted:
         return "unknown", "registered mesh"
-    share = subject.matched_share
     limits = subject.message
-    if np.isnan(share):
-        share = float(subject.known_vertices.mean())
-        limits = limits or ("parts" if share < _WHOLE else "")
-    return badge_of(subject.is_measurable, limits, share)
+    if np.isnan(subject.matched_share) and subject.known_vertices.mean() < _WHOLE:
+        limits = limits or "parts"
+    return badge_of(subject.is_measurable, limits)
 
 
 def sentences_of(message: str) -> list[str]:
@@ -292,7 +290,7 @@ def _about(subject: SheetSubject) -> list[str]:
     if subject.further_scans:
         names = [scan.name for scan in (subject, *subject.further_scans)]
         parts.append(f"{len(names)} scans: {join_names(sorted(names), 4)}")
-    elif file != subject.person:
+    elif file not in (subject.person, subject.name):
         parts.append(file)
     return [part for part in parts if part]
 

@@ -51,8 +51,8 @@ class Sheet:
     name, sex : str
         Name of the person or body, and "woman", "man" or "adult".
     badge : str
-        "trusted", "partly seen: 66 %", "partly trusted" if values of the head, hands or feet are
-        withheld, "not trusted", or "registered mesh" if nothing is known about a scan.
+        "trusted", "partly trusted" if parts of the body or values of the head, hands or feet are
+        in doubt, "not trusted", or "registered mesh" if nothing is known about a scan.
     measurements : tuple of SheetRow
         Values with uncertainties and percentiles.
     posture : dict of str to float

@@ -177,3 +177,16 @@ def test_the_library_is_the_one_described():
 def test_bad_arguments(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
+
+
+def test_long_recordings_are_shown_at_fewer_frames_a_second():
+    model = rh.datasets.load_open_model("coarse")
+    poses, places = np.zeros((10_001, model.n_joints, 3)), np.zeros((10_001, 3))
+    poses[:, 0, 1] = np.linspace(0.0, 1.0, len(poses))
+    betas = np.zeros(model.n_betas)
+    motion = rh.datasets.ArrayMotion(("ann", "turn"), 120.0, model, betas, poses, places)
+    viewer = view_path(motion, frames_per_second=120)
+    (body,) = viewer.choices[""]
+    assert (len(body.frames), viewer.frames_per_second) == (2501, 30.0)
+    np.testing.assert_array_equal(body.frames.pose_vectors, poses[::4])
+    assert "Showing one in 4 frames." in viewer.page()

@@ -19,10 +19,10 @@ def test_scans_have_one_badge_of_three_and_no_likelihood():
     html = scan_section(records).html
     assert re.findall(r'<strong class="badge (\w+)">([^<]*)<', html) == [
         ("untrusted", "not trusted"),
-        ("partial", "partly seen: 66 %"),
+        ("partial", "partly trusted"),
         ("trusted", "trusted"),
     ]
     assert "likelihood" not in html
     assert "2.52" not in html
-    assert "2 of 3 scans are registered and trusted; 1 of them shows only part" in html
+    assert "2 of 3 scans are registered and trusted; 1 of them only in part" in html
     assert "Scan inside the body: " in scan_section(records, units="in").html
