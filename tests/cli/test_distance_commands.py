@@ -166,18 +166,6 @@ def test_retrieve_ranks_by_dist(run, scans):
     assert {line.split()[2] for line in nearest} == {str(scans / NAMES[i]) for i in (3, 5)}
 
 
-def test_dist_says_what_is_usual_under_the_metric(run, scans):
-    files = (scans / NAMES[0], scans / NAMES[1])
-    usual = {}
-    for preset in ("--shape", "--pose"):
-        finished = run("dist", *files, preset)
-        assert re.fullmatch(r"[\d.e-]+\n", finished.out)
-        said = re.search(r"another pose ≈ (\S+); .* same pose ≈ (\S+) ", finished.err)
-        usual[preset] = tuple(map(float, said.groups()))
-    assert usual["--shape"][0] < usual["--shape"][1]
-    assert usual["--pose"][0] > usual["--pose"][1]
-
-
 def test_dist_says_that_one_body_is_rotated(run, scans, bodies, tmp_path):
     rotated = tmp_path / "rotated.ply"
     save_mesh(rotated, bodies.points[1][:, [2, 1, 0]] * [1.0, 1.0, -1.0], bodies.template.faces)

@@ -71,19 +71,6 @@ def test_seated_measurements(coarse):
     assert (measured["elbow rest height"] < 0.35).all()
 
 
-def test_every_equivalent_is_named_once():
-    """No two measurements are one of ANSUR's, CAESAR's or SMPL-Anthropometry's."""
-    for source in ("ANSUR II", "CAESAR", "SMPL-Anthropometry"):
-        names = [
-            measurement.equivalents[source].removeprefix("≈ ")
-            for pose in ("standing", "seated")
-            for measurement in open_measurements("full", pose).measurements
-            if source in measurement.equivalents
-        ]
-        assert len(names) == len(set(names))
-        assert len(names) >= {"ANSUR II": 85, "CAESAR": 25, "SMPL-Anthropometry": 15}[source]
-
-
 def test_mapped_to_the_other_resolution(coarse):
     """By closest points of the templates, as for any template that lies on another."""
     full = open_measurements("full")
