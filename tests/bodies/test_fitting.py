@@ -7,6 +7,7 @@ import autograd.numpy as anp
 import numpy as np
 import pytest
 from model_pickles import smpl_fields
+from open_bodies import model_with
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
@@ -220,13 +221,12 @@ def test_one_warning_about_fits_that_have_not_converged(model):
 def test_a_joint_that_moves_nothing_stays(model):
     """One more joint, without vertices: its rotation is nobody's to tell."""
     n_vertices, n_joints = model.weights.shape
-    lonely = BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        np.concatenate([model.joint_regressor, model.joint_regressor[:1]]),
-        np.concatenate([model.weights, np.zeros((n_vertices, 1))], axis=1),
-        [[*model.parents, 3], range(n_joints + 1)],
+    lonely = model_with(
+        model,
+        joint_regressor=np.concatenate([model.joint_regressor, model.joint_regressor[:1]]),
+        weights=np.concatenate([model.weights, np.zeros((n_vertices, 1))], axis=1),
+        kintree_table=[[*model.parents, 3], range(n_joints + 1)],
+        joint_names=None,
     )
     points = model(*parameters(model, 2, rng=25))
     fit = lonely.fit(points)

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from open_bodies import model_with
 
 import riemhuman as rh
-from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.measurements import (
@@ -87,14 +87,14 @@ def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
     model = coarse.template
     order = rng.permutation(model.n_vertices)
     place = np.argsort(order)
-    shuffled = BodyModel(
-        model.template.vertices[order],
-        place[model.faces],
-        model.shapedirs[order],
-        model.joint_regressor[:, order],
-        model.weights[order],
-        [model.parents, range(model.n_joints)],
-        joint_names=model.joint_names,
+    shuffled = model_with(
+        model,
+        v_template=model.template.vertices[order],
+        faces=place[model.faces],
+        shapedirs=model.shapedirs[order],
+        joint_regressor=model.joint_regressor[:, order],
+        weights=model.weights[order],
+        hand_directions=model.hand_directions[order],
     )
     mapped = coarse.mapped(shuffled, place)
     points = model(rng.normal(size=(2, 32)))

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from open_bodies import model_with
 
 import riemhuman as rh
-from riemhuman.bodies import BodyModel
 from riemhuman.datasets import ArrayMotion
 from riemhuman.plots import ViewedBody, Viewer, view_path
 
@@ -22,15 +22,7 @@ def with_correctives(model):
     rng = np.random.default_rng(3)
     n_entries = 9 * (model.n_joints - 1)
     bends = 0.01 * rng.normal(size=(model.n_joints, 3, n_entries))
-    return BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        posedirs=np.einsum("vj,jce->vce", model.weights, bends),
-    )
+    return model_with(model, posedirs=np.einsum("vj,jce->vce", model.weights, bends))
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +37,7 @@ def corrected():
 def test_the_page_poses_bodies_as_the_library_does(browser, tmp_path, corrected, kind):
     motion = KNEES if kind == "open" else corrected
     rh.view(motion).save(tmp_path / "motion.html")
-    browser.open(tmp_path / "motion.html", 500, 600)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(tmp_path / "motion.html", 500, 600)
     for frame in (0, len(motion) // 3, len(motion) - 1):
         shown = browser.run(SHOWN, frame / (len(motion) - 1))
         apart = np.linalg.norm(np.reshape(shown, (-1, 3)) - motion[frame], axis=-1)

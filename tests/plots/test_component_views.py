@@ -48,8 +48,7 @@ def test_bodies_at_two_deviations_are_exact_and_those_between_near(pca, viewer):
 @pytest.mark.slow
 def test_sliders_mix_in_the_page_what_python_mixes(browser, viewer, tmp_path):
     viewer.save(tmp_path / "components.html")
-    browser.open(tmp_path / "components.html", 1000, 760)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(tmp_path / "components.html", 1000, 760)
     body = body_of(viewer)
     middle = body.frames[0]
 

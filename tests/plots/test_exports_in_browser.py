@@ -38,8 +38,7 @@ def opened(browser, tmp_path):
 
     def open_page(viewer):
         viewer.save(tmp_path / "page.html")
-        browser.open(tmp_path / "page.html", 700, 700)
-        browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        browser.open_viewer(tmp_path / "page.html", 700, 700)
 
     yield open_page
     assert browser.console() == []

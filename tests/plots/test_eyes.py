@@ -97,8 +97,7 @@ def test_pages_draw_the_same_eyes(browser, tmp_path, values):
     heights = None if values is None else surface[:, 1]
     body = ViewedBody("", surface[None], values=heights)
     Viewer(faces, {"": [body]}).save(tmp_path / "page.html")
-    browser.open(tmp_path / "page.html", 400, 400)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(tmp_path / "page.html", 400, 400)
     eyes = eyes_of(faces)
     middle = (surface.min(axis=0) + surface.max(axis=0)) / 2
     shown = np.reshape(browser.run(IN_PAGE, "position"), (-1, 3))

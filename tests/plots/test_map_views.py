@@ -43,8 +43,7 @@ def test_names_of_items_must_fit():
 @pytest.mark.slow
 def test_the_pointer_on_a_dot_shows_its_body(browser, tmp_path):
     view().save(tmp_path / "map.html")
-    browser.open(tmp_path / "map.html", 1000, 700)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(tmp_path / "map.html", 1000, 700)
     browser.actions().move_to_element(browser.find("[data-item='7']")).perform()
     assert browser.run("return document.querySelector('[data-part=map]').dataset.shown") == "7"
     label = browser.run("return document.querySelector('[data-part=labels]').textContent")

@@ -65,8 +65,7 @@ def test_numbers_of_a_picture_are_those_of_its_table():
 
 @pytest.mark.slow
 def test_rows_and_lines_light_each_other(browser, page):
-    browser.open(page, 1000, 700)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(page, 1000, 700)
     row = ROW % "hip girth"
     number = browser.run(f"return {row}.dataset.row")
     browser.run(f"{row}.dispatchEvent(new PointerEvent('pointerenter'))")
@@ -101,8 +100,7 @@ def test_rows_and_lines_light_each_other(browser, page):
 
 @pytest.mark.slow
 def test_measurements_are_found_by_name(browser, page):
-    browser.open(page, 390, 800, dark=True)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(page, 390, 800, dark=True)
     browser.run("""
         const find = document.querySelector('[data-measure=find]');
         find.value = 'Knee';

@@ -60,8 +60,7 @@ def test_what_does_not_fit_is_refused():
 @pytest.mark.slow
 def test_the_page_draws_the_curve_and_where_it_is(browser, tmp_path):
     rh.view((KNEES, OTHER, WARP)).save(tmp_path / "both.html")
-    browser.open(tmp_path / "both.html", 1000, 700)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(tmp_path / "both.html", 1000, 700)
     for share in (0.0, 0.3, 0.8):
         places = browser.run(STATE, share)
         assert places[0] == pytest.approx(share * LASTS[0], abs=1e-2)
@@ -81,8 +80,7 @@ def test_the_page_draws_the_curve_and_where_it_is(browser, tmp_path):
 @pytest.mark.slow
 def test_moments_before_and_after_are_drawn_on_demand(browser, tmp_path):
     view_path(KNEES, frames_per_second=60).save(tmp_path / "knees.html")
-    browser.open(tmp_path / "knees.html", 600, 600)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(tmp_path / "knees.html", 600, 600)
     seen = """
     const viewer = document.querySelector('.viewer').viewer;
     viewer.seek(arguments[0]);

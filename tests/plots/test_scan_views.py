@@ -90,8 +90,7 @@ def test_a_figure_in_inches_shows_the_same_distances(over):
 def test_a_scan_is_seen_through_and_cut(browser, over, tmp_path):
     page = tmp_path / "over.html"
     rh.plots.view_scan(over.scan_points, BODY, FACES).save(page)
-    browser.open(page, 1000, 700)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(page, 1000, 700)
     panel = "document.querySelector('.viewer').viewer.panel"
     browser.actions().move_to_element(browser.find("canvas")).perform()
     said = browser.run("return document.querySelector('[data-part=hint]').textContent")

@@ -81,8 +81,7 @@ def saved(tmp_path_factory):
 def picture_of(browser, page, window, script=""):
     """Return a page as it is seen in a window, small."""
     width, height, dark = WINDOWS[window]
-    browser.open(page, width, height, dark=dark)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(page, width, height, dark=dark)
     if script:
         browser.run(script)
     browser.wait_for_picture()

@@ -29,8 +29,7 @@ def opened(browser, tmp_path):
     def open_page(*values):
         bodies = [ViewedBody("", BODIES.points[:1], values=v, value_label="m") for v in values]
         Viewer(FACES, {"": bodies}).save(tmp_path / "page.html")
-        browser.open(tmp_path / "page.html", 700, 700)
-        browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        browser.open_viewer(tmp_path / "page.html", 700, 700)
 
     yield open_page
     assert browser.console() == []

@@ -67,8 +67,7 @@ def opened(browser, page_of):
     """Return a function that opens a page and waits for its viewer."""
 
     def open_page(name, width=SIZE[0], height=SIZE[1]):
-        browser.open(page_of(name), width, height)
-        browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        browser.open_viewer(page_of(name), width, height)
         return browser.find("canvas")
 
     yield open_page
@@ -173,8 +172,7 @@ def screenshot(browser):
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_the_light_is_that_of_our_own_pictures(browser, page_of, dark):
     """Compare the body's middle in the page with our renderer's: it stands on no ground there."""
-    browser.open(page_of("one"), 600, 700, dark=dark)
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+    browser.open_viewer(page_of("one"), 600, 700, dark=dark)
     left, top, right, bottom = (round(x) for x in boxes(browser, "canvas")[0])
     shown = screenshot(browser)[top:bottom, left:right]
     surface = BODIES.points[0]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from open_bodies import model_with
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, read_records, register_folder
@@ -107,18 +108,8 @@ def test_a_second_run_does_what_is_missing(registered, registration, folders, so
 
 
 def test_another_model_registers_scans_again(registered, registration, folders, solved):
-    known = registration.model
-    model = rh.BodyModel(
-        known.template.vertices,
-        known.faces,
-        known.shapedirs,
-        np.roll(known.joint_regressor, 1, axis=1),
-        known.weights,
-        np.stack([known.parents, np.arange(known.n_joints)]),
-        joint_names=known.joint_names,
-        hand_directions=known.hand_directions,
-        hand_poses=known.hand_poses,
-    )
+    joints = np.roll(registration.model.joint_regressor, 1, axis=1)
+    model = model_with(registration.model, joint_regressor=joints)
     solved.clear()
     register_folder(ScanRegistration(model, up="y"), *folders)
     assert len(solved) == 3

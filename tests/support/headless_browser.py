@@ -76,6 +76,11 @@ class Browser:
         self.requests()
         self.driver.get(page.resolve().as_uri())
 
+    def open_viewer(self, page: Path, width: int, height: int, *, dark: bool = False) -> None:
+        """Open the page of a viewer, and wait until it is drawn."""
+        self.open(page, width, height, dark=dark)
+        self.wait_for("return document.querySelector('.viewer').dataset.ready")
+
     def run(self, script: str, *arguments: Any) -> Any:
         """Run a script in the page and return what it returns."""
         return self.driver.execute_script(script, *arguments)

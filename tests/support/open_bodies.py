@@ -1,7 +1,10 @@
-"""The open bodies of few vertices, which a process loads once."""
+"""The open bodies, loaded once in a process, and models that differ in a field."""
 
 from functools import cache
 
+import numpy as np
+
+from riemhuman.bodies import BodyModel
 from riemhuman.datasets import Bodies, load_open_bodies
 
 
@@ -9,3 +12,12 @@ from riemhuman.datasets import Bodies, load_open_bodies
 def coarse_bodies() -> Bodies:
     """Return the hundred plain bodies; tests change none of their arrays."""
     return load_open_bodies("coarse")
+
+
+def model_with(model: BodyModel, **changes: object) -> BodyModel:
+    """Return a model some of whose fields are others."""
+    same = ("faces", "shapedirs", "joint_regressor", "weights", "posedirs", "joint_names")
+    fields = {name: getattr(model, name) for name in (*same, "hand_directions", "hand_poses")}
+    fields["v_template"] = model.template.vertices
+    fields["kintree_table"] = np.stack([model.parents, np.arange(model.n_joints)])
+    return BodyModel(**fields | changes)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from open_bodies import model_with
 from scanned_people import curled
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
@@ -92,21 +93,13 @@ class Person:
     waves: int  # seed of the detail of the surface
 
     def body(self, model):
-        """Return the person as a model without shape coefficients."""
+        """Return the person as the mean of a model."""
         shaped = model(self.betas, hands=self.hands)
         for side, angle in zip(("left", "right"), self.curl, strict=True):
             shaped = curled(model, shaped, model.joint_names.index(f"{side}_wrist"), angle)
         rng = np.random.default_rng(self.waves)
         waves = surface_noise(model.template.vertices, 0.010, (0.3, 0.8), rng)
-        return rh.BodyModel(
-            self.scale * shaped + waves,
-            model.faces,
-            np.zeros((model.n_vertices, 3, 1)),
-            model.joint_regressor,
-            model.weights,
-            np.stack([model.parents, np.arange(model.n_joints)]),
-            joint_names=model.joint_names,
-        )
+        return model_with(model, v_template=self.scale * shaped + waves)
 
 
 def any_person(model, rng):

@@ -6,7 +6,8 @@ They stand in for real people where none may be stored.
 from dataclasses import dataclass
 
 import numpy as np
-from scanned_people import curled
+from open_bodies import model_with
+from scanned_people import foreign_shape
 
 import riemhuman as rh
 from riemhuman.datasets.open_bodies import surface_noise
@@ -34,7 +35,7 @@ def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002, waist=0.0
     `waist` is by how much the girth of everybody's waist has grown, metres.
     """
     model = rh.datasets.load_open_model("coarse")
-    rest, names, joints = model.template.vertices, list(model.joint_names), model.joints()
+    rest, joints = model.template.vertices, model.joints()
     standard = rh.measurements.open_measurements("coarse").standard_pose_vector
     natural = rh.datasets.load_open_bodies("coarse", "natural", 1000 + seed)
     rng = np.random.default_rng([seed, 6890])
@@ -51,20 +52,15 @@ def people_whose_flesh_moves(seed, n_people, strength, *, waves=0.002, waist=0.0
     shared = flesh(np.random.default_rng(99))
     points, at_rest = [], []
     for person in range(n_people):
-        shaped = model(np.clip(0.7 * rng.standard_normal(model.n_betas), -1.5, 1.5))
-        offsets = surface_noise(rest, 0.012, (0.3, 0.8), rng)
-        scale = np.exp(rng.normal(0.0, 0.03, 3))
-        for side, angle in zip(("left", "right"), np.radians(rng.uniform(0, 60, 2)), strict=True):
-            shaped = curled(model, shaped, names.index(f"{side}_wrist"), angle)
-        body = scale * shaped + offsets + _growth_of_waist(model, waist)
+        body = foreign_shape(model, rng) + _growth_of_waist(model, waist)
         fields = _COMMON * shared + np.sqrt(1.0 - _COMMON**2) * flesh(rng)
-        at_rest.append(_with_skin(model, body)(pose=standard))
+        at_rest.append(model_with(model, v_template=body)(pose=standard))
         for pose in natural.pose_vectors[_N_POSES * person : _N_POSES * (person + 1)]:
             bends = np.clip(pose, -_LARGEST_BEND, _LARGEST_BEND)
             bends[0] = 0.0
             moved = strength * _A_RADIAN * np.einsum("ja,javx->vx", bends, fields)
             moved += surface_noise(rest, waves, (0.2, 0.6), rng)
-            points.append(_with_skin(model, body + moved)(pose=pose))
+            points.append(model_with(model, v_template=body + moved)(pose=pose))
     subject = np.repeat(np.arange(n_people), _N_POSES)
     return PeopleWhoseFleshMoves(np.array(points), subject, np.array(at_rest))
 
@@ -82,14 +78,3 @@ def _growth_of_waist(model, girth):
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     near = np.exp(-(((rest - navel)[:, 1] / 0.12) ** 2))
     return girth / (2.0 * np.pi) * (on_trunk * near)[:, None] * outward
-
-
-def _with_skin(model, rest):
-    return rh.BodyModel(
-        rest,
-        model.faces,
-        np.zeros((model.n_vertices, 3, 1)),
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-    )

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from open_bodies import model_with
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -85,31 +86,28 @@ def foreign_bodies(model, seed, n_people, n_moments):
     rest, faces = model.template.vertices, model.faces
     vertices, triangles = remesh(rest, faces, N_FOREIGN_VERTICES, rng)
     places, _ = nearest_points(vertices, rest, faces)
-    names = list(model.joint_names)
     motions = rh.datasets.load_open_motions(
         "full" if model.n_vertices > 5000 else "coarse", sequences=list(MOTIONS)
     )
     surfaces = np.empty((n_people, n_moments, len(places.triangles), 3))
     for person in range(n_people):
-        shaped = model(np.clip(0.7 * rng.standard_normal(model.n_betas), -1.5, 1.5))
-        waves = surface_noise(rest, 0.012, (0.3, 0.8), rng)
-        scale = np.exp(rng.normal(0.0, 0.03, 3))
-        curl = np.radians(rng.uniform(0.0, 60.0, 2))
-        for side, angle in zip(("left", "right"), curl, strict=True):
-            shaped = curled(model, shaped, names.index(f"{side}_wrist"), angle)
-        person_model = rh.BodyModel(
-            scale * shaped + waves,
-            faces,
-            np.zeros((model.n_vertices, 3, 1)),
-            model.joint_regressor,
-            model.weights,
-            np.stack([model.parents, np.arange(model.n_joints)]),
-        )
+        person_model = model_with(model, v_template=foreign_shape(model, rng))
         for moment in range(n_moments):
             motion = motions[rng.integers(len(motions))]
             posed = person_model(pose=motion.pose_vectors[rng.integers(len(motion))])
             surfaces[person, moment] = points_at(places, posed, faces)
     return surfaces, triangles, places
+
+
+def foreign_shape(model, rng):
+    """Return the rest surface of such a person."""
+    shaped = model(np.clip(0.7 * rng.standard_normal(model.n_betas), -1.5, 1.5))
+    waves = surface_noise(model.template.vertices, 0.012, (0.3, 0.8), rng)
+    scale = np.exp(rng.normal(0.0, 0.03, 3))
+    curl = np.radians(rng.uniform(0.0, 60.0, 2))
+    for side, angle in zip(("left", "right"), curl, strict=True):
+        shaped = curled(model, shaped, model.joint_names.index(f"{side}_wrist"), angle)
+    return scale * shaped + waves
 
 
 def curled(model, surface, wrist, angle):
@@ -293,13 +291,14 @@ def with_smpls_tree(model):
     weights = model.weights[:, order].copy()
     chest, upper = model.joint_names.index("chest"), SMPL_JOINTS.index("upper_spine")
     weights[:, upper] += model.weights[:, chest]
-    return rh.BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor[order],
-        weights / weights.sum(axis=1, keepdims=True),
-        np.stack([SMPL_PARENTS, np.arange(len(order))]),
+    return model_with(
+        model,
+        joint_regressor=model.joint_regressor[order],
+        weights=weights / weights.sum(axis=1, keepdims=True),
+        kintree_table=np.stack([SMPL_PARENTS, np.arange(len(order))]),
+        joint_names=None,
+        hand_directions=None,
+        hand_poses=(),
     )
 
 
@@ -334,13 +333,5 @@ def registered_at(body, faces):
 def with_pose_directions(model):
     """Return the model with random pose directions and no hands."""
     shape = (model.n_vertices, 3, 9 * (model.n_joints - 1))
-    return rh.BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        posedirs=1e-3 * np.random.default_rng(0).standard_normal(shape),
-        joint_names=model.joint_names,
-    )
+    posedirs = 1e-3 * np.random.default_rng(0).standard_normal(shape)
+    return model_with(model, posedirs=posedirs, hand_directions=None, hand_poses=())

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from open_bodies import model_with
 from scanned_people import points_at
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
@@ -48,17 +49,7 @@ def bodies_of(model, resolution, n_vertices):
 @pytest.fixture(scope="module")
 def small(model):
     """Return a coarse model that is not the open one, which needs no finer registration."""
-    return rh.BodyModel(
-        model.template.vertices + 1e-9,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        joint_names=model.joint_names,
-        hand_directions=model.hand_directions,
-        hand_poses=model.hand_poses,
-    )
+    return model_with(model, v_template=model.template.vertices + 1e-9)
 
 
 @pytest.fixture(scope="module")
