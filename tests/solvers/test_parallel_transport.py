@@ -3,7 +3,7 @@
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
-from cases import CASES, cases_that, name_of
+from cases import CASES, cases_that, deformations, name_of
 from oracles import orders
 
 from riemhuman.errors import (
@@ -20,6 +20,7 @@ from riemhuman.solvers import (
     PoleLadder,
     SchildLadder,
 )
+from riemhuman.surfaces import DeformationBasis
 
 LADDERS = [PoleLadder, SchildLadder]
 FIELDS = cases_that("exp", "log", "geodesic")
@@ -164,6 +165,21 @@ def test_on_bodies_in_a_basis():
     other = ladder.solve(metric, v, start, path=path).tangent_vec
     products = metric.inner_product(one, other, end), metric.inner_product(u, v, start)
     assert abs(products[0] - products[1]) < 5e-3 * norm * metric.norm(v, start)
+
+
+def test_the_way_and_the_vector_extend_a_basis():
+    case = CASES["mixed open"]
+    metric, (u, v) = case.metric, case.tangent_vecs[:2]
+    path = case.points[0] + np.linspace(0.0, 0.1, 3)[:, None, None] * v
+    template = case.space.template
+    basis = DeformationBasis(deformations(template, 3, rng=9), orthonormalize=True)
+    longer = basis.extend(np.stack([path[-1] - path[0], u]))
+    assert len(longer) == len(basis) + 2
+    found, expected = (
+        PoleLadder(basis=one).solve(metric, u, path[0], path=path).tangent_vec
+        for one in (basis, longer)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def test_says_when_an_equation_was_not_solved():
