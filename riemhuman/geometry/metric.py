@@ -6,11 +6,10 @@ A metric is given solvers, and solvers are given a metric: their contracts stand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Protocol, TypedDict, cast, runtime_checkable
+from collections.abc import Callable
+from typing import Protocol, TypedDict, cast
 
 import autograd.numpy as np
-from autograd.extend import defvjp_argnums, primitive
 from scipy import sparse
 
 from riemhuman.arrays import Array, ArrayLike, Points, TangentVectors
@@ -201,8 +200,7 @@ class RiemannianMetric(MetricTensor):
         r"""Return the end of the geodesic with this initial velocity after unit time.
 
         If the geodesic leaves the manifold, OutsideManifoldError says where. Without a closed form,
-        `exp_solver` computes it, by default in ten steps over 60 harmonics of the template;
-        autograd differentiates through solvers that have derivatives.
+        `exp_solver` computes it, by default in ten steps over 60 harmonics of the template.
 
         Parameters
         ----------
@@ -215,9 +213,18 @@ class RiemannianMetric(MetricTensor):
         solver: ExpSolver | None = self.exp_solver
         if solver is None:
             solver = _default_solvers().exp_solver(self)
-        return self._one_by_one(
-            lambda x, v: solve_geodesic(v, x, self, solver)[-1], point, velocity
-        )
+
+        def follow(vector: TangentVectors, start: Points) -> Points:
+            result = solver.solve(self, vector, start)
+            if not getattr(result, "complete", True):
+                where = getattr(result, "message", "a point on the way")
+                raise OutsideManifoldError(
+                    f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
+                    f"can follow for unit time; it stopped at {where}"
+                )
+            return result.end
+
+        return self._one_by_one(follow, velocity, point)
 
     @checked(point=POINT, base_point=POINT)
     def log(self, point: Points, base_point: Points) -> Array:
@@ -385,13 +392,6 @@ class SolvedExp(Protocol):
     def end(self) -> Points: ...
 
 
-class SolvedCurve(SolvedExp, Protocol):
-    """The result of a `DifferentiableExpSolver`."""
-
-    @property
-    def path(self) -> Points: ...
-
-
 class SolvedVector(Protocol):
     """The result of a `LogSolver` or a `TransportSolver`."""
 
@@ -411,11 +411,7 @@ class GeodesicSolver(Protocol):
 
 
 class ExpSolver(Protocol):
-    """A strategy that follows a geodesic from its start for unit time.
-
-    Autograd differentiates through it if it has a method ``derivatives(metric, path, tangent_vec,
-    covectors)`` and its results a `path`, see `riemhuman.solvers.DiscreteExponential`.
-    """
+    """A strategy that follows a geodesic from its start for unit time."""
 
     def solve(
         self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
@@ -424,25 +420,6 @@ class ExpSolver(Protocol):
 
         It may have `complete`, False where the geodesic was not followed to its end, and `message`.
         """
-
-
-@runtime_checkable
-class DifferentiableExpSolver(Protocol):
-    """An `ExpSolver` that autograd differentiates through."""
-
-    def solve(
-        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
-    ) -> SolvedCurve:
-        """Return an object with `end`, the point reached, and `path`, all points on the way."""
-
-    def derivatives(
-        self,
-        metric: RiemannianMetric,
-        path: Points,
-        tangent_vec: TangentVectors,
-        covectors: TangentVectors,
-    ) -> Sequence[TangentVectors]:
-        """Return the derivatives of a pairing with the path by velocity and by base point."""
 
 
 class LogSolver(Protocol):
@@ -493,52 +470,6 @@ class DefaultSolvers(Protocol):
 def _default_solvers() -> DefaultSolvers:
     # `riemhuman/__init__.py`, where type checkers see that it is true, provides them.
     return cast(DefaultSolvers, default_solvers())
-
-
-@primitive
-def solve_geodesic(
-    tangent_vec: TangentVectors, base_point: Points, metric: RiemannianMetric, solver: ExpSolver
-) -> Array:
-    """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
-    if isinstance(solver, DifferentiableExpSolver):
-        curve = solver.solve(metric, tangent_vec, base_point)
-        _check_complete(curve, solver)
-        return np.asarray(curve.path)
-    result = solver.solve(metric, tangent_vec, base_point)
-    _check_complete(result, solver)
-    return np.asarray(result.end)[None]
-
-
-def _check_complete(result: SolvedExp, solver: ExpSolver) -> None:
-    if not getattr(result, "complete", True):
-        where = getattr(result, "message", "a point on the way")
-        raise OutsideManifoldError(
-            f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
-            f"can follow for unit time; it stopped at {where}"
-        )
-
-
-def _derivatives(
-    argnums: Sequence[int],
-    path: Points,
-    args: tuple[TangentVectors, Points, RiemannianMetric, ExpSolver],
-    kwargs: dict[str, object],
-) -> Callable[[Array], tuple[Array, ...]]:
-    tangent_vec, _, metric, solver = args
-
-    def pull_back(covectors: TangentVectors) -> tuple[Array, ...]:
-        if not isinstance(solver, DifferentiableExpSolver):
-            raise NotDefinedError(
-                f"{type(solver).__name__} has no derivatives of exp; "
-                "riemhuman.solvers.DiscreteExponential() has"
-            )
-        by_velocity_and_point = solver.derivatives(metric, path, tangent_vec, covectors)
-        return tuple(by_velocity_and_point[number] for number in argnums)
-
-    return pull_back
-
-
-defvjp_argnums(solve_geodesic, _derivatives)
 
 
 # In this file because `RiemannianMetric.__mul__` makes one: in a file of its own, the two would

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from autograd import grad
-from autograd.core import make_vjp
-from scipy.sparse.linalg import LinearOperator, lsmr
 
 from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.checks import (
     a_basis,
     checked,
-    path_array,
     positive,
-    real_array,
     values_of,
     whole,
 )
-from riemhuman.errors import ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import ExpSolver
@@ -33,21 +26,12 @@ from riemhuman.solvers._geodesic_equation import (
     has_long_step,
     vanishing_triangle,
 )
-from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.paths import vector_of
 from riemhuman.solvers.results import Result, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
 _LOST = 1e-3
-
-# Of the linear equations for derivatives.
-_TOLERANCE = 1e-9
-_OUT_OF_ITERATIONS = 7  # as SciPy numbers its reasons to stop
-
-# Which of the three points a shift moves: the last one, or both sides of the start.
-_LAST = np.array([0.0, 0.0, 1.0])
-_SIDES = np.array([1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,61 +148,6 @@ class DiscreteExponential(ExpSolver):
                 break
         return replace(result, n_iterations=n_iterations, n_evaluations=n_evaluations)
 
-    @checked(max_iter=whole(minimum=1))
-    def derivatives(
-        self,
-        metric: RiemannianMetric,
-        path: Points,
-        tangent_vec: TangentVectors,
-        covectors: TangentVectors,
-        *,
-        max_iter: int = 1000,
-    ) -> tuple[Array, Array]:
-        r"""Return the derivatives of a function of a path by its initial velocity and point.
-
-        Autograd uses them to differentiate through `metric.exp`. They are exact if the equations
-        determine the path up to motions that the metric does not measure, as they do for closed
-        surfaces.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            A metric of surfaces.
-        path : array, shape (n_nodes, \*shape)
-            Result of `solve` without a basis; at least two points.
-        tangent_vec : array, shape (\*shape,)
-            Its initial velocity.
-        covectors : array, shape (n_nodes, \*shape)
-            Derivatives of the function with respect to the points of the path.
-        max_iter : int
-            Largest number of iterations of each linear equation.
-        """
-        check_metric(metric)
-        if self.basis is not None or not metric.space.is_surface_space:
-            raise NotDefinedError(
-                "derivatives of the discrete exponential exist only for surfaces with all "
-                "coordinates free, that is, DiscreteExponential() without a basis"
-            )
-        path = path_array(path, metric.space, batched=False)
-        shape = metric.space.shape
-        tangent_vec = real_array(tangent_vec, "tangent_vec", shape, batched=False)
-        covectors = real_array(covectors, "covectors", path.shape, batched=False).copy()
-        # Of every three neighbours x, y, z, y makes E = d²(x, y) + d²(y, z) stationary. Derivatives
-        # by z are passed on to x and y, from the end to the start, by one linear equation with the
-        # second derivatives of E for each point: the adjoint method.
-        for last in range(len(path) - 1, 1, -1):
-            # z = 2y − x + s.
-            points = path[last - 2 : last + 1]
-            by_x, by_y, by_z = _without_shift(metric, points, covectors[last], _LAST, max_iter)
-            covectors[last - 2] += by_x - by_z
-            covectors[last - 1] += by_y + 2.0 * by_z
-        displacement = tangent_vec / (len(path) - 1)
-        start, first = path[:2]
-        # x = y − d + s and z = y + d + s.
-        points = np.stack([first - 2.0 * displacement, start, first])
-        by_x, by_y, by_z = _without_shift(metric, points, covectors[1], _SIDES, max_iter)
-        return (by_z - by_x) / (len(path) - 1), covectors[0] + by_x + by_y + by_z
-
     def _walk(
         self,
         metric: RiemannianMetric,
@@ -282,71 +211,3 @@ def _obstacle(metric: RiemannianMetric, points: list[Array], triple: Triple) -> 
     if len(points) > 1:
         vanishing = vanishing_triangle(metric, points[-2], points[-1])
     return vanishing or "no next point solves the geodesic equation; use more steps"
-
-
-def _without_shift(
-    metric: RiemannianMetric,
-    points: Points,
-    covector: TangentVectors,
-    moved: Array,
-    max_iter: int,
-) -> Array:
-    """Return derivatives by x, y and z of a function of z, where s solves the equation."""
-    # With the equation's multiplier μ, g(z) − μ ∂E/∂y does not depend on s to first order.
-    shape = points.shape
-    # Second derivatives along a direction, of the energy by its definition, recorded once.
-    along, _ = make_vjp(grad(lambda path: RiemannianMetric.energy(metric, path)), points)
-
-    def middle(vector: TangentVectors) -> Array:
-        return np.stack([np.zeros(shape[1:]), vector, np.zeros(shape[1:])])
-
-    def by_shift(multiplier: Array) -> Array:
-        return np.tensordot(moved, along(middle(multiplier)), axes=1)
-
-    def along_shift(shift: Array) -> Array:
-        change: Array = along(np.tensordot(moved, shift, axes=0))[1]
-        return change
-
-    factor = metric_factor(metric, points[1][None], 1.0)
-    multiplier = _least_squares(factor, by_shift, along_shift, covector, max_iter)
-    derivatives = -along(middle(multiplier))
-    derivatives[2] += covector
-    return derivatives
-
-
-def _least_squares(
-    factor: CholeskyFactor,
-    matrix: Callable[[Array], Array],
-    transposed: Callable[[Array], Array],
-    right: Array,
-    max_iter: int,
-) -> Array:
-    """Return the shortest least-squares solution of A x = b, in variables of the factor."""
-    # Motions that the metric does not measure are in the kernels of A and of its transpose.
-    shape, size = right.shape, right.size
-
-    def preconditioned(apply: Callable[[Array], Array]) -> Callable[[Array], Array]:
-        def product(variables: Array) -> Array:
-            vector = factor.solve_transposed(variables.reshape(size, 1)).reshape(shape)
-            return factor.solve(apply(vector).reshape(size, 1)).ravel()
-
-        return product
-
-    operator = LinearOperator(
-        (size, size), preconditioned(matrix), preconditioned(transposed), dtype=np.float64
-    )
-    variables, reason, *_ = lsmr(
-        operator,
-        factor.solve(right.reshape(size, 1)).ravel(),
-        atol=_TOLERANCE,
-        btol=_TOLERANCE,
-        conlim=0.0,
-        maxiter=max_iter,
-    )
-    if reason == _OUT_OF_ITERATIONS:
-        warn(
-            "the derivative of the exponential is not exact: its equation was not solved in "
-            f"{max_iter} iterations",
-            ConvergenceWarning,
-        )
-    return factor.solve_transposed(variables[:, None]).reshape(shape)

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import autograd.numpy as anp
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
-from autograd import grad
 from cases import (
     CASES,
     HalfPlane,
     HyperbolicInnerProduct,
     cases_that,
-    deformations,
     name_of,
     sphere_template,
-    surfaces,
 )
 from oracles import orders
 
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
-    NotDefinedError,
     OutsideManifoldError,
 )
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import DiscreteExponential
-from riemhuman.surfaces import DeformationBasis, Template
 
 # The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
 # velocities without effect; flat space is exact at any step.
@@ -161,74 +155,3 @@ def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     inside *= np.abs(outside).max() / np.abs(inside).max()
     assert basis.extend((size * (inside + 0.9e-9 * outside))[None]) is basis
     assert basis.extend((size * (inside + 1.5e-9 * outside))[None]) is not basis
-
-
-TETRAHEDRON = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
-TEMPLATE = Template([[0, 0, 0], [0.9, 0.1, 0], [0.2, 1, 0.1], [0.3, 0.2, 0.8]], TETRAHEDRON)
-SOLVER = DiscreteExponential(n_steps=2, tolerance=1e-12)
-
-
-def metric_with(solver):
-    return ElasticMetric(AlignedSurfaces(TEMPLATE, equip=False), 1.0, 1.0, 1.0, exp_solver=solver)
-
-
-METRIC = metric_with(SOLVER)
-START, OTHER = surfaces(TEMPLATE, 2, rng=3)
-VELOCITIES = 0.1 * deformations(TEMPLATE, 2, rng=1)
-
-
-def test_derivatives_by_velocities_and_start():
-    """Of two geodesics from one point, so that what they add up to is tried as well."""
-
-    def objective(parameters):
-        reached = METRIC.exp(parameters[1:], parameters[0])
-        return anp.sum(METRIC.squared_dist(reached, OTHER) * np.array([1.0, 2.0]))
-
-    parameters = np.concatenate([START[None], VELOCITIES])
-    slopes = grad(objective)(parameters)
-    rng = np.random.default_rng(0)
-    for part in ([1.0, 0.0, 0.0], [0.0, 1.0, 1.0]):
-        step = 1e-4 * rng.normal(size=parameters.shape) * np.array(part)[:, None, None]
-        difference = 0.5 * (objective(parameters + step) - objective(parameters - step))
-        assert np.sum(slopes * step) == pytest.approx(difference, rel=1e-5)
-
-
-def test_derivatives_by_every_point_of_the_path():
-    solver = DiscreteExponential(n_steps=3, tolerance=1e-12)
-    path = solver.solve(METRIC, VELOCITIES[0], START).path
-    rng = np.random.default_rng(1)
-    # Of differences between points, for translations are not determined.
-    covectors = rng.normal(size=path.shape)
-    covectors -= covectors.mean(axis=1, keepdims=True)
-    by_velocity, _ = solver.derivatives(METRIC, path, VELOCITIES[0], covectors)
-    step = 1e-4 * rng.normal(size=START.shape)
-    paths = [solver.solve(METRIC, VELOCITIES[0] + s * step, START).path for s in (0.5, -0.5)]
-    assert np.sum(by_velocity * step) == pytest.approx(
-        np.sum(covectors * (paths[0] - paths[1])), rel=1e-4
-    )
-
-
-def test_unsolved_equations_are_said():
-    path = SOLVER.solve(METRIC, VELOCITIES[0], START).path
-    with pytest.warns(ConvergenceWarning, match="is not exact: .* not solved in 1 iterations"):
-        SOLVER.derivatives(METRIC, path, VELOCITIES[0], np.ones_like(path) * START, max_iter=1)
-
-
-def test_where_there_are_no_derivatives():
-    basis = DeformationBasis(deformations(TEMPLATE, 3, rng=2), orthonormalize=True)
-    metric = metric_with(DiscreteExponential(basis, n_steps=2))
-    with pytest.raises(NotDefinedError, match=r"DiscreteExponential\(\) without a basis"):
-        grad(lambda v: anp.sum(metric.exp(v, START)))(VELOCITIES[0])
-    plane = CASES["half-plane, distance"]
-    with pytest.raises(NotDefinedError, match="exist only for surfaces"):
-        SOLVER.derivatives(plane.metric, plane.points[:2], plane.points[0], plane.points[:2])
-
-
-def test_derivatives_need_a_whole_path():
-    path = np.stack([START, START + VELOCITIES[0]])
-    for points, velocity, covectors, message in (
-        (path[:1], VELOCITIES[0], path[:1], "path must have at least two times; found 1"),
-        (path, VELOCITIES[0], path[:1], "covectors must have shape"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            SOLVER.derivatives(METRIC, points, velocity, covectors)

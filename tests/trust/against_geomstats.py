@@ -17,7 +17,6 @@ from geomstats.geometry.discrete_surfaces import DiscreteSurfaces
 from geomstats.geometry.discrete_surfaces import ElasticMetric as SobolevMetric
 from geomstats.geometry.hypersphere import Hypersphere
 from geomstats.learning.frechet_mean import FrechetMean
-from geomstats.learning.geodesic_regression import GeodesicRegression
 from geomstats.learning.geometric_median import GeometricMedian
 from geomstats.learning.kmeans import RiemannianKMeans
 from geomstats.learning.kmedoids import RiemannianKMedoids
@@ -245,41 +244,6 @@ def test_mean_of_surfaces():
     mean = FrechetMean(space).set(max_iter=10, epsilon=1e-8).fit(points).estimate_
     logs = metric.log(points, mean)
     assert metric.norm(logs.mean(axis=0), mean) < 1e-2 * metric.norm(logs, mean).min()
-
-
-@pytest.mark.parametrize("method", ["extrinsic", "riemannian"])
-def test_geodesic_regression(method):
-    """It differentiates through `exp`; on a surface of 18 units, for steps of one unit."""
-    mesh = trimesh.creation.icosahedron()
-    template = rh.Template(np.asarray(mesh.vertices) * [5.0, 9.0, 4.0], np.asarray(mesh.faces))
-    space = rh.AlignedSurfaces(template).equip_with_metric(
-        rh.ElasticMetric,
-        a=0.1,
-        lam=1.0,
-        c=0.1,
-        exp_solver=rh.solvers.DiscreteExponential(n_steps=2),
-        transport_solver=rh.solvers.PoleLadder(),
-    )
-    metric, times = space.metric, np.array([-1.0, 0.0, 1.0])
-    start = surfaces(template, 1, rng=3)[0]
-    velocity, noise = deformations(template, 2, rng=5)
-    velocity *= 0.9 / np.linalg.norm(velocity)
-    noise *= 0.3 / np.linalg.norm(noise)
-    points = metric.exp(times[:, None, None] * velocity, start)
-    found = GeodesicRegression(
-        space,
-        center_X=False,
-        method=method,
-        initialization=(start + noise, 0.5 * velocity),
-        compute_training_score=True,
-    )
-    if method == "extrinsic":
-        found.set(autodiff_jac=True, options={"maxiter": 8})
-    else:
-        found.set(max_iter=12)
-    found.fit(times, points)
-    assert found.training_score_ > 0.97
-    assert metric.dist(found.predict(times[2:])[0], points[2]) < 0.3 * metric.norm(velocity, start)
 
 
 @pytest.mark.parametrize("fields", [rh.NormalFields, rh.MetricFields])
