@@ -74,24 +74,6 @@ def test_the_variance_of_means_follows_from_that_of_pairs(definitions, bodies):
     np.testing.assert_allclose(noise_of_measurements(["stature"], 0.0, 4), noise / 2.0)
 
 
-def test_variances_of_means_of_random_walks():
-    """The formula of `pose_distance_of_visits` in one dimension, where everything is known."""
-    rng = np.random.default_rng(3)
-    places = np.array([0.1, 0.5, 0.9, 0.3, 1.4])
-    steps = rng.standard_normal((200_000, 5)) * np.sqrt(np.diff(np.sort(places), prepend=0.0))
-    walks = np.empty_like(steps)
-    walks[:, np.argsort(places)] = np.cumsum(steps, axis=1)
-    walks += 0.5 * rng.standard_normal(walks.shape)
-    before, after = [0, 1, 2], [3, 4]
-    differences = walks[:, before].mean(axis=1) - walks[:, after].mean(axis=1)
-    gaps = np.abs(places[:, None] - places)
-    within = gaps[np.ix_(before, before)].mean() + gaps[np.ix_(after, after)].mean()
-    distance = gaps[np.ix_(before, after)].mean() - within / 2.0
-    n_scans = 2.0 / (1.0 / 3.0 + 1.0 / 2.0)
-    # Walks differ with the variance d, that is 2 b d with b = 1/2.
-    assert differences.var() == pytest.approx(2.0 * (0.25 / n_scans + 0.5 * distance), rel=0.02)
-
-
 def test_several_scans_of_a_visit_show_smaller_changes(bodies):
     """Both visits have a squat, a wave and another pose."""
     measurements = Measurements(bodies.model, ["chest girth", "waist girth", "stature"])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from marker_files import RATE, write_c3d, write_trc
+from marker_files import CENTRES, RATE, centres, write_c3d, write_trc
 from recorded_people import joint_paths
 
 from riemhuman.datasets import (
@@ -27,7 +27,6 @@ PARTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "toes")
 # Markers on the skin are so far beside joints, metres.
 BESIDE = 0.045
 KEYPOINTS = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow", "Wrist", "BigToe")
-CENTRES = ("HJC", "KJC", "AJC", "SJC", "EJC", "WJC", "TOE")
 GAIT = ("FEP", "FEO", "TIO", "CLO", "HUO", "RAO", "TOE")
 
 
@@ -99,7 +98,7 @@ def laboratory(joints):
 MAKERS = {
     "video": lambda joints: sided(joints, "{side}{part}", KEYPOINTS) | {"Neck": joints["neck"]},
     "OpenCap": opencap,
-    "centres": lambda joints: sided(joints, "{side}{part}", CENTRES),
+    "centres": centres,
     "Plug-in Gait": lambda joints: sided(joints, "Anna:{side}{part}", GAIT),
     "laboratory": laboratory,
 }
@@ -149,7 +148,7 @@ def test_a_real_recording_gives_the_body_of_its_skeleton(tmp_path):
     markers = {
         f"{side[0]}{centre}": places(skeleton, f"{side}{name}")
         for side in ("Left", "Right")
-        for name, centre in zip(names, CENTRES, strict=True)
+        for name, centre in zip(names, CENTRES.values(), strict=True)
     }
     markers["Head"] = places(skeleton, "Head")
     header = {"DataRate": skeleton.frames_per_second}
@@ -256,7 +255,7 @@ def test_in_laboratories_a_knee_is_the_skin_beside_it(joints, video, tmp_path):
 
 def test_hips_from_the_corners_of_the_pelvis(joints, video, tmp_path):
     del video["LHip"], video["RHip"]
-    for part, centre in zip(KEYPOINTS[1:6], CENTRES[1:6], strict=True):
+    for part, centre in zip(KEYPOINTS[1:6], list(CENTRES.values())[1:6], strict=True):
         video |= {f"{side}{centre}": video.pop(f"{side}{part}") for side in "LR"}
     # A pelvis 24 cm wide that stands upright, facing the front.
     middle = 0.5 * (joints["left_hip"] + joints["right_hip"])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marker_files import write_trc
+from marker_files import CENTRES, centres, write_trc
 from recorded_people import RECORDING, joint_paths
 from scipy.spatial.transform import Rotation
 
@@ -20,8 +20,6 @@ from riemhuman.mocap import _limbs, _standing, motions, performances
 
 LEG = ("hip", "knee", "ankle", "toes")
 LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
-PARTS = {"hip": "HJC", "knee": "KJC", "ankle": "AJC", "toes": "TOE"}
-PARTS |= {"shoulder": "SJC", "elbow": "EJC", "wrist": "WJC"}
 
 
 def swapped_legs(left, right):
@@ -34,18 +32,6 @@ def swapped_legs(left, right):
     }
 
 
-def centres():
-    """Return centres of the joints of a person as markers, with a head that has axes."""
-    (motion,) = load_open_motions("coarse", "average man", "knees", 20)
-    joints = joint_paths(motion)
-    markers = {
-        f"{side[0].upper()}{centre}": joints[f"{side}_{part}"]
-        for side in ("left", "right")
-        for part, centre in PARTS.items()
-    }
-    return markers | {"Head": joints["head"]}
-
-
 def of_skeleton(wrong, folder):
     parts = ("UpLeg", "Leg", "Foot", "ToeBase")
     left, right = ([f"{side}{part}" for part in parts] for side in ("Left", "Right"))
@@ -54,8 +40,10 @@ def of_skeleton(wrong, folder):
 
 
 def of_markers(wrong, folder):
-    left, right = ([f"{side}{PARTS[part]}" for part in LEG] for side in "LR")
-    path = write_trc(folder / "knees.trc", centres())
+    left, right = ([f"{side}{CENTRES[part]}" for part in LEG] for side in "LR")
+    (motion,) = load_open_motions("coarse", "average man", "knees", 20)
+    joints = joint_paths(motion)
+    path = write_trc(folder / "knees.trc", centres(joints) | {"Head": joints["head"]})
     return load_recording(path, joints=swapped_legs(left, right) if wrong else None)
 
 

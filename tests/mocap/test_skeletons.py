@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from marker_files import write_trc
+from marker_files import centres, write_trc
 from recorded_people import RECORDING
 from scipy.spatial.transform import Rotation
 
@@ -13,9 +13,6 @@ from riemhuman.datasets import load_amc, load_open_motions, load_recording
 from riemhuman.mocap._joint_axes import mean_axes
 from riemhuman.mocap._recorded_skeletons import read_skeleton
 from riemhuman.mocap._skeletons import body_frame, pelvis_frame
-
-PARTS = {"hip": "HJC", "knee": "KJC", "ankle": "AJC", "shoulder": "SJC", "elbow": "EJC"}
-PARTS |= {"wrist": "WJC", "toes": "TOE"}
 
 
 def deviation(rotations, seen):
@@ -36,13 +33,9 @@ def test_the_pelvis_leans_less_than_the_trunk_in_a_real_jump():
 
 def performed_markers(model, betas, poses, translations, path):
     """Return the motion of a person who performs the centres of his own joints."""
-    positions = model.joints(betas, poses) + translations[:, None]
-    centres = {
-        f"{side[0].upper()}{centre}": positions[:, model.joint_names.index(f"{side}_{part}")]
-        for side in ("left", "right")
-        for part, centre in PARTS.items()
-    }
-    return load_recording(write_trc(path, centres), model, betas=betas)
+    positions = np.moveaxis(model.joints(betas, poses) + translations[:, None], 1, 0)
+    joints = dict(zip(model.joint_names, positions, strict=True))
+    return load_recording(write_trc(path, centres(joints)), model, betas=betas)
 
 
 def chest_angles(model, made, true):

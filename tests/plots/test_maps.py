@@ -143,22 +143,6 @@ def test_bodies_of_classes_hide_no_point_and_no_name(nine_bodies):
     assert not [text for text in ax.texts if text.arrow_patch]  # lines would cross names
 
 
-def test_bodies_are_near_to_their_classes(nine_bodies):
-    positions, labels = clusters(1)
-    surfaces = np.repeat(nine_bodies.points[:1], len(positions), axis=0)
-    ax = plot_embedding(
-        positions, labels, points=surfaces, faces=nine_bodies.template.faces,
-        ax=new_figure(6.0, 5.0).subplots(),
-    )  # fmt: skip
-    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
-    high = np.array([ax.get_xlim()[1], ax.get_ylim()[1]])
-    shown = {int(text.get_text()): low + text.xy * (high - low) for text in ax.texts}
-    middles = np.stack([np.median(positions[labels == label], axis=0) for label in range(10)])
-    gaps = [np.linalg.norm(shown[label] - middles[label]) for label in range(10)]
-    others = [np.linalg.norm(shown[label] - middles, axis=1).mean() for label in range(10)]
-    assert np.median(gaps) < 0.5 * np.median(others)
-
-
 def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
     positions, labels = clusters(0)
     figure = new_figure(4.8, 3.0)

@@ -6,6 +6,17 @@ import numpy as np
 import pytest
 
 RATE = 20.0
+CENTRES = {"hip": "HJC", "knee": "KJC", "ankle": "AJC", "shoulder": "SJC", "elbow": "EJC"}
+CENTRES |= {"wrist": "WJC", "toes": "TOE"}
+
+
+def centres(joints):
+    """Return the centres of joints on both sides as markers, as LHJC for the left hip."""
+    return {
+        f"{side[0].upper()}{centre}": joints[f"{side}_{part}"]
+        for side in ("left", "right")
+        for part, centre in CENTRES.items()
+    }
 
 
 def write_trc(path, markers, unit="mm", missing="", tabs=True, header=None):
