@@ -3,6 +3,7 @@
 import base64
 import json
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -262,6 +263,23 @@ def test_targets_and_joints_without_end(read):
     document.json["meshes"][0]["weights"] = [1.0] * 2000
     with pytest.raises(FileFormatError, match="its accessors are read too often"):
         read(document)
+
+
+def test_few_bytes_take_little_memory_and_time(read):
+    doubled = [{"children": [i + 1] * 2} for i in range(60)] + [{"mesh": 0}]
+    for change in (
+        lambda j: j["accessors"][0].update(count=60_000_000),
+        lambda j: j["meshes"][0].update(primitives=3000 * j["meshes"][0]["primitives"]),
+        lambda j: j.update(nodes=doubled),
+        lambda j: j["bufferViews"][0].update(byteStride=2**62),
+    ):
+        document = Document()
+        change(document.json)
+        tracemalloc.start()
+        with pytest.raises(FileFormatError):
+            read(document)
+        assert tracemalloc.get_traced_memory()[1] < 2**24
+        tracemalloc.stop()
 
 
 def test_scenes(read, read_by_trimesh):
