@@ -8,12 +8,11 @@ and meshio are no requirements: without one, its figure is missing and a line sa
 """
 
 import importlib
-import time
 
 import numpy as np
 import pytest
 import trimesh
-from performances import bodies
+from performances import bodies, shortest
 from sklearn.metrics import pairwise_distances
 from threadpoolctl import threadpool_limits
 
@@ -40,15 +39,10 @@ def optional(name):
 
 def compared(benchmark, title, calls, rounds=5):
     """Print and return the shortest milliseconds of calls, ours first, which take turns."""
-    seconds = dict.fromkeys(calls, np.inf)
     for call in calls.values():
         call()
-    for _ in range(rounds):
-        for name, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            seconds[name] = min(seconds[name], time.perf_counter() - begin)
-    milliseconds = {name: 1e3 * least for name, least in seconds.items()}
+    seconds = shortest(*calls.values(), rounds=rounds)
+    milliseconds = dict(zip(calls, 1e3 * seconds, strict=True))
     listed = "; ".join(f"{name} {value:.3g}" for name, value in milliseconds.items())
     print(f"\n{title}, ms: {listed}")
     if not benchmark.stats:

@@ -8,11 +8,9 @@ ratios; how long one thread and two keep processors busy; then all 4,950 pairs f
 and smoothed areas beside SRNF. Times are the shortest of several runs, in turns.
 """
 
-import time
-
 import numpy as np
 import pytest
-from performances import bodies
+from performances import bodies, clocked, shortest
 
 from riemhuman.geometry import AlignedSurfaces, AreaMetric, ElasticMetric, SRNFMetric
 from riemhuman.kernels.surface import derivatives
@@ -29,27 +27,6 @@ each_metric = pytest.mark.parametrize("name", [*WEIGHTS, "srnf"])
 def metric_of(name, resolution):
     space = AlignedSurfaces(bodies(resolution).template, equip=False)
     return SRNFMetric(space) if name == "srnf" else ElasticMetric(space, *WEIGHTS[name])
-
-
-def shortest(*calls, rounds=5):
-    """Return the shortest wall time of each call, the calls taking turns."""
-    times = np.full(len(calls), np.inf)
-    for _ in range(rounds):
-        for k, call in enumerate(calls):
-            begin = time.perf_counter()
-            call()
-            times[k] = min(times[k], time.perf_counter() - begin)
-    return times
-
-
-def processor_time(call, rounds=10):
-    """Return the least time that a call keeps processors busy, whatever else runs on them."""
-    times = []
-    for _ in range(rounds):
-        begin = time.process_time()
-        call()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def definition_on_fields(metric, points):
@@ -101,9 +78,9 @@ def test_against_the_definition(benchmark, name):
         f"{times[5]:.3f} s, with two threads {times[6]:.3f} s"
     )
     busy = [
-        processor_time(
-            lambda n=n: metric.bulk.squared_distances(all_features, all_features, n_threads=n)
-        )
+        clocked(
+            lambda n=n: metric.bulk.squared_distances(all_features, all_features, n_threads=n), 10
+        )[2]
         for n in (1, 2)
     ]
     print(
