@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 
 import numpy as np
 from scipy import linalg, sparse
 
-from riemhuman.arrays import Array, Integers, Points, TangentVectors
+from riemhuman.arrays import Array, Points, TangentVectors
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
@@ -63,16 +62,8 @@ class CholeskyFactor(ABC):
     """Factor L of a positive semidefinite matrix with a tiny ridge, A ≈ L Lᵀ."""
 
     @abstractmethod
-    def solve(self, columns: Array) -> Array:
-        """Return L⁻¹ X."""
-
-    @abstractmethod
-    def solve_transposed(self, columns: Array) -> Array:
-        """Return L⁻ᵀ X."""
-
     def inverse(self, columns: Array) -> Array:
         """Return A⁻¹ X."""
-        return self.solve_transposed(self.solve(columns))
 
     def __call__(self, vector: TangentVectors) -> Array:
         """Return A⁻¹ x."""
@@ -90,15 +81,10 @@ class DenseCholeskyFactor(CholeskyFactor):
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ArgumentError(_INDEFINITE) from error
 
-    def solve(self, columns: Array) -> Array:
+    def inverse(self, columns: Array) -> Array:
+        half = linalg.solve_triangular(self._lower, columns, lower=True, check_finite=False)
         solved: Array = linalg.solve_triangular(
-            self._lower, columns, lower=True, check_finite=False
-        )
-        return solved
-
-    def solve_transposed(self, columns: Array) -> Array:
-        solved: Array = linalg.solve_triangular(
-            self._lower, columns, lower=True, trans="T", check_finite=False
+            self._lower, half, lower=True, trans="T", check_finite=False
         )
         return solved
 
@@ -144,60 +130,26 @@ class SparseCholeskyFactor(CholeskyFactor):
         if not np.all(pivots > 0.0):
             raise ArgumentError(_INDEFINITE)
         self._ends, self._rows, self._lower = elimination.ends, elimination.rows, lower
-        self._squared_scale = pivots.reshape(-1, 1)
-        self._scale = np.sqrt(self._squared_scale)
+        self._pivots = pivots.reshape(-1, 1)
 
     def inverse(self, columns: Array) -> Array:
         solutions = np.empty(columns.shape)
-        for part, x in self._parts(columns, self._order):
-            self._solve_lower(x)
-            x /= self._squared_scale
-            self._solve_upper(x)
-            solutions[self._order, part] = x[:, : part.stop - part.start]
-        return solutions
-
-    def solve(self, columns: Array) -> Array:
-        solutions = np.empty(columns.shape)
-        for part, x in self._parts(columns, self._order):
-            self._solve_lower(x)
-            x /= self._scale
-            solutions[:, part] = x[:, : part.stop - part.start]
-        return solutions
-
-    def solve_transposed(self, columns: Array) -> Array:
-        solutions = np.empty(columns.shape)
-        for part, x in self._parts(columns, slice(None)):
-            x /= self._scale
-            self._solve_upper(x)
-            solutions[self._order, part] = x[:, : part.stop - part.start]
-        return solutions
-
-    def _parts(
-        self, columns: Array, order: Integers | slice[None, None, None]
-    ) -> Iterator[tuple[slice[int, int, None], Array]]:
-        """Yield `WIDTH` columns at a time, in an order, with zeros for those that are missing.
-
-        A few columns are not filled up: the loops take less time for them.
-        """
+        # `WIDTH` columns at a time, with zeros for those that are missing; a few columns are not
+        # filled up, as the loops take less time for them.
         n = columns.shape[1]
+        width = n if n <= _FEW else WIDTH
+        # A tuple whose length tells compiled loops the number of columns, None for few.
+        lanes = (0,) * WIDTH if width == WIDTH else None
         for part in slices(n, WIDTH):
             n_columns = part.stop - part.start
-            x = np.zeros((len(columns), n if n <= _FEW else WIDTH))
-            x[:, :n_columns] = columns[order, part]
-            yield part, x
-
-    def _solve_lower(self, x: Array) -> None:
-        blocks = x.reshape(len(x) // _BLOCK, -1)
-        solve_lower(self._ends, self._rows, self._lower, blocks, _lanes(x))
-
-    def _solve_upper(self, x: Array) -> None:
-        blocks = x.reshape(len(x) // _BLOCK, -1)
-        solve_upper(self._ends, self._rows, self._lower, blocks, _lanes(x))
-
-
-def _lanes(x: Array) -> tuple[int, ...] | None:
-    """Return a tuple whose length tells compiled loops the number of columns, None for few."""
-    return (0,) * WIDTH if x.shape[1] == WIDTH else None
+            x = np.zeros((len(columns), width))
+            x[:, :n_columns] = columns[self._order, part]
+            blocks = x.reshape(len(x) // _BLOCK, -1)
+            solve_lower(self._ends, self._rows, self._lower, blocks, lanes)
+            x /= self._pivots
+            solve_upper(self._ends, self._rows, self._lower, blocks, lanes)
+            solutions[self._order, part] = x[:, :n_columns]
+        return solutions
 
 
 class BlockCholeskyFactor(CholeskyFactor):
@@ -213,16 +165,10 @@ class BlockCholeskyFactor(CholeskyFactor):
             raise ArgumentError(_INDEFINITE) from error
         self._inverse = np.linalg.inv(lower)
 
-    def solve(self, columns: Array) -> Array:
-        return self._apply(self._inverse, columns)
-
-    def solve_transposed(self, columns: Array) -> Array:
-        return self._apply(np.swapaxes(self._inverse, -1, -2), columns)
-
-    @staticmethod
-    def _apply(blocks: Array, columns: Array) -> Array:
-        m, k, _ = blocks.shape
-        return (blocks @ columns.reshape(m, k, *columns.shape[1:])).reshape(columns.shape)
+    def inverse(self, columns: Array) -> Array:
+        m, k, _ = self._inverse.shape
+        half = self._inverse @ columns.reshape(m, k, *columns.shape[1:])
+        return (np.swapaxes(self._inverse, -1, -2) @ half).reshape(columns.shape)
 
 
 def metric_factor(
