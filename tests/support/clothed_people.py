@@ -45,7 +45,7 @@ class Garment:
     is_skirt: bool = False
 
 
-_TROUSERS = Garment(0, 1.9, 0.009, trunk=False, gathered=0.12)
+_TROUSERS = Garment(0, 1.9, 0.011, trunk=False, gathered=0.12)
 OUTFITS = {
     "T-shirt and trousers": (Garment(0.6, 0.15, 0.012), _TROUSERS),
     "jumper and jeans": (
@@ -54,7 +54,7 @@ OUTFITS = {
     ),
     "shirt": (Garment(1.9, 0.2, 0.014, gathered=0.05), _TROUSERS),
     "hoodie and wide trousers": (
-        Garment(1.9, 0.2, 0.03, gathered=0.05),
+        Garment(1.9, 0.2, 0.028, gathered=0.05),
         Garment(0, 1.9, 0.018, trunk=False, gathered=0.0),
     ),
     "dress to the knee": (Garment(0.4, 1.0, 0.01, gathered=-0.12, is_skirt=True),),
