@@ -61,6 +61,7 @@ _UP = cli.option(
         "positions of joints in the scan, in its unit, for scans where the fit alone goes "
         "wrong: lines such as left_wrist,0.62,1.31,0.05",
     ),
+    cli.flag("--clothed", "the scans show people in clothes; fits find the bodies beneath them"),
     cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
     cli.flag("--untrusted", "also write a body that is not trusted"),
     cli.flag("--keep-axes", "keep the scan's coordinates (default: on the ground, facing z)"),
@@ -82,7 +83,7 @@ def _register(options: argparse.Namespace) -> cli.Answer:
     elif options.output.exists() and options.output.samefile(options.scans):
         raise FileError(f"{options.output} holds the scans; name another folder for the bodies")
     options.written.append(options.output)
-    registration = _chosen_registration(options)
+    registration = _chosen_registration(options, clothed=options.clothed)
     if options.sheet:
         rh.measurements.Measurements(registration.model)  # an error before the work
         if options.stature is not None:
@@ -106,12 +107,14 @@ def _check_input_options(options: argparse.Namespace) -> None:
             raise ArgumentError(f"--{flag} is for {expected}; {options.scans} is not")
 
 
-def _chosen_registration(options: argparse.Namespace) -> ScanRegistration:
+def _chosen_registration(options: argparse.Namespace, *, clothed: bool = False) -> ScanRegistration:
     if options.model is not None:
         model = rh.BodyModel.from_file(options.model)
     else:
         model = rh.datasets.load_open_model("coarse" if options.coarse else "full")
-    return rh.registration.ScanRegistration(model, unit=options.unit, up=options.up)
+    return rh.registration.ScanRegistration(
+        model, unit=options.unit, up=options.up, clothed=clothed
+    )
 
 
 def _register_file(registration: ScanRegistration, options: argparse.Namespace) -> cli.Answer:

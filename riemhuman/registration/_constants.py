@@ -378,6 +378,35 @@ CONJUGATE_TOLERANCE = 0.03
 MOST_HALVINGS = 6
 
 
+# Clothes: the body beneath garments, if a scan is said to show a clothed person. Chosen on ten
+# scans in simulated clothes.
+
+# Steps of the fit, and the distance at which a match has a quarter of the weight, metres.
+N_CLOTHED_STEPS = 12
+CLOTHES_SCALE = 0.06
+
+# Mean distance of cloth from the skin, metres.
+CLOTHES_METRES = 0.0125
+
+# Number of independent distances: a garment that is loose is loose over all of a limb.
+N_CLOTHES = 20.0
+
+# At a smaller distance, cloth pulls on the skin as at this one, metres.
+TOUCHING_CLOTH = 0.004
+
+# Weight of the prior, square metres. It does not depend on the number of points, as it does
+# without clothes: what is bare is alike along its surface, and tells less than its points.
+CLOTHED_PRIOR = 4e-7
+
+# Where the scan is nearer to the fitted body than this, the elastic step follows it, metres.
+BARE_METRES = 0.005
+
+# Loose cloth hides a vertex if the scan is farther than this in the mean over the vertices within
+# the next distance, metres.
+TIGHT_METRES = 0.005
+CLOTH_REACH = 0.12
+
+
 # Rivals: a limb is not trusted if another pose explains its points almost as well.
 
 # Another explanation must be farther from the scan than the fit by this share of the fit's
@@ -462,6 +491,9 @@ USUAL_AREA = 1.8
 # A scan with a smaller log-likelihood does not look like one person.
 LEAST_LIKELIHOOD = 2.4
 
+# The same if it shows clothes: a wide dress had 1.8.
+LEAST_LIKELIHOOD_CLOTHED = 1.5
+
 # Amount by which the log-likelihood must exceed that of all bodies elsewhere.
 BODY_MARGIN = 0.06
 
@@ -470,6 +502,9 @@ RIVAL_METRES = 0.15
 
 # Points of the scan within this distance are near the body, metres.
 NEAR_METRES = 0.05
+
+# The same if it shows clothes, metres.
+NEAR_CLOTHED_METRES = 0.15
 
 # Smallest share of the scan that must be near the body.
 LEAST_NEAR = 0.97
@@ -495,6 +530,12 @@ FAR_METRES = 0.02
 
 # The log-likelihood in that rule.
 USUAL_LIKELIHOOD = 2.75
+
+# In clothes, only head, hands and feet tell: a body is wrong if this share of the scan of them is
+# not within this distance of the model's surface, metres. Of ten right bodies it was within 7 mm,
+# of fourteen that faced the wrong way or had an arm in a wrong place beyond 40.
+BARE_SHARE = 0.9
+FAR_BARE = 0.015
 
 # A limb is not in the scan if a larger share of its matches also belongs to another part.
 SHARED_LIMB = 0.5

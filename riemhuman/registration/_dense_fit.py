@@ -26,7 +26,6 @@ from riemhuman.registration._constants import (
     MOST_HAIR,
     N_DENSE,
     N_NEAR,
-    NEAR_METRES,
     WRIST_DEGREES,
 )
 from riemhuman.registration._even_points import even_points
@@ -87,7 +86,7 @@ def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) ->
         scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
         pose = fit_closest(samples, pose, prior, scan, scales)
     task = DenseTask(body, scan, prior, best.up, visible, samples, scan.prior_weight, scan.noise)
-    return DenseFit(task, pose, is_clearly_refused(body, pose, whole))
+    return DenseFit(task, pose, is_clearly_refused(body, pose, whole, scan.near_metres))
 
 
 def expect_feet(body: RegistrationModel, best: Candidate) -> Array:
@@ -157,11 +156,11 @@ def fit_joints(
     return fit_closest(samples, start, of_limb, task.scan, scales, with_detail=False)
 
 
-def is_clearly_refused(body: RegistrationModel, pose: Pose, points: Array) -> bool:
+def is_clearly_refused(body: RegistrationModel, pose: Pose, points: Array, near: float) -> bool:
     """Return whether too many of a scan's points are far from a body for details to matter."""
     some = points[even_points(points, N_NEAR)]
     _, gaps = nearest_points(some, body.surface(pose), body.model.faces)
-    return bool(np.mean(gaps < NEAR_METRES) < CLEARLY_NEAR)
+    return bool(np.mean(gaps < near) < CLEARLY_NEAR)
 
 
 def find_hair(body: RegistrationModel, surface: Array, points: Array) -> Booleans:

@@ -131,7 +131,8 @@ class ShownLimbs(NamedTuple):
 def find_limb_doubts(body: BodyFit, shown: ShownLimbs) -> list[LimbDoubt]:
     """Return the limbs that fit badly, or that other poses explain almost as well."""
     touching = _touching_hands(body)
-    others = _ill_fitting_limbs(body, shown)
+    # Garments are looser in some places than in others, and tell nothing by it.
+    others = [] if body.task.scan.clothed else _ill_fitting_limbs(body, shown)
     for arm, poses in body.doubtful_arms.items():
         others += _turned_arm(body, arm, poses)
     for arm, fits in body.hand_fits.items():

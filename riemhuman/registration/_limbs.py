@@ -64,6 +64,16 @@ class BodyParts:
         return self.vertices(int(arm[-1]) for arm in self.arms)
 
     @cached_property
+    def bare(self) -> Booleans:
+        """Return which vertices people wear no clothes on: those of the head and the hands."""
+        return self.on_hands | self.vertices(self.numbers("head"))
+
+    @cached_property
+    def bare_ends(self) -> Booleans:
+        """Return which vertices belong to the head, the hands and the feet."""
+        return self.bare | self.vertices(self.numbers("left_ankle", "right_ankle"))
+
+    @cached_property
     def halves(self) -> list[Booleans]:
         """Return which vertices are of the legs, and which above the waist."""
         if not {"left_hip", "right_hip", "middle_spine"} <= {*self.names}:

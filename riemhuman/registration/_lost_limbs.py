@@ -21,7 +21,6 @@ from riemhuman.registration._constants import (
     FARTHER_WITHOUT_LIMBS,
     LEAST_NEAR_OF_LIMB,
     N_JUDGED,
-    NEAR_METRES,
 )
 from riemhuman.registration._dense_fit import DenseTask, fit_closest
 from riemhuman.registration._elastic_step import leave_model
@@ -114,7 +113,8 @@ def _with_usual_twist(task: DenseTask, local: Array, carrier: int, end: int) -> 
 
 def _explains_scan(fitted: BodyFit) -> bool:
     """Return whether so much of a scan is near a body that no limb of the scan is elsewhere."""
-    share = np.mean(_distances_from(fitted) < NEAR_METRES)
+    near = fitted.task.scan.near_metres
+    share = np.mean(_distances_from(fitted) < near)
     return bool(share >= LEAST_NEAR_OF_LIMB)
 
 
@@ -123,5 +123,5 @@ def _distances_from(fitted: BodyFit) -> Array:
     points = fitted.task.scan.points
     some = points[even_points(points, N_JUDGED)]
     _, distances = nearest_points(some, fitted.fit.points, fitted.task.body.model.faces)
-    limited: Array = np.minimum(distances, NEAR_METRES)
+    limited: Array = np.minimum(distances, fitted.task.scan.near_metres)
     return limited

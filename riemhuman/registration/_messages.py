@@ -118,6 +118,18 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
     return said
 
 
+def say_hidden(joints: Sequence[str], share: float) -> str:
+    """Return what to say about parts beneath loose clothes, a share of the body's area."""
+    on_trunk = {*joints} & {*_TRUNK}
+    parts = parts_in_words([*joints, *(_TRUNK if 2 * len(on_trunk) > len(_TRUNK) else ())])
+    percent = f"{100 * share:.0f} % of the body"
+    if not parts:
+        return f"{percent} was not seen: it is under clothes"
+    is_many = len(parts) > 1 or parts[0] in _PLURALS.values()
+    were, they_are = ("were", "they are") if is_many else ("was", "it is")
+    return f"the {join_words(parts)} {were} not seen: {they_are} under clothes ({percent})"
+
+
 def join_reasons(reasons: Sequence[str]) -> str:
     """Return one message that says what to do only once, at its end."""
     said = "; ".join(reasons)

@@ -15,6 +15,7 @@ import numpy as np
 
 from riemhuman.arrays import Array
 from riemhuman.registration._arms_and_hands import BodyFit, fit_arms_and_hands
+from riemhuman.registration._clothes import find_body_beneath
 from riemhuman.registration._constants import (
     BODY_MARGIN,
     CLEARLY_NEAR,
@@ -23,7 +24,6 @@ from riemhuman.registration._constants import (
     LEAST_MATCHED_HALF,
     LEAST_NEAR,
     MOST_MATCHED_HALF,
-    NEAR_METRES,
     NEAR_OF_HALF,
     RETRY_GAIN,
     SAME_METRES,
@@ -43,7 +43,7 @@ from riemhuman.registration._start_search import (
     search_scan,
     with_likeliest_arms,
 )
-from riemhuman.registration._verdict import find_margin, judge
+from riemhuman.registration._verdict import find_margin, judge, judge_beneath
 from riemhuman.registration.registered_scans import RegistrationTrace
 
 _SIDES = ("left", "right")
@@ -152,6 +152,10 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     fitted, shown = leave_out_lost_limbs(fitted, search.scan, is_refused=dense.is_refused)
     times.append(perf_counter())
     verdict = judge(search, fitted, shown, unit_is_known=unit_is_known)
+    if search.scan.clothed and not dense.is_refused:
+        beneath = find_body_beneath(fitted.task, fitted.fit.pose)
+        fitted = replace(fitted, fit=beneath.fit)
+        verdict = judge_beneath(verdict, search, beneath)
     up = find_up(search.body, fitted.fit.pose, search.scan, best.up)
     times.append(perf_counter())
     later = ("dense fit", "arms and hands", "elastic step", "trust")
@@ -176,7 +180,7 @@ def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:
 def _near_share(trace: RegistrationTrace) -> float:
     """Return the share of a scan, without its background, that is near the body."""
     verdict = trace.verdict
-    return float(np.mean(verdict.distances[~verdict.background] < NEAR_METRES))
+    return float(np.mean(verdict.distances[~verdict.background] < trace.search.scan.near_metres))
 
 
 def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) -> RegistrationTrace:
@@ -230,7 +234,9 @@ def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> 
         return find_margin(search) > BODY_MARGIN
     is_likelier = _likelihood_of(retry) > _likelihood_of(search) + RETRY_GAIN
     best = retry.candidates[0].pose
-    return not is_likelier and is_clearly_refused(retry.body, best, retry.scan.points)
+    return not is_likelier and is_clearly_refused(
+        retry.body, best, retry.scan.points, retry.scan.near_metres
+    )
 
 
 def _likelihood_of(search: Search) -> float:

@@ -48,7 +48,9 @@ from riemhuman.registration._constants import (
     N_NOISE,
     N_NORMAL_NEIGHBOURS,
     N_PLANES,
+    NEAR_CLOTHED_METRES,
     NEAR_FLOOR_METRES,
+    NEAR_METRES,
     ON_LINE,
     OUTLINE_METRES,
     PLANE_METRES,
@@ -111,6 +113,7 @@ class PreparedScan:
     parts: Integers | None = None  # (n,) connected parts of a mesh that has several
     signed: bool = True  # whether the signs of the normals are known
     landmarks: Mapping[int, Array] = field(default_factory=dict)  # positions of joints
+    clothed: bool = False  # whether the person is known to wear clothes
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -124,6 +127,11 @@ class PreparedScan:
     def spacing(self) -> Array:
         """The distance within which every point has neighbours on all sides, metres."""
         return point_spacing(self.points)
+
+    @property
+    def near_metres(self) -> float:
+        """The distance within which its points are near a body, metres."""
+        return NEAR_CLOTHED_METRES if self.clothed else NEAR_METRES
 
     @property
     def prior_weight(self) -> float:

@@ -6,7 +6,7 @@ In go a search, the body fitted from it and what the scan shows of it; out comes
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,12 @@ from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.checks import UNITS, likely_units
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._clothes import BodyBeneath
 from riemhuman.registration._constants import (
+    BARE_SHARE,
     BODY_MARGIN,
     EXCHANGED_METRES,
+    FAR_BARE,
     FAR_METRES,
     FAR_SHARE,
     FARTHEST_MISS,
@@ -24,11 +27,13 @@ from riemhuman.registration._constants import (
     LARGEST_BETA,
     LARGEST_OVERLAP,
     LEAST_LIKELIHOOD,
+    LEAST_LIKELIHOOD_CLOTHED,
     LEAST_NEAR,
     LEAST_NEAR_OF_LIMB,
     LEAST_REST_METRES,
     LEAST_UNSEEN,
     LIMB_ELSEWHERE,
+    MATCHED_METRES,
     N_JUDGED,
     NEAR_METRES,
     RIVAL_METRES,
@@ -43,6 +48,7 @@ from riemhuman.registration._messages import (
     in_words,
     join_reasons,
     part_in_words,
+    say_hidden,
     say_unseen,
 )
 from riemhuman.registration._posed_body import Pose, pose_body
@@ -118,6 +124,13 @@ class FitQuality:
     overlap: float  # share of the matched vertices that lie where another part is
     limb: str  # the limb of which the least is matched, in words
     limb_matched: float  # share of it that is
+    near_metres: float = NEAR_METRES  # what counts as near
+    bare: float | None = None  # as `far`, of head, hands and feet alone, if the scan shows clothes
+
+    @property
+    def least_likelihood(self) -> float:
+        """The smallest log-likelihood of a scan that looks like one person."""
+        return LEAST_LIKELIHOOD if self.bare is None else LEAST_LIKELIHOOD_CLOTHED
 
 
 def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
@@ -127,10 +140,10 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
     if quality.near < LEAST_NEAR:
         reasons.append(
             f"only {100 * quality.near:.0f} % of the scan lies within "
-            f"{100 * NEAR_METRES:.0f} cm of the body: there is something else in it, or "
+            f"{100 * quality.near_metres:.0f} cm of the body: there is something else in it, or "
             "more than one person"
         )
-    if quality.likelihood < LEAST_LIKELIHOOD:
+    if quality.likelihood < quality.least_likelihood:
         reasons.append(
             "the scan does not look like one person: check its unit and direction up, and that it "
             "shows a single body"
@@ -144,7 +157,7 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
     if quality.near < LEAST_NEAR_OF_LIMB and quality.limb_matched < LIMB_ELSEWHERE:
         of_limb.append(
             f"{100 * (1.0 - quality.near):.1f} % of the scan lies more than "
-            f"{100 * NEAR_METRES:.0f} cm from the body, and hardly any of it matches the "
+            f"{100 * quality.near_metres:.0f} cm from the body, and hardly any of it matches the "
             f"{quality.limb}, which may be elsewhere; {MARK_JOINTS}"
         )
     if quality.overlap > LARGEST_OVERLAP:
@@ -153,11 +166,18 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
             "scan may show only a part of a body"
         )
     misfit = np.log(quality.far / FAR_METRES) + USUAL_LIKELIHOOD - quality.likelihood
-    if misfit > 0.0:
+    if quality.bare is not None:
+        if quality.bare > FAR_BARE:
+            reasons.append(
+                f"the head, hands and feet fit badly: {100 * (1 - BARE_SHARE):.0f} % of the scan "
+                f"of them lies more than {100 * quality.bare:.1f} cm from the model's surface; the "
+                f"body may face the wrong way or have limbs in wrong places; {MARK_JOINTS}"
+            )
+    elif misfit > 0.0:
         reasons.append(
             f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more "
             f"than {100 * quality.far:.1f} cm from the model's surface; it may face the wrong way, "
-            f"have limbs in wrong places or wear thick clothes; {MARK_JOINTS}"
+            f"have limbs in wrong places or wear clothes, which clothed=True expects; {MARK_JOINTS}"
         )
     if quality.betas > LARGEST_BETA:
         reasons.append(
@@ -198,7 +218,7 @@ def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_know
     quality = _measure(search, fitted, vertices, likelihood)
     doubts, limb_doubts = find_doubts(quality)
     # If it does not look like a body, nothing is said about its parts.
-    is_body = min(quality.near - LEAST_NEAR, likelihood - LEAST_LIKELIHOOD) >= 0
+    is_body = quality.near >= LEAST_NEAR and likelihood >= quality.least_likelihood
     doubts += _landmark_doubts(body, fit.pose, scan.landmarks)
     if doubts and not unit_is_known:
         doubts = [*_other_units(whole, background), *doubts]
@@ -235,6 +255,29 @@ def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_know
     )
 
 
+def judge_beneath(verdict: Verdict, search: Search, beneath: BodyBeneath) -> Verdict:
+    """Return the verdict about the body beneath clothes, from that about the dressed one."""
+    model, fit = search.body.model, beneath.fit
+    places, distances = nearest_points(search.scan.whole.points, fit.points, model.faces)
+    message = verdict.message
+    areas = model.template.vertex_areas
+    share = float(areas @ beneath.hidden / areas.sum())
+    if verdict.trusted_vertices.any() and share > LEAST_UNSEEN:
+        hidden = np.flatnonzero(search.body.parts.shares(~beneath.hidden) < 0.5)
+        parts = [search.body.parts.names[joint] for joint in hidden]
+        # Soles touch the floor, so that little is known about toes.
+        parts = [name for name in parts if not name.endswith("toes")]
+        message = join_reasons([*([message] if message else []), say_hidden(parts, share)])
+    return replace(
+        verdict,
+        trusted_vertices=verdict.trusted_vertices & ~beneath.hidden,
+        message=message,
+        matched=verdict.matched & (fit.matches.distances < MATCHED_METRES),
+        correspondence=places,
+        distances=distances,
+    )
+
+
 def _find_excess(
     search: Search,
     points: Array,
@@ -259,19 +302,25 @@ def _measure(
     some = scan.points[even_points(scan.points, N_JUDGED)]
     some = some[~find_hair(body, fit.model_points, some)]
     _, gaps = nearest_points(some, fit.points, model.faces)
-    _, model_distances = nearest_points(some, fit.model_points, model.faces)
+    places, model_distances = nearest_points(some, fit.model_points, model.faces)
+    bare = None
+    if scan.clothed:
+        on_bare = body.parts.bare_ends[model.faces[places.triangles, 0]]
+        bare = float(np.quantile(model_distances[on_bare], BARE_SHARE)) if on_bare.any() else 0.0
     betas = fit.pose.betas[: model.n_betas]
     shares = body.parts.shares(vertices.matched)
     limb = int(np.argmin(shares))
     return FitQuality(
         likelihood=likelihood,
         margin=find_margin(search),
-        near=float(np.mean(gaps < NEAR_METRES)),
+        near=float(np.mean(gaps < scan.near_metres)),
         betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
         far=float(np.quantile(model_distances, FAR_SHARE)),
         overlap=float(vertices.overlaps.sum() / max(vertices.matched.sum(), 1)),
         limb=part_in_words(body.parts.names[limb]),
         limb_matched=float(shares[limb]),
+        near_metres=scan.near_metres,
+        bare=bare,
     )
 
 

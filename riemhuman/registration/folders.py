@@ -331,6 +331,7 @@ def _identity(registration: ScanRegistration, sequence: bool, keep_axes: bool) -
         _VERSION,
         registration.unit,
         registration.up,
+        registration.clothed,
         registration.settings,
         sequence,
         keep_axes,

@@ -57,6 +57,7 @@ _scans = each(lambda scan, name: scan, "scans, such as a list of them")
     model=instance(BodyModel),
     unit=choice(*UNITS),
     up=choice(*_UP),
+    clothed=flag,
     settings=instance(RegistrationSettings, "RegistrationSettings"),
 )
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class ScanRegistration:
     points then determine its parameters. The surface then departs from the model as far as the
     elastic metric (a, λ, c) = (1, 1, 1) allows, and the model is fitted to it again, twice. If the
     result is not trusted, other starts are tried, and also bodies without legs or without
-    everything above the waist.
+    everything above the waist. With `clothed`, the body beneath the clothes is found last.
 
     Parameters
     ----------
@@ -79,6 +80,10 @@ class ScanRegistration:
         Unit of the scans; by default it is inferred from their sizes.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Up direction in the scans; by default it is inferred from the floor or by trying all six.
+    clothed : bool
+        Whether the scans show people in clothes. The body then lies beneath them: on the scan where
+        it is bare or cloth is tight, elsewhere inside it, as thick as the closest places and the
+        other people whom the model knows suggest. Vertices under loose clothes are not trusted.
     settings : RegistrationSettings
         Where registrations start, and how close they get.
 
@@ -93,6 +98,7 @@ class ScanRegistration:
     model: BodyModel = field(default_factory=load_open_model)
     unit: str | None = None
     up: str | None = None
+    clothed: bool = False
     settings: RegistrationSettings = DEFAULT_SETTINGS
 
     @checked(start=instance(RegisteredScan), trace=flag)
@@ -141,6 +147,7 @@ class ScanRegistration:
         prepared = prepare_scan(
             whole, most_points=self.settings.most_points, up=up, landmarks=known
         )
+        prepared = replace(prepared, clothed=self.clothed)
         task = ScanTask(
             models,
             prepared,
@@ -178,6 +185,11 @@ class ScanRegistration:
     def _models(self) -> ModelAndHalves:
         whole = RegistrationModel(self.model, self.settings)
         _ = whole.poses  # refuses unknown names before a scan is read
+        if self.clothed and not whole.parts.bare.any():
+            raise ArgumentError(
+                "clothed=True needs a model whose joints name the head or the hands, which are "
+                f"bare; found {', '.join(whole.parts.names)}"
+            )
         cuts = (-1, 1) if whole.parts.halves else ()
         return ModelAndHalves(
             whole, [RegistrationModel(self.model, self.settings, cut) for cut in cuts]

@@ -227,4 +227,3 @@ def _zero_crossings(level):
         crossing[:, 0] += shares
         crossings.append(crossing[:, order])
     return np.concatenate(crossings)
-

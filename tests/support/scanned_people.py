@@ -266,7 +266,7 @@ def task_of(registration, points):
     """Return the task of registering a scan whose direction up is said."""
     axes = {None: None, "x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
     up = axes[registration.up]
-    prepared = prepare_scan(as_scan(points), up=up)
+    prepared = replace(prepare_scan(as_scan(points), up=up), clothed=registration.clothed)
     return ScanTask(registration._models, prepared, up is not None, unit_is_known=False)
 
 

@@ -1,0 +1,120 @@
+"""The body beneath clothes: its surface lies inside the scan, or on it where it is bare.
+
+In goes a body that was fitted to a scan as if garments were skin; out comes the likeliest body
+beneath them, and which of its vertices loose cloth hides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from riemhuman.arrays import Array, Booleans
+from riemhuman.kernels.surface import vertex_normals
+from riemhuman.registration._constants import (
+    BARE_METRES,
+    CLOTH_REACH,
+    CLOTHED_PRIOR,
+    CLOTHES_METRES,
+    CLOTHES_SCALE,
+    DENSE_ALONG,
+    DENSE_LONGEST_ROTATION,
+    FIRST_STIFFNESS,
+    LEAST_RELIABLE,
+    MATCH_NORMAL_METRES,
+    N_CLOTHED_STEPS,
+    N_CLOTHES,
+    N_ELASTIC_STEPS,
+    TIGHT_METRES,
+    TOUCHING_CLOTH,
+)
+from riemhuman.registration._dense_fit import DenseTask
+from riemhuman.registration._elastic_step import ElasticFit, fit_elastic, last_stiffness
+from riemhuman.registration._posed_body import Pose, pose_body, take_step
+from riemhuman.surfaces.template import Template
+
+
+@dataclass(frozen=True, eq=False)
+class BodyBeneath:
+    """A body beneath clothes."""
+
+    fit: ElasticFit
+    hidden: Booleans  # (V,) vertices beneath loose clothes
+
+
+def find_body_beneath(task: DenseTask, pose: Pose) -> BodyBeneath:
+    """Return the body beneath the clothes to which a body was fitted as if they were skin."""
+    body, bare = task.body, task.body.parts.bare
+    pose = fit_beneath(task, pose)
+    surface = body.surface(pose)
+    distances = _distances_to_scan(task, surface)
+    last = last_stiffness(task.noise, body.settings.last_stiffness)
+    points, matches = fit_elastic(
+        body.metric,
+        surface,
+        surface,
+        task.scan,
+        np.geomspace(FIRST_STIFFNESS, last, N_ELASTIC_STEPS),
+        visible=task.visible & (bare | (distances < BARE_METRES)),
+    )
+    loose = find_loose(body.model.template, _distances_to_scan(task, points))
+    return BodyBeneath(ElasticFit(pose, surface, points, matches), loose & ~bare)
+
+
+def fit_beneath(task: DenseTask, pose: Pose) -> Pose:
+    """Return the likeliest parameters of a body whose skin lies on or inside its scan.
+
+    Where a part is bare, and where the scan is inside the body, gaps count as they do without
+    clothes. Outside, cloth is at exponentially distributed distances h from the skin, which are
+    alike over large parts: the cost of a gap is N h / τ instead of a square, so that it hardly
+    pulls the body outward, and least where the cloth is farthest, and the prior says the rest.
+    """
+    samples, scan = task.samples, task.scan
+    bare = task.body.parts.bare[samples.numbers]
+    for _ in range(N_CLOTHED_STEPS):
+        posed = pose_body(samples, pose)
+        gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, CLOTHES_SCALE)
+        heights = np.einsum("nx,nx->n", gaps, normals)
+        # The square with this weight touches the cost at the height.
+        outside = CLOTHED_PRIOR * N_CLOTHES / CLOTHES_METRES / np.maximum(heights, TOUCHING_CLOTH)
+        shares = samples.areas * weights * np.where(bare | (heights < 0.0), 1.0, outside)
+        pose = take_step(
+            posed,
+            task.prior,
+            CLOTHED_PRIOR,
+            shares,
+            gaps,
+            normals,
+            DENSE_ALONG,
+            DENSE_LONGEST_ROTATION,
+        )
+    return pose
+
+
+def find_loose(template: Template, distances: Array) -> Booleans:
+    """Return the vertices around which a scan is not near on average; NaN is unknown.
+
+    One near vertex does not tell: loose cloth, too, touches skin in places.
+    """
+    places = np.concatenate(
+        [
+            template.vertices,
+            MATCH_NORMAL_METRES * vertex_normals(template.vertices, template.faces),
+        ],
+        axis=1,
+    )
+    known = np.flatnonzero(np.isfinite(distances))
+    near = cKDTree(places[known]).query_ball_point(places, CLOTH_REACH)
+    means = [distances[known[numbers]].mean() if numbers else np.inf for numbers in near]
+    loose: Booleans = np.array(means) > TIGHT_METRES
+    return loose
+
+
+def _distances_to_scan(task: DenseTask, points: Array) -> Array:
+    """Return how far the scan is from vertices, metres; NaN where it does not match them."""
+    normals = vertex_normals(points, task.body.model.faces)
+    matches = task.scan.match(points, normals, CLOTHES_SCALE)
+    heights = np.abs(np.einsum("nx,nx->n", matches.gaps, matches.normals))
+    return np.where(matches.reliable > LEAST_RELIABLE, heights, np.nan)
