@@ -177,7 +177,7 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
         reasons.append(
             f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more "
             f"than {100 * quality.far:.1f} cm from the model's surface; it may face the wrong way, "
-            f"have limbs in wrong places or wear clothes, which clothed=True expects; {MARK_JOINTS}"
+            f"have limbs in wrong places or wear clothes (then say so); {MARK_JOINTS}"
         )
     if quality.betas > LARGEST_BETA:
         reasons.append(
