@@ -50,6 +50,7 @@ CONDITIONS = {
     "feet and top of the head missing": {"cut": 0.1},
     "half of the points in holes": {"missing": 0.5},
     "clothes, up to 3 cm": {"clothing": 0.03},
+    "these with clothed=True": {"clothing": 0.03, "clothed": True},
 }
 LANDMARKS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle", "head")
 
@@ -122,11 +123,12 @@ def test_what_scans_cost(benchmark, registration):
     for name, options in CONDITIONS.items():
         chosen = dict(options)
         landmarks, cut = chosen.pop("landmarks", False), chosen.pop("cut", 0.0)
+        chosen_registration = replace(registration, clothed=chosen.pop("clothed", False))
         n_strays = chosen.pop("n_strays", 0)
         numbers = range(3, 3 + N_PEOPLE * 10, 13)
         scans = scans_of(bodies_to_scan(model, SEED + 1), model.faces, SEED, numbers, **chosen)
         scans = [changed(scan, cut, n_strays) for *_, scan in scans]
-        found = [solved(registration, scan, landmarks, benchmark) for scan in scans]
+        found = [solved(chosen_registration, scan, landmarks, benchmark) for scan in scans]
         means = np.array([errors.mean() for _, errors, _ in found])
         trusted = np.array([result.trusted for result, _, _ in found])
         assert not np.any(trusted & (means > FAR))

@@ -28,7 +28,7 @@ def fitted(bodies, monkeypatch):
     given = {}
 
     def solve(self, scan, *, landmarks=None):
-        given.update(landmarks or {}, scan=scan)
+        given.update(landmarks or {}, scan=scan, clothed=self.clothed)
         count = len(scan)
         return SimpleNamespace(
             trusted=given.get("trusted", True), message="no body", unit="millimetres",
@@ -55,6 +55,13 @@ def test_bodies_are_written_upright_or_where_the_scans_are(run, scan, fitted, bo
     finished = run("register", scan, "-o", tmp_path / "body.ply", *options)
     assert "2.0 mm from the scan in the median, 100 % of the body seen" in finished.out
     np.testing.assert_allclose(rh.load_mesh(tmp_path / "body.ply")[0], bodies.points[3], atol=1e-6)
+
+
+@pytest.mark.parametrize("clothed", [False, True])
+def test_people_in_clothes_are_registered_as_such(run, scan, fitted, tmp_path, clothed):
+    options = ("--coarse", *(["--clothed"] if clothed else []))
+    assert run("register", scan, "-o", tmp_path / "body.ply", *options).code == 0
+    assert fitted["clothed"] is clothed
 
 
 def test_untrusted_bodies_are_written_on_request(run, scan, fitted, tmp_path):
