@@ -96,7 +96,8 @@ class RegisteredScan:
         in doubt: a forearm or the head turned differently, another pose of a hand, or exchanged
         arms fit the scan almost as well; no pose of a hand fits; or hands hide each other's
         fingers. False also for vertices beneath loose clothes, if the scan was said to show them
-        (`ScanRegistration.clothed`). If the body is not trusted, all are False, unless only a limb is in doubt.
+        (`ScanRegistration.clothed`). If the body is not trusted, all are False, unless only a limb
+        is in doubt.
     message : str
         The checks that failed, limbs in doubt, and parts that the scan does not show.
     likelihood : float
