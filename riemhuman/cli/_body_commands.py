@@ -212,17 +212,11 @@ def _components(options: argparse.Namespace) -> cli.Answer:
     "motion.html, a page that plays them, or one file.",
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
     "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
-    "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
+    "  riemhuman transfer run_*.obj --onto ben.ply -o run_of_ben.npz\n"
     "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
     cli.FILES,
     cli.mesh_option("--onto", "MESH", "body to move", required=True),
     inputs.MOTION_OUTPUT,
-    cli.choice(
-        "--axes",
-        "axes about which triangles rotate: those of the world, or those of the body, if it is "
-        "not in the pose of the first mesh",
-        *("world", "body"),
-    ),
     cli.choice("--transfer", "replay changes since the first mesh, or poses", "change", "pose"),
     cli.UNIT,
 )
@@ -233,7 +227,7 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     files, onto = surfaces.files[:-1], surfaces.files[-1]
     space = rh.AlignedSurfaces(surfaces.template, equip=False, scale=None)
     with options.task(f"Transfer of {counted(len(files), 'mesh', 'meshes')}"):
-        solver = rh.solvers.MotionTransfer(options.axes, options.transfer)
+        solver = rh.solvers.MotionTransfer(options.transfer)
         recorded = surfaces[: len(files)]
         with tqdm(recorded, disable=not options.bars, unit="mesh") as meshes:
             moved = solver.solve(space, meshes, surfaces[len(files)])
@@ -241,8 +235,12 @@ def _transfer(options: argparse.Namespace) -> cli.Answer:
     replayed = counted(len(files), "mesh", "meshes")
     description = f"{replayed}, {files[0].name} to {files[-1].name}, replayed on {onto.name}."
     inputs.write_path(options, moved, surfaces.faces, "Motion", description)
-    record = {"files": files, "onto": onto, "axes": options.axes}
-    record |= {"transfer": options.transfer, "n_frames": len(moved)}
+    record = {
+        "files": files,
+        "onto": onto,
+        "transfer": options.transfer,
+        "n_frames": len(moved),
+    }
     return cli.Answer({"meshes": len(moved)}, record)
 
 

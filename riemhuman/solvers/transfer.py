@@ -47,7 +47,6 @@ from riemhuman.solvers.results import Result, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.measures import triangle_areas
 
-AXES = ("world", "body")
 TRANSFERS = ("change", "pose")
 
 # Vertices that have moved by less, in metres, are at rest, as planted feet are.
@@ -73,7 +72,7 @@ _BONE_SMOOTHING = 10.0
 _STRAIN_OF_BENDS = 0.37
 
 
-@checked(axes=choice(*AXES), transfer=choice(*TRANSFERS))
+@checked(transfer=choice(*TRANSFERS))
 @dataclass(frozen=True)
 class MotionTransfer:
     """A motion of one body replayed on another.
@@ -85,14 +84,10 @@ class MotionTransfer:
 
     Parameters
     ----------
-    axes : str
-        "world": triangles of both bodies rotate about the same axes in space, which is right if the
-        target is in the pose of the source. "body": the rotation between the source's and the
-        target's triangles is applied to the axes, for a target in another pose.
     transfer : str
-        "change": the target repeats the changes of the source since the reference. "pose": the
-        target takes the pose of the source in every frame, whatever its own initial pose; `axes`
-        must then be "world".
+        "change": the target repeats the changes of the source since the reference, about the same
+        axes in space. "pose": the target takes the pose of the source in every frame, whatever its
+        own initial pose.
 
     Examples
     --------
@@ -103,15 +98,7 @@ class MotionTransfer:
     (3, 1202, 3)
     """
 
-    axes: str = "world"
     transfer: str = "change"
-
-    def __post_init__(self) -> None:
-        if self.transfer == "pose" and self.axes == "body":
-            raise ArgumentError(
-                'axes must be "world" if transfer="pose"; found "body", which is for transferring '
-                "changes"
-            )
 
     def solve(
         self,
@@ -154,7 +141,7 @@ class MotionTransfer:
                 return poses.solve(target, frame)
 
         else:
-            changes = _ChangeTransfer(space, source, target, self.axes)
+            changes = _ChangeTransfer(space, source, target)
             start = target
 
             def replay(frame: Array) -> Array:
@@ -202,7 +189,7 @@ class ShapeTransfer:
         before = _one_surface(space, before, "before")
         after = _one_surface(space, after, "after")
         target = _one_surface(space, target, "target")
-        return _ChangeTransfer(space, before, target, "body").solve(after, target)
+        return _ChangeTransfer(space, before, target, turned=True).solve(after, target)
 
 
 @dataclass(frozen=True, repr=False)
@@ -420,15 +407,21 @@ def _in_span(basis: DeformationBasis, origin: Points, surface: Points) -> Points
 
 
 class _ChangeTransfer:
-    """Deformations of a reference, transferred to a target."""
+    """Deformations of a reference, transferred to a target.
 
-    def __init__(self, space: SurfaceSpace, reference: Array, target: Array, axes: str) -> None:
+    Their axes are those of the world or, for a target in another pose, turn from the triangles of
+    the reference to those of the target.
+    """
+
+    def __init__(
+        self, space: SurfaceSpace, reference: Array, target: Array, *, turned: bool = False
+    ) -> None:
         self._operator = space.template.differential_operator
         self._interpolator = space.template.interpolator
         self._frames = triangle_frames(reference, self._operator)
         self._target_frames = triangle_frames(target, self._operator)
         self._axes = None
-        if axes == "body":
+        if turned:
             gradients = deformation_gradients(self._frames, self._target_frames)
             self._axes = nearest_rotations(gradients)
 

@@ -188,7 +188,7 @@ def test_motion_transfer(benchmark):
         f"{ratios[:, 1].max():.2f}"
     )
     benchmark.pedantic(MotionTransfer().solve, (space, seen, true_frames[0]), rounds=1)
-    # If nothing at rest stayed there, the mean would be 0.79; about the axes of the body, 0.87.
+    # If nothing at rest stayed there, the mean would be 0.79.
     # Before the people of the open motions had builds of ANSUR II, it was 0.31: pairs differed by
     # up to 0.29 m in stature, now 0.12 m, so offsets erred by 17.9 mm, now by 10.7; the transfer
     # erred by 5.5 mm, now by 7.0.
