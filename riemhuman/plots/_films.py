@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Points, Triangles
@@ -16,6 +17,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_bytes
 from riemhuman.optional import import_optional
 from riemhuman.plots._ground_picture import Ground
+from riemhuman.plots.figures import written
 from riemhuman.plots.rendering import render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.windows import View, Window
@@ -30,7 +32,6 @@ _MOST_LOOKED_AT = 48  # number of a body's frames used to frame the picture
 _MOST_BODIES = 8
 _N_COLORS = 256  # of a GIF
 _QUALITY = "18"  # of H.264: smaller is better; 18 is hard to tell from the original
-_INK = (60, 66, 74)
 _PAPER = 255  # white
 
 
@@ -173,15 +174,21 @@ def _on_paper(parts: Sequence[Array], labels: Sequence[str], time: str) -> Image
     opacity = row[..., 3:] / 255
     flat = np.round(row[..., :3] * opacity + _PAPER * (1 - opacity)).astype(np.uint8)
     picture = Image.fromarray(flat)
-    draw = ImageDraw.Draw(picture)
-    size = max(10, picture.height // 30)
-    font = ImageFont.load_default(size)
+    size = picture.height // 20
     left = 0
     for part, label in zip(parts, labels, strict=True):
-        draw.text((left + part.shape[1] / 2, picture.height - 2), label, _INK, font, anchor="mb")
+        text = _text(label, size)
+        middle = left + part.shape[1] // 2
+        picture.paste(text, (middle - text.width // 2, picture.height - text.height - 2), text)
         left += part.shape[1]
-    draw.text((size / 2, size / 2), time, _INK, font)
+    clock = _text(time, size)
+    picture.paste(clock, (size // 2, size // 2), clock)
     return picture
+
+
+@cache
+def _text(text: str, size: int) -> Image.Image:
+    return Image.fromarray(written(text, size))
 
 
 def _gif(pictures: Iterator[Image.Image], rate: int) -> bytes:

@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from colorsys import hls_to_rgb
 from contextlib import contextmanager
 from importlib.resources import files
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+import PIL.Image
+from PIL import ImageDraw, ImageFont
 
-from riemhuman.arrays import Array, ArrayLike
+from riemhuman.arrays import Array, ArrayLike, Image
 from riemhuman.checks import check_instance
 from riemhuman.errors import warn
 from riemhuman.io.files import atomic_file, file_path
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _INK = "#1d2025"  # of report.mplstyle; the colour of the theme replaces it
+_QUIET_INK = "#3c424a"  # of names below bodies
 _THEME = (
     "<style>:root{color:#1d2025}@media(prefers-color-scheme:dark){:root{color:#e7e8ea}}</style>"
 )
@@ -132,6 +136,30 @@ def use_fonts_of_names(figure: Figure) -> None:
             "such as Noto Sans CJK for Chinese, Japanese and Korean names",
             UserWarning,
         )
+
+
+def written(text: str, pixels: int) -> Image:
+    """Return one line of text in grey, by its height in pixels.
+
+    With matplotlib, it is in fonts that have its letters, otherwise in Pillow's, which has Latin
+    ones.
+    """
+    if find_spec("matplotlib") is None:
+        font = ImageFont.load_default(0.8 * pixels)
+        picture = PIL.Image.new("RGBA", (round(font.getlength(text)) + 2, pixels))
+        ImageDraw.Draw(picture).text((1, 0), text, _QUIET_INK, font)
+        return np.array(picture)
+    figure = import_matplotlib("figure").Figure(dpi=72, facecolor="none")
+    line = figure.text(0, 0, text, fontsize=0.8 * pixels, color=_QUIET_INK, parse_math=False)
+    use_fonts_of_names(figure)
+    canvas = import_matplotlib("backends.backend_agg").FigureCanvasAgg(figure)
+    with catch_warnings():
+        simplefilter("ignore", UserWarning)  # of each missing character
+        box = line.get_window_extent(canvas.get_renderer())
+        figure.set_size_inches(np.ceil(box.width + 2) / 72, pixels / 72)
+        line.set_position((-box.x0 / (box.width + 2), 0.25))  # the baseline of all texts
+        canvas.draw()
+    return np.array(canvas.buffer_rgba())
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:

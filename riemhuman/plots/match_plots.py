@@ -99,7 +99,7 @@ def plot_match(
             window = replace(windows[column], width=width, height=height)
             ax.imshow(_picture(result, points, point_colors, window, view))
             ax.set_axis_off()
-            ax.set_title(plain(f"{titles[column]}, {side}"), fontsize=9)
+            ax.set_title(plain(f"{titles[column]}, {side}"), fontsize=12)
     return figure
 
 

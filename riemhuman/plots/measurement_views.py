@@ -41,7 +41,7 @@ _POSES = ("standard", "as is")
 _MEASUREMENTS = instance(Measurements, "a Measurements(...)")
 _VIEWS = tuple(View(azimuth, 4.0) for azimuth in (0.0, 90.0, 180.0))
 # The figure of all measurements: columns of pictures, their size and the height of a table's row.
-_COLUMNS = 4
+_COLUMNS = 2
 _PICTURE_WIDTH = 3.1  # inches
 _PICTURE_HEIGHT = 3.9
 _ROW_INCHES = 0.155

@@ -36,7 +36,7 @@ from riemhuman.plots._depth import draw_triangles, shares_at
 from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._ground_picture import Ground, window_of
 from riemhuman.plots._occlusion import shade_of
-from riemhuman.plots.figures import SKIN
+from riemhuman.plots.figures import SKIN, written
 from riemhuman.plots.windows import (
     View,
     Window,
@@ -374,10 +374,12 @@ def strip_picture(
     height: int = _STRIP_HEIGHT,
     *,
     ground: float | None = None,
+    names: Sequence[str] | None = None,
 ) -> Image:
     """Draw at most eight surfaces side by side at one scale, evenly chosen from more.
 
-    Each stands on its own ground, or all of a motion on one at a height.
+    Their names are written below them. Each stands on its own ground, or all of a motion on one at
+    a height.
     """
     n_surfaces = len(surfaces)
     view = View()
@@ -404,7 +406,22 @@ def strip_picture(
         for number, surface, window, floor in zip(numbers, strip, windows, floors, strict=True):
             color = np.asarray(SKIN if colors is None else colors[number])
             pictures.append(drawn(surface, faces, height, view, window, color, floor))
+    if names is not None and any(names):
+        pictures = [
+            _named(picture, names[number])
+            for number, picture in zip(numbers, pictures, strict=True)
+        ]
     return np.concatenate(pictures, axis=1)
+
+
+def _named(picture: Image, name: str) -> Image:
+    """Return a picture with a name below it, cut to its width."""
+    height, width = picture.shape[:2]
+    text = written(name, height // 20)[:, :width]
+    below = np.zeros((height // 16, width, 4), dtype=np.uint8)
+    left = (width - text.shape[1]) // 2
+    below[: len(text), left : left + text.shape[1]] = text
+    return np.concatenate([picture, below])
 
 
 def surfaces_html(

@@ -316,7 +316,8 @@ class Viewer:
             return strip_picture(surfaces, self.faces, colors, height, ground=body.ground)
         surfaces = [body.surface(len(body.frames) // 2) for body in bodies]
         colors = [body.colors(self.faces) for body in bodies]
-        return strip_picture(surfaces, self.faces, colors, height)
+        names = [body.label for body in bodies]
+        return strip_picture(surfaces, self.faces, colors, height, names=names)
 
 
 def _parts_of(faces: Triangles) -> Mapping[str, Integers]:

@@ -6,13 +6,14 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 from cases import sphere_template, surfaces
 from page_data import data_of, inflated, unpacked
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.plots import ViewedBody, Viewer, view_bodies, view_path
+from riemhuman.plots import ViewedBody, Viewer, figures, view_bodies, view_path
 from riemhuman.plots.standing import on_the_ground
 from riemhuman.plots.viewed_bodies import body_record
 from riemhuman.plots.viewer import page_scripts
@@ -190,3 +191,19 @@ def test_long_recordings_are_shown_at_fewer_frames_a_second():
     assert (len(body.frames), viewer.frames_per_second) == (2501, 30.0)
     np.testing.assert_array_equal(body.frames.pose_vectors, poses[::4])
     assert "Showing one in 4 frames." in viewer.page()
+
+
+@pytest.mark.parametrize("has_matplotlib", [True, False])
+def test_pictures_write_the_names_of_several_bodies(tmp_path, monkeypatch, has_matplotlib):
+    if not has_matplotlib:
+        monkeypatch.setattr(figures, "find_spec", lambda _: None)
+    pictures = []
+    for names in (["", ""], ["Anna", "Gyöngyi"]):
+        view_bodies(PATH[:2], TEMPLATE.faces, names).save(tmp_path / "two.png")
+        pictures.append(np.asarray(PIL.Image.open(tmp_path / "two.png")))
+    without, named = pictures
+    np.testing.assert_array_equal(named[: len(without)], without)
+    half = named.shape[1] // 2
+    below = named[len(without) :, :, 3] > 0
+    assert below[:, :half].any()
+    assert below[:, half:].sum() > below[:, :half].sum()
