@@ -170,10 +170,10 @@ def _scan_over_body(scan: Path, body: Path, options: argparse.Namespace) -> View
 @cli.command(
     "info",
     "Describes what other commands read: a mesh (PLY, OBJ, OFF, STL, GLB), a scan (also XYZ,\n"
-    "NPY), a folder of meshes or of motions, an .npz file (basis, body model, distances, path\n"
-    "or other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
-    "(without running it), an HDF5 file of Dynamic FAUST or a recording (BVH, Acclaim, TRC,\n"
-    "C3D, .smpl, or of methods that track people in videos), with the fields that are used and\n"
+    "NPY), a folder of meshes or of motions, an .npz file (body model, recording, or any\n"
+    "arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle (without\n"
+    "running it), an HDF5 file of Dynamic FAUST or a recording (BVH, Acclaim, TRC, C3D, .smpl,\n"
+    "or of methods that track people in videos), with the fields that are used and\n"
     "those that are ignored.",
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
@@ -372,38 +372,14 @@ def _folder_facts(folder: Path) -> JSONRecord:
 def _npz_facts(file: Path) -> JSONRecord:
     from riemhuman.io.arrays import array_shapes
 
-    every_name, shapes = array_shapes(file, ("path", "faces"))
-    names = set(every_name)
+    names = set(array_shapes(file, ())[0])
     if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
         return {"kind": "motion of AMASS", **_times(motion), **_fields_of_recording(file)}
-    if {"vectors", "format_version"} <= names:
-        basis = rh.DeformationBasis.load(file)
-        ratio = basis.explained_variance_ratio
-        return {
-            "kind": "basis of deformations",
-            "deformations": basis.n_components,
-            "vertices": basis.n_vertices,
-            "explained_variance": None if ratio is None else ratio.sum(),
-        }
     if {"v_template", "shapedirs"} <= names:
         return _model_facts(file)
-    if {"to_model_triangles", "template", "registered"} <= names:
-        return _map_facts(file)
     if "pred_vertices" in names:
         return _photograph_facts(file, names)
-    if {"distances", "names"} <= names:
-        arrays = rh.io.load_arrays(file, ("distances", "names"), ("metric",))
-        return {
-            "kind": "distance matrix",
-            "names": len(arrays["names"]),
-            "metric": str(arrays["metric"]) if "metric" in arrays else None,
-            "largest": arrays["distances"].max(initial=0.0),
-        }
-    if len(shapes) == 2 and len(shapes["path"]) == 3 and shapes["faces"]:
-        n_times, n_vertices = shapes["path"][:2]
-        sizes = {"times": n_times, "vertices": n_vertices, "triangles": shapes["faces"][0]}
-        return {"kind": "path", **sizes}
     from riemhuman.mocap.recordings import POSE_FIELDS
 
     if names & POSE_FIELDS:
@@ -422,16 +398,6 @@ def _array_facts(file: Path) -> JSONRecord:
     facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
     n_others = len(every_name) - len(headers)
     return facts | ({"others": f"{n_others:,} more arrays"} if n_others else {})
-
-
-def _map_facts(file: Path) -> JSONRecord:
-    from riemhuman.io.arrays import array_shapes
-
-    shapes = array_shapes(file, ("template", "registered"))[1]
-    if not (shapes["template"] and shapes["registered"]):
-        raise FileFormatError(f"{file} holds no map between topologies: its surfaces are no arrays")
-    counts = {"vertices": shapes["template"][0], "model_vertices": shapes["registered"][0]}
-    return {"kind": "map between topologies", **counts}
 
 
 def _photograph_facts(file: Path, names: set[str]) -> JSONRecord:

@@ -108,8 +108,7 @@ def test_motions_change_their_format(run, refused, tmp_path):
     assert "must be a motion" in said
 
 
-def test_info_knows_maps_and_photographs(a_map, bodies, run, refused, tmp_path):
-    assert "map between topologies" in run("info", a_map).out
+def test_info_knows_photographs(bodies, run, refused, tmp_path):
     rh.io.save_arrays(tmp_path / "photograph.npz", {"pred_vertices": bodies[0]})
     said = run("info", tmp_path / "photograph.npz").out
     assert "SAM 3D Body" in said

@@ -17,7 +17,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.io import save_arrays, save_mesh
 from riemhuman.measurements import Measurements
 from riemhuman.registration import simulated_scan
-from riemhuman.surfaces import DeformationBasis, signed_volume
+from riemhuman.surfaces import signed_volume
 
 
 @pytest.fixture
@@ -91,9 +91,6 @@ def test_folder(facts, scans, bodies, tmp_path):
 
 
 def test_archives(facts, bodies, tmp_path):
-    DeformationBasis.from_laplacian(bodies.template, 6).save(tmp_path / "basis.npz")
-    found = facts(tmp_path / "basis.npz")
-    assert (found["kind"], found["deformations"]) == ("basis of deformations", 6)
     load_open_model("coarse").save(tmp_path / "model.npz")
     found = facts(tmp_path / "model.npz")
     assert (found["kind"], found["vertices"]) == ("body model", 1202)
@@ -103,11 +100,6 @@ def test_archives(facts, bodies, tmp_path):
     with np.load(tmp_path / "model.npz") as saved:
         np.savez(tmp_path / "hands.npz", **saved, hands_meanl=np.zeros(45))
     assert "components of the hands" in facts(tmp_path / "hands.npz")["left_out"]
-    np.savez(tmp_path / "D.npz", distances=7.0 * np.eye(6), names=np.array([*"abcdef"]))
-    found = facts(tmp_path / "D.npz")
-    assert (found["kind"], found["names"], found["largest"]) == ("distance matrix", 6, 7.0)
-    np.savez(tmp_path / "path.npz", path=bodies.points[:3], faces=bodies.template.faces)
-    assert facts(tmp_path / "path.npz")["times"] == 3
     np.savez(tmp_path / "other.npz", some=np.zeros((2, 3)))
     assert facts(tmp_path / "other.npz")["some"] == "float64 (2, 3)"
 
