@@ -34,8 +34,6 @@ _N_NEAR = 8
 _N_ROUNDS = 8
 # Separate parts with a smaller share of the area are no limbs: eyeballs, teeth, nails.
 _SMALL_PART = 0.02
-# Estimates of a place from several bodies that are farther from their median are left out, metres.
-_FARTHEST_ESTIMATE = 0.03
 # Known vertices that carry a part without counterpart.
 _N_ANCHORS = 60
 
@@ -264,34 +262,6 @@ def place_vertices(
     along = unit_vectors(np.einsum("nk,nkx->nx", places.barycentric, normals[corners]))
     heights = np.einsum("nx,nx->n", target - points, along)
     return SurfacePoints(numbers[places.triangles], places.barycentric), heights, distances
-
-
-def mean_surface(
-    points: Array, faces: Triangles, surfaces: Sequence[Array], model_faces: Triangles
-) -> Array:
-    """Return the model's surface on the first body: the mean of its places on all bodies."""
-    first = surfaces[0]
-    if len(surfaces) == 1:
-        return first
-    everywhere = np.ones(points.shape[1], dtype=bool)
-    normals = vertex_normals(points[0], faces)
-    estimates = []
-    for body, surface in zip(points, surfaces, strict=True):
-        places, heights, gaps = place_vertices(surface, model_faces, body, faces, everywhere)
-        corners = faces[places.triangles]
-        along = unit_vectors(np.einsum("nk,nkx->nx", places.barycentric, normals[corners]))
-        moved = np.einsum("nk,nkx->nx", places.barycentric, points[0][corners])
-        moved += heights[:, np.newaxis] * along
-        moved[gaps > _FARTHEST_ESTIMATE] = np.nan
-        estimates.append(moved)
-    stacked = np.stack([first, *estimates[1:]])
-    middle = np.nanmedian(stacked, axis=0)
-    gaps = np.linalg.norm(stacked - middle, axis=2)
-    chosen = np.nan_to_num(gaps, nan=np.inf) < _FARTHEST_ESTIMATE
-    chosen[0] |= ~chosen.any(axis=0)
-    weights = chosen / chosen.sum(axis=0)
-    mean: Array = np.einsum("kn,knx->nx", weights, np.nan_to_num(stacked))
-    return mean
 
 
 def find_without_counterpart(vertices: Array, faces: Triangles, distances: Array) -> Booleans:

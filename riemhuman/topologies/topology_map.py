@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -60,7 +59,6 @@ from riemhuman.topologies._vertex_places import (
     filled_parts,
     find_without_counterpart,
     joined_components,
-    mean_surface,
     place_vertices,
 )
 
@@ -102,10 +100,10 @@ class TopologyMap:
     height along the interpolated normal, which rotates and scales with the triangles around it.
     From a coarser mesh, whose flat triangles miss the body, and between symmetric meshes, each
     vertex is a weighted mean of the vertices around its place, with weights learned from simulated
-    people of the model. A map is computed once, by registration of one or several bodies of the
-    other topology, and then takes milliseconds per body. On simulated people with another mesh, the
-    mean error for other people in other poses is at most 3 mm, and for mapping there and back, even
-    through the coarse model, at most 1 mm (tests/topologies/test_topology_map.py asserts it).
+    people of the model. A map is computed once, by registration of a body of the other topology,
+    and then takes milliseconds per body. On simulated people with another mesh, the mean error for
+    other people in other poses is at most 3 mm, and for mapping there and back, even through the
+    coarse model, at most 1 mm (tests/topologies/test_topology_map.py asserts it).
 
     Use it to convert existing bodies. To generate and pose new bodies, use `transfer_model`, which
     creates a body model of the other topology, with skinning weights and shape directions.
@@ -160,52 +158,47 @@ class TopologyMap:
         ----------
         template : path, Template, mesh, array_like or pair
             A body of the other topology in any pose and any axes, metres: a file, a mesh, or
-            vertices and triangles. The places on several bodies, shape (n, V, 3), are averaged:
-            on simulated people, that was no more accurate than one body.
+            vertices and triangles.
         model : BodyModel, optional
             By default the open model at full resolution.
         faces : array_like of int, shape (F, 3), optional
             Triangles, if `template` is an array of vertices only.
         up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-            Axis that points up in the bodies, which are turned upright. By default it is found from
-            the feet of the first body or, if that is ambiguous, by registration.
+            Axis that points up in the body, which is turned upright. By default it is found from
+            its feet or, if that is ambiguous, by registration.
 
         Raises
         ------
         ArgumentError
-            If triangles face inward, as those of a mirrored body do; if the bodies are not in
-            metres; or if the registration of a body is not trusted.
+            If triangles face inward, as those of a mirrored body do; if the body is not in metres;
+            or if its registration is not trusted.
         FileFormatError
             The same for a file.
         """
         model = load_open_model() if model is None else model
-        points, triangles = _bodies_and_faces(template, faces)
+        body, triangles = _body_and_faces(template, faces)
         name = "template"
         error: type[Exception] = ArgumentError
         if isinstance(template, (str, os.PathLike)):
             name, error = os.fspath(template), FileFormatError
-        _check_bodies(
-            points[0] if len(points) == 1 else points,
-            triangles,
-            name,
-            model.template.vertices,
-            error,
-        )
-        points = turn_upright(points, up=up or standing_axis(points[0], triangles))
+        _check_bodies(body, triangles, name, model.template.vertices, error)
+        body = turn_upright(body, up=up or standing_axis(body, triangles))
+        reference = _rounded(body)
         dense, kept = _dense_model(model)
         with single_threaded_libraries():
-            results = _registered_bodies(points, triangles, dense, name, error)
-            surfaces = [_smoothed_surface(result, dense) for result in results]
-            registered = _rounded(mean_surface(points, triangles, surfaces, dense.faces))
-            reference = _rounded(points[0])
+            result = _register(body, triangles, dense)
+            if not result.trusted:
+                raise error(
+                    f"{name} must be a body to which the model can be registered; found that "
+                    f"{result.message}"
+                )
+            message = result.message
+            registered = _rounded(_smoothed_surface(result, dense))
             images = find_images(reference, triangles, registered, dense)
             if images is not None:
                 registered = _rounded(
                     symmetric_places(reference, triangles, registered, dense.faces, images)
                 )
-            message = "; ".join(
-                dict.fromkeys(result.message for result in results if result.message)
-            )
             fine = cls._from_surfaces(dense, reference, triangles, registered, message)
             if dense is model and images is not None:
                 return fine._symmetric(images)
@@ -616,22 +609,11 @@ def _applied(places: VertexPlaces, surfaces: Array) -> Array:
     return np.array(mapped).reshape(*lead, len(places.heights), 3)
 
 
-def _bodies_and_faces(template: object, faces: ArrayLike | None) -> tuple[Array, Triangles]:
-    """Return bodies, shape (n, V, 3), and their triangles."""
+def _body_and_faces(template: object, faces: ArrayLike | None) -> tuple[Array, Triangles]:
+    """Return a body and its triangles."""
     if isinstance(template, (str, os.PathLike)):
-        points, triangles = load_mesh(template)
-        return points[np.newaxis], triangles
-    if faces is None and isinstance(template, tuple) and len(template) == 2:
-        template, faces = template
-    if faces is None:
-        points, triangles = as_arrays(template)
-        return points[np.newaxis], triangles
-    surfaces = real_array(template, "template", ("n_vertices", 3))
-    surfaces = surfaces.reshape(math.prod(surfaces.shape[:-2]), *surfaces.shape[-2:])
-    if not len(surfaces):
-        raise ArgumentError("template must hold at least one body; found none")
-    _, triangles = check_mesh(surfaces[0], faces)
-    return surfaces, triangles
+        return load_mesh(template)
+    return as_arrays(template) if faces is None else check_mesh(template, faces)
 
 
 def _check_bodies(
@@ -682,27 +664,6 @@ def _register(body: Array, faces: Triangles, model: BodyModel) -> RegisteredScan
     while len(points) < _FEWEST_VERTICES:
         points, triangles = split_triangles(points, triangles)
     return ScanRegistration(model, unit="metres").solve((points, triangles))
-
-
-def _registered_bodies(
-    points: Array,
-    faces: Triangles,
-    model: BodyModel,
-    name: str,
-    error: type[Exception],
-) -> list[RegisteredScan]:
-    """Return the registrations of all bodies; refuse those that are not trusted."""
-    results = []
-    for number, body in enumerate(points):
-        result = _register(body, faces, model)
-        if not result.trusted:
-            place = name if len(points) == 1 else f"{name}[{number}]"
-            raise error(
-                f"{place} must be a body to which the model can be registered; found that "
-                f"{result.message}"
-            )
-        results.append(result)
-    return results
 
 
 def _smoothed_surface(result: RegisteredScan, model: BodyModel) -> Array:
