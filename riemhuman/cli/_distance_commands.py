@@ -179,7 +179,7 @@ def _note_scale(options: argparse.Namespace, are_scans: bool) -> None:
         lambda template: inputs.chosen_metric(options, template, are_scans=are_scans)
     )
     terminal.note(
-        "the unit is the metre (the root of an area, not a gap between surfaces); for comparison: "
+        "in metres (square root of an area, not a gap between surfaces); for comparison: "
         f"same person, another pose ≈ {usual.one_person:.3f}; another person, same pose ≈ "
         f"{usual.two_people:.3f} (open bodies)"
     )

@@ -299,8 +299,8 @@ class ElasticMetric(SurfaceMetric):
 
     Equations 3 to 5 of the paper. (a, λ, c) = (1, 1e-4, 0) distinguishes people, (0, 0, 1) poses.
     At λ = 1e-4 the distance between metric fields saturates: a triangle counts in full once it is
-    stretched 9 % more in one direction than in the perpendicular one. The metric then measures,
-    roughly, how much of the surface has changed, which is less between poses of one person than
+    stretched 9 % more in one direction than in the perpendicular one. The metric then measures
+    roughly the share of the surface that changed, which is smaller between poses of one person than
     between people. Distances at λ = 1 measure how strongly it has changed.
 
     Parameters

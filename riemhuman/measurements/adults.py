@@ -154,7 +154,7 @@ def _check_together(given: Mapping[str, float], sex: str) -> None:
     j, k = np.unravel_index(best.argmax(), best.shape)
     units = units_of_measurements()
     raise ArgumentError(
-        f"hardly anybody has both: {names[j]} of {values[j]:g} {units[names[j]]}, and {names[k]} "
+        f"almost nobody has both: {names[j]} of {values[j]:g} {units[names[j]]}, and {names[k]} "
         f"of {values[k]:g} {units[names[k]]}; check the values and their units"
     )
 

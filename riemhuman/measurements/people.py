@@ -67,9 +67,9 @@ class PersonDistance:
 
     @property
     def text(self) -> str:
-        """What to say about bodies that hardly belong to the same person, after "they are"."""
+        """What to say about bodies that probably show two people, after "they are"."""
         return (
-            "hardly the same person: their shape distance is "
+            "probably not the same person: their shape distance is "
             f"{self.distance:.2g} m; typical are {self.usual.one_person:.2g} m for one person in "
             f"two poses and {self.usual.two_people:.2g} m for two people (open bodies)"
         )

@@ -101,7 +101,7 @@ def implausible_groups(
         if max(in_direction for in_direction, _ in shares) < _RARE_DIRECTION:
             found.append(group)
         elif max(in_any for _, in_any in shares) < _RARE:
-            found.append(replace(group, reason=f"hardly any adult has such {group.name}"))
+            found.append(replace(group, reason=f"almost no adult has such {group.name}"))
     return found
 
 

@@ -360,11 +360,11 @@ def _population(subject: SheetSubject, values: SheetValues, units: str) -> str:
         )
     limit = largest_body_mass_index(subject.sex)
     return (
-        f"A percentile (pctl.) of 24 means that 24 of 100 {people} of this stature measure less; "
-        f"for the stature itself, of all {people.rstrip(',')}. The darker part of a bar is the "
+        f"A percentile (pctl.) of 24 means that 24 of 100 {people} of this stature measure less "
+        f"(for the stature itself: of all {people.rstrip(',')}). The darker part of a bar is the "
         "middle half. The people are US soldiers (ANSUR II, 2012), who are fitter and younger than "
         "the public, weighted to the body mass index of the US public (NHANES, 2021–2023) up to "
-        f"{limit:.0f} kg/m². Measurements that no survey takes alike have no percentile."
+        f"{limit:.0f} kg/m². Measurements without a matching survey have no percentile."
     )
 
 

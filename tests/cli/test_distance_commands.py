@@ -64,7 +64,7 @@ def test_scanned_people_are_compared_in_any_pose(run, registered, bodies):
     finished = run("dist", *pair)
     assert float(finished.out) == pytest.approx(expected, rel=1e-9)
     assert "registered scans, so people are compared by PersonMetric (--person)" in finished.err
-    assert "the unit is the metre" in finished.err
+    assert "in metres (square root" in finished.err
     assert "for comparison: same person, another pose ≈ 0.005; another person" in finished.err
     record = json.loads(run("dist", *pair, "--json").out)
     assert record["unit"] == "m"

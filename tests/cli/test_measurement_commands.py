@@ -141,7 +141,7 @@ def test_visits_with_several_scans(run, bodies, measurements, tmp_path):
     np.testing.assert_allclose([*person["bodies"]["person"].values()], expected.before, atol=1e-5)
     save_mesh(tmp_path / "first" / "9.ply", bodies.points[50], bodies.template.faces)
     doubted = run("measure", tmp_path / "first", "--same-person").err
-    assert "0.ply and 9.ply are hardly the same person" in doubted
+    assert "0.ply and 9.ply are probably not the same person" in doubted
     assert "5.ply" not in doubted
     refused = run("measure", tmp_path / "first", "--same-person", "--as-is")
     assert "leave out --as-is" in refused.err
@@ -150,10 +150,10 @@ def test_visits_with_several_scans(run, bodies, measurements, tmp_path):
 def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     only = ("--only", "stature")
     one = run("compare", scans / "body_0.ply", scans / "body_2.ply", *only)
-    assert "hardly the same person" not in one.err
+    assert "probably not the same person" not in one.err
     save_mesh(tmp_path / "other.ply", bodies.points[50], bodies.template.faces)
     two = run("compare", scans / "body_0.ply", tmp_path / "other.ply", *only, "--json")
-    assert "are hardly the same person" in two.err
+    assert "are probably not the same person" in two.err
     record = json.loads(two.out)
     usual = record["usual_area_distances"]
     assert usual["one_person"] < usual["two_people"] < 10 * usual["one_person"]

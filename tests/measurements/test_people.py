@@ -28,7 +28,7 @@ def test_people_who_were_not_used_are_told_apart(bodies, other, is_doubted):
     assert people.distance == pytest.approx(
         float(AreaMetric(space_of_body).dist(bodies[0], bodies[other]))
     )
-    assert people.text.startswith("hardly the same person: their shape distance is ")
+    assert people.text.startswith("probably not the same person: their shape distance is ")
 
 
 def test_stored_distances_are_those_of_the_bodies():

@@ -33,7 +33,7 @@ def test_changes_since_a_visit(bodies, measurements):
     assert "Changes since" in sheet.html
     count = int(expected.is_significant.sum())
     assert f"{count} of {len(expected.names)} measurements changed" in sheet.html
-    assert "hardly the same person" not in sheet.html
+    assert "probably not the same person" not in sheet.html
     assert rh.report.sheet(after).changes is None
 
 
@@ -106,4 +106,4 @@ def test_several_scans_of_a_visit(bodies, measurements):
     assert visit.name == "scan 0"
     (values,) = values_of(measurements, [visit])
     assert values.remarks[0] == "scan 3 is not trusted and left out"
-    assert values.remarks[1].startswith("scan 0 and scan 12, of one visit, are hardly the same")
+    assert values.remarks[1].startswith("scan 0 and scan 12, of one visit, are probably not")
