@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy import linalg, sparse
 
@@ -17,9 +15,6 @@ _PATCH = 512
 # Weight of the parent's rotation as a share of a joint's spread: enough to determine what the
 # points leave open, too little to matter elsewhere.
 _PULL = 1e-3
-
-Loss = Callable[[Array], tuple[Array, Array]]
-"""Maps squared distances to their loss and its derivative."""
 
 # _CROSS_WITH_AXES[c] @ x is the cross product of the axis c with x.
 _CROSS_WITH_AXES = np.cross(np.eye(3)[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
@@ -102,10 +97,9 @@ class Equations:
         combine: sparse.csr_array,
         shares: Array,
         numbers: Integers,
-        loss: Loss,
         prior: Array,
     ) -> None:
-        self.skeleton, self._loss, self._prior = skeleton, loss, prior
+        self.skeleton, self._prior = skeleton, prior
         self._shares = shares / shares[numbers].sum()
         self._patches = [
             _Patch(skeleton, combine, numbers[first : first + _PATCH])
@@ -120,13 +114,13 @@ class Equations:
         return JointMotions(self.skeleton, rotation_matrix(pose.reshape(-1, 3)), betas)
 
     def cost(self, parameters: Array, target: Points) -> float:
-        """Return the mean loss of the distances from the points to their targets, and the prior."""
+        """Return the mean squared distance from the points to their targets, and the prior."""
         motions = self._motions(parameters)
         parts = [patch.combined(patch.surface(motions)[2]) for patch in self._patches]
         trans = parameters[-3:]
         gaps = target[self._numbers] - np.concatenate(parts) - trans
-        losses, _ = self._loss(np.sum(gaps**2, axis=-1))
-        return float(self._shares[self._numbers] @ losses + self._prior @ parameters**2)
+        squares = np.sum(gaps**2, axis=-1)
+        return float(self._shares[self._numbers] @ squares + self._prior @ parameters**2)
 
     def normal(self, parameters: Array, target: Points) -> tuple[Array, Array]:
         """Return the normal equations: the matrix, and half the negative gradient of the cost."""
@@ -137,8 +131,7 @@ class Equations:
         for patch in self._patches:
             shaped, rotations, moved = patch.surface(motions)
             gaps = target[patch.points] - patch.combined(moved) - trans
-            _, slopes = self._loss(np.sum(gaps**2, axis=-1))
-            factors = np.sqrt(self._shares[patch.points] * slopes)
+            factors = np.sqrt(self._shares[patch.points])
             rows = patch.derivatives(motions, shaped, rotations)
             rows *= factors[:, np.newaxis, np.newaxis]
             rows = rows.reshape(-1, rows.shape[-1])

@@ -18,13 +18,12 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Points
-from riemhuman.bodies._fitting_equations import Equations, Loss, least_squares_step
+from riemhuman.bodies._fitting_equations import Equations, least_squares_step
 from riemhuman.bodies.skinning import Skeleton, SkinnedModel
 from riemhuman.checks import (
     check_resolution,
     check_same_scale,
     checked,
-    choice,
     flag,
     integer_array,
     longest_side,
@@ -40,8 +39,6 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarnin
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import Template, check_body_sizes
-
-_LOSSES = ("squared", "huber")
 
 # The first stage uses about this number of points in all, and at least this number for each joint.
 _FEW_POINTS = 1500
@@ -108,8 +105,6 @@ class ModelFit(Record):
 
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
 @checked(
-    loss=choice(*_LOSSES),
-    loss_scale=positive,
     betas_prior=real(minimum=0.0),
     pose_prior=real(minimum=0.0),
     hands_prior=real(minimum=0.0),
@@ -123,8 +118,6 @@ def fit_model(
     *,
     correspondence: ArrayLike | sparse.csr_array | None = None,
     weights: ArrayLike | None = None,
-    loss: str = "squared",
-    loss_scale: float = 0.01,
     betas_prior: float = 0.0,
     pose_prior: float = 0.0,
     hands_prior: float | None = None,
@@ -134,9 +127,9 @@ def fit_model(
 ) -> ModelFit:
     """Find the shape, pose and translation of a body model for registered surfaces.
 
-    Minimises Σ_i w_i ρ(‖x_i(β, ω, t, η) − y_i‖) + b ‖β‖² + p Σ_j ‖ω_j‖² + h ‖η‖² for each surface
-    separately, with its points y, the model's points x, the weights w divided by their sum, the
-    loss ρ and the priors b, p and h; j runs over the joints other than the root.
+    Minimises Σ_i w_i ‖x_i(β, ω, t, η) − y_i‖² + b ‖β‖² + p Σ_j ‖ω_j‖² + h ‖η‖² for each surface
+    separately, with its points y, the model's points x, the weights w divided by their sum, and the
+    priors b, p and h; j runs over the joints other than the root.
 
     Parameters
     ----------
@@ -148,10 +141,6 @@ def fit_model(
         Place of each point on the model, as for `correspondence_matrix`.
     weights : array_like, shape (n_points,), optional
         Weights of the points, for example areas; equal by default.
-    loss : {"squared", "huber"}
-        Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond, so that outliers matter less.
-    loss_scale : float
-        Scale c of Huber's loss, metres.
     betas_prior : float
         Weight b, square metres: with 1e-6, a coefficient of 1 costs as much as 1 mm for all points.
     pose_prior : float
@@ -180,7 +169,6 @@ def fit_model(
         Skeleton(model, with_hands=with_hands),
         combine,
         weight_shares(weights, combine.shape[0]),
-        _loss(loss, loss_scale),
         _priors(model, betas_prior, pose_prior, hands_prior),
     )
     lead = surfaces.shape[:-2]
@@ -342,7 +330,7 @@ def _refuse_outside(numbers: Integers, count: int, name: str) -> None:
 
 
 def _stages(
-    skeleton: Skeleton, combine: sparse.csr_array, shares: Array, loss: Loss, prior: Array
+    skeleton: Skeleton, combine: sparse.csr_array, shares: Array, prior: Array
 ) -> list[Equations]:
     """Return the equations of some of the points, unless that is most, and those of all."""
     # By the joint that moves them most, so that neighbours depend on few joints.
@@ -351,7 +339,7 @@ def _stages(
     everything = np.concatenate(of_joints)
     few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
     stages = (few, everything) if len(few) < len(everything) else (everything,)
-    return [Equations(skeleton, combine, shares, numbers, loss, prior) for numbers in stages]
+    return [Equations(skeleton, combine, shares, numbers, prior) for numbers in stages]
 
 
 def _fit_after(
@@ -461,16 +449,3 @@ def _spread_out(numbers: Integers, n_points: int) -> Integers:
     if wanted >= len(numbers):
         return numbers
     return numbers[np.linspace(0, len(numbers) - 1, wanted).astype(np.int64)]
-
-
-def _loss(name: str, scale: float) -> Loss:
-    if name == "squared":
-        return lambda squares: (squares, np.ones_like(squares))
-
-    def huber(squares: Array) -> tuple[Array, Array]:
-        distances = np.sqrt(squares)
-        far = distances > scale
-        factor = np.divide(scale, distances, out=np.ones_like(squares), where=far)
-        return np.where(far, 2.0 * scale * distances - scale**2, squares), factor
-
-    return huber

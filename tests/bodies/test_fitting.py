@@ -1,6 +1,4 @@
-"""Fits of body models: truths recovered, derivatives against autograd, maps, losses, priors."""
-
-import warnings
+"""Fits of body models: truths recovered, derivatives against autograd, maps, priors."""
 
 import autograd
 import autograd.numpy as anp
@@ -148,25 +146,8 @@ def test_weights_leave_points_out(model):
     np.testing.assert_allclose(fit.distances[:, spoilt], 0.3 * np.sqrt(3), atol=1e-3)
 
 
-def test_huber_loss(model):
-    betas, pose, trans = parameters(model, 2, rng=19)
-    points = model(betas, pose, trans)
-    rng = np.random.default_rng(20)
-    spoilt = rng.uniform(size=points.shape[:2]) < 0.1
-    moved = points + 0.3 * spoilt[..., None] * rng.normal(size=points.shape)
-    fit = model.fit(moved, loss="huber")
-    assert fit.converged.all()
-    assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 1.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        plain = model.fit(moved[0], max_iter=10)
-    assert distances_mm(model(plain.betas, plain.pose, plain.trans), points[0]) > 5.0
-
-
-@pytest.mark.parametrize(
-    ("loss", "which", "mapped"), [("squared", "pose-dependent", True), ("huber", "open", False)]
-)
-def test_the_cost_of_a_fit_has_no_gradient(model, smpl, loss, which, mapped):
+@pytest.mark.parametrize(("which", "mapped"), [("pose-dependent", True), ("open", False)])
+def test_the_cost_of_a_fit_has_no_gradient(model, smpl, which, mapped):
     """By autograd through the model itself: misfit of weighted points, and priors."""
     body, rng = model if which == "open" else smpl, np.random.default_rng(22)
     chosen = _on_triangles(body, 600, rng) if mapped else None
@@ -177,15 +158,13 @@ def test_the_cost_of_a_fit_has_no_gradient(model, smpl, loss, which, mapped):
     shares = rng.uniform(size=len(target))
     shares /= shares.sum()
     priors = {"betas_prior": 1e-5, "pose_prior": 1e-4} | ({"hands_prior": 1e-6} if hands else {})
-    settings = {"loss": loss, "loss_scale": 0.01, "weights": shares, "tolerance": 1e-15}
+    settings = {"weights": shares, "tolerance": 1e-15}
     fit = body.fit(target, correspondence=chosen, **priors, **settings, max_iter=500)
     assert fit.converged
 
     def cost(betas, pose, trans, *hands):
         points = anp.dot(combine, body(betas, pose, trans, *hands))
         gaps = anp.sum((points - target) ** 2, axis=-1)
-        if loss == "huber":
-            gaps = anp.where(gaps > 0.01**2, 0.02 * anp.sqrt(gaps) - 0.01**2, gaps)
         prior = 1e-5 * anp.sum(betas**2) + 1e-4 * anp.sum(pose[1:] ** 2)
         return anp.sum(shares * gaps) + prior + sum(1e-6 * anp.sum(values**2) for values in hands)
 
