@@ -4,7 +4,9 @@
 
 const PITCH_LIMIT = 1.5;
 const ZOOM_LIMITS = [0.5, 60];
-const ROOM = { above: 0.03, ground: 0.09, names: 0.15 }; // shares of the tallest body
+const ROOM = { above: 0.03, ground: 0.09, names: 0.15, smallNames: 0.27 }; // shares of the tallest body
+const MANY = 16; // bodies with smaller names, in at most two lines
+const NARROWEST_NAME = 50; // pixels between many bodies; nearer ones show their names after zooming in
 const LABEL_GAP = 0.045; // between the feet and the name below, a share of the tallest body
 const FRAMED = 0.22; // height of the part that fills the stage after a double click, likewise
 const STILL = 150; // milliseconds without a change before a processor draws at full quality
@@ -146,7 +148,7 @@ class Viewer {
   // The name of a body and, if it is coloured by values, their scale.
   label(body) {
     const label = document.createElement("div");
-    label.className = "label";
+    label.className = this.bodies().length > MANY ? "label small" : "label";
     const write = (parent, kind, text = "") => {
       const part = document.createElement(kind);
       part.textContent = text;
@@ -369,7 +371,8 @@ class Viewer {
     const inOneRow = widths.reduce((sum, width) => sum + width, 0);
     const tallest = Math.max(...bodies.map((body) => body.height));
     // Leave room below the feet for the ground and for names.
-    const room = bodies.some((body) => body.label || body.values) ? ROOM.names : ROOM.ground;
+    const named = bodies.length > MANY ? ROOM.smallNames : ROOM.names;
+    const room = bodies.some((body) => body.label || body.values) ? named : ROOM.ground;
     const tall = (1 + ROOM.above + room) * tallest;
     let best = { extent: Infinity };
     for (let columns = 1; columns <= bodies.length; columns += 1) {
@@ -448,7 +451,8 @@ class Viewer {
       const x = clientWidth / 2 + (body.holder.position.x - this.panX) * scale;
       const y = clientHeight / 2 - (body.labelled - this.panY) * scale;
       const isAside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (body.wide / 2) * scale;
-      const isVisible = !isAside && y > 0 && y - this.cell.tall * scale < clientHeight;
+      const fits = this.bodies().length <= MANY || body.wide * scale > NARROWEST_NAME;
+      const isVisible = fits && !isAside && y > 0 && y - this.cell.tall * scale < clientHeight;
       label.style.visibility = isVisible ? "" : "hidden";
       label.style.maxWidth = `${Math.min(clientWidth, Math.max(60, body.wide * scale - 6))}px`;
       label.style.left = this.within(x - label.offsetWidth / 2, label.offsetWidth, clientWidth);
