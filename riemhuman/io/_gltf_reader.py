@@ -1,11 +1,13 @@
 """Reading of GLB files (glTF 2.0): what the default scene shows at rest, as one triangle mesh.
 
-The importer of trimesh leaves out skins and morph targets, lists nodes in reverse order, and
-allocates the sizes that a file declares.
+The importer of trimesh leaves out strips, fans, skins and morph targets, lists nodes in reverse
+order, and allocates the sizes that a file declares.
 """
 
 from __future__ import annotations
 
+import base64
+import binascii
 import struct
 from collections.abc import Container, Iterator, Sequence
 from typing import NamedTuple
@@ -23,6 +25,8 @@ _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 # Modes of primitives; smaller ones are points and lines.
 _TRIANGLES = 4
+_STRIP = 5
+_FAN = 6
 _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
 # Corners of triangles for each byte of arrays: primitives and nodes may share some.
 _MOST_CORNERS = 4
@@ -94,13 +98,15 @@ def _compressed(name: str) -> FileFormatError:
 class _Reader:
     def __init__(self, document: _Json, binary: bytes | None) -> None:
         self._document = document
+        self._buffers: dict[int, bytes] = {}
         self._binary = binary
         self._parents = self._parents_of_nodes()
         self._matrices: dict[int, Values] = {}
         self._joints: dict[int, Values | None] = {}
         self._n_rows = 0
+        buffers = document.get("buffers", ())
         # Nothing that is read is larger than a small multiple of these.
-        self._n_bytes = len(binary or b"")
+        self._n_bytes = len(binary or b"") + sum(len(str(b.get("uri", ""))) for b in buffers)
 
     def mesh(self) -> tuple[Values, Values]:
         """Return vertices and triangles, primitive by primitive."""
@@ -116,11 +122,6 @@ class _Reader:
                     n_others += 1
                     continue
                 where = f"mesh {node['mesh']}, primitive {k}"
-                if primitive.get("mode", _TRIANGLES) > _TRIANGLES:
-                    raise FileFormatError(
-                        f"{where}: strips and fans of triangles are not read; save it with single "
-                        "triangles"
-                    )
                 source = self._vertices_of(primitive, where)
                 n_new = self._item("accessors", source.positions)["count"]
                 if source not in starts:
@@ -306,9 +307,25 @@ class _Reader:
             raise FileFormatError(
                 f"{where}: it refers to vertex {corners.max()} of {n_vertices}, counted from 0"
             )
-        if len(corners) % 3:
-            raise FileFormatError(f"{where}: {len(corners)} corners do not make complete triangles")
-        return corners.reshape(-1, 3)
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode == _TRIANGLES:
+            if len(corners) % 3:
+                raise FileFormatError(
+                    f"{where}: {len(corners)} corners do not make complete triangles"
+                )
+            return corners.reshape(-1, 3)
+        if mode not in (_STRIP, _FAN):
+            raise FileFormatError(f"{where}: there is no mode {str(mode)[:20]}")
+        first = np.arange(max(len(corners) - 2, 0))
+        if mode == _STRIP:
+            odd = first % 2
+            triangles = np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)
+        else:
+            triangles = np.stack([first + 1, first + 2, 0 * first], axis=1)
+        triangles = corners[triangles]
+        # Strips are joined by triangles without area, which repeat a corner.
+        with_area: Triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+        return with_area
 
     def _accessor(self, number: JSONValue, kind: str, where: str, *, whole: bool = False) -> Values:
         """Return the numbers of an accessor, shape (count, width), as floats or int64."""
@@ -386,13 +403,24 @@ class _Reader:
 
     def _buffer(self, number: JSONValue, view: _Json) -> bytes:
         buffer = self._item("buffers", number) if "buffers" in self._document else {}
-        if "uri" not in buffer and number == 0 and self._binary is not None:
+        uri = buffer.get("uri")
+        if uri is None and number == 0 and self._binary is not None:
             return self._binary
         if _MESHOPT in view.get("extensions", ()) or _MESHOPT in buffer.get("extensions", ()):
             raise _compressed(_MESHOPT)
-        raise FileFormatError(
-            f"the data of its buffer {number} are not in its binary part; save all in one .glb"
-        )
+        if uri is None:
+            raise FileFormatError(f"the data of its buffer {number} are missing")
+        header, comma, text = str(uri).partition(",")
+        if not (header.startswith("data:") and header.endswith(";base64") and comma):
+            raise FileFormatError(
+                f"its buffer {number} is in another file, {str(uri)[:60]!r}; save all in one .glb"
+            )
+        if number not in self._buffers:
+            try:
+                self._buffers[number] = base64.b64decode(text, validate=True)
+            except binascii.Error as error:
+                raise FileFormatError(f"its buffer {number} is damaged: {error}") from error
+        return self._buffers[number]
 
 
 def _local_matrix(node: _Json) -> Values:

@@ -1,5 +1,6 @@
 """GLB files of every kind that glTF 2.0 allows, written by hand; trimesh reads what it can."""
 
+import base64
 import json
 import struct
 import tracemalloc
@@ -167,12 +168,26 @@ def test_mirrored_nodes_stay_outside_out(read, read_by_trimesh, name):
     np.testing.assert_allclose(vertices, read_by_trimesh(document).vertices, atol=1e-6)
 
 
-@pytest.mark.parametrize("mode", [5, 6])
-def test_strips_and_fans_are_refused(read, mode):
-    document = Document()
-    document.primitive["mode"] = mode
-    with pytest.raises(FileFormatError, match="primitive 0: strips and fans of triangles are not"):
-        read(document)
+def test_strips_and_fans_beside_triangles(read):
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 2, 0]], dtype="<f4")
+    document = Document(square, np.array([[0, 1, 2], [0, 2, 3]], dtype="<u2"))
+    indices = {
+        5: np.array([0, 1, 3, 2, 2, 2, 4], dtype="<u2"),  # joined by triangles without area
+        6: np.array([0, 1, 2, 3, 4], dtype="<u2"),
+        1: np.array([0, 1], dtype="<u2"),
+    }
+    primitives = document.json["meshes"][0]["primitives"]
+    primitives += [
+        {"attributes": {"POSITION": 0}, "mode": mode, "indices": document.add(corners)}
+        for mode, corners in indices.items()
+    ]
+    vertices, faces = read(document)
+    assert len(vertices) == 5  # the primitives share them
+    strip, fan = [[0, 1, 3], [1, 2, 3]], [[1, 2, 0], [2, 3, 0], [3, 4, 0]]
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], *strip, *fan]
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:-1, 2] > 0).all()
 
 
 def test_nothing_but_points_or_cameras(read):
@@ -283,9 +298,18 @@ def test_scenes(read, read_by_trimesh):
         read(document)  # a ring of nodes has no root
 
 
-def test_data_in_another_file(read):
-    document = Document(buffers=[{"byteLength": 60, "uri": "body.bin"}])
-    with pytest.raises(FileFormatError, match="data of its buffer 0 are not in its binary part"):
+def test_data_within_the_text(read):
+    document = Document()
+    text = base64.b64encode(bytes(document.binary)).decode()
+    uri = f"data:application/octet-stream;base64,{text}"
+    document.json["buffers"] = [{"byteLength": len(document.binary), "uri": uri}]
+    document.binary = bytearray()
+    assert_tetrahedron(read(document))
+    document.json["buffers"][0]["uri"] = "body.bin"
+    with pytest.raises(FileFormatError, match=r"buffer 0 is in another file, 'body\.bin'"):
+        read(document)
+    document.json["buffers"][0]["uri"] = uri[:-5] + "%"
+    with pytest.raises(FileFormatError, match="buffer 0 is damaged"):
         read(document)
 
 
