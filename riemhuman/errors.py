@@ -64,21 +64,7 @@ class FileFormatError(RiemhumanError, ValueError):
 
 # MemoryError first: otherwise tblib, by which Dask sends errors, cannot make it again.
 class OutOfMemoryError(MemoryError, RiemhumanError):
-    """There is too little memory to read a file, which need not be damaged, or to compute.
-
-    Parameters
-    ----------
-    message : str
-        The whole message.
-    need : str
-        What got no memory, for the message of a task that it is part of.
-    remedy : str
-        What to do about it; empty where no other task's remedy is better.
-    """
-
-    def __init__(self, message: str, need: str = "", remedy: str = "") -> None:
-        super().__init__(message)
-        self.need, self.remedy = need, remedy
+    """There is too little memory for a table, a sample or a job; the message says what to do."""
 
 
 class MissingDependencyError(RiemhumanError, ImportError):

@@ -1,7 +1,6 @@
 """Every refusal is a RiemhumanError, and the built-in error people expect."""
 
 import inspect
-import pickle
 
 import pytest
 
@@ -47,11 +46,3 @@ def test_a_warning_reaches_code_that_runs_without_a_module():
     with pytest.warns(errors.ConvergenceWarning, match="slow") as caught:
         exec(compile("warn('slow', category)", "cell.py", "exec"), bare)
     assert caught[0].filename == "cell.py"
-
-
-def test_a_lack_of_memory_travels_between_workers():
-    """Dask sends errors by tblib, which makes them again without their arguments."""
-    support = pytest.importorskip("tblib.pickling_support")
-    support.install(errors.OutOfMemoryError)
-    again = pickle.loads(pickle.dumps(errors.OutOfMemoryError("too short", "a mean", "use less")))
-    assert (str(again), again.need, again.remedy) == ("too short", "a mean", "use less")

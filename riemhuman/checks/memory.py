@@ -23,8 +23,9 @@ def check_memory(n_bytes: float, task: str, remedy: str = USE_LESS) -> None:
     """Raise an error if a task needs more bytes than are left."""
     left = available_memory()
     if n_bytes > left:
-        need = f"{task} needs {size_text(n_bytes)} of memory, and {size_text(left)} are left"
-        raise OutOfMemoryError(f"{need}; {remedy}", need, remedy)
+        raise OutOfMemoryError(
+            f"{task} needs {size_text(n_bytes)} of memory, and {size_text(left)} are left; {remedy}"
+        )
 
 
 def size_text(n_bytes: float) -> str:
@@ -35,8 +36,7 @@ def size_text(n_bytes: float) -> str:
 
 def available_memory() -> float:
     """Return the most bytes that this process may still take; infinity if that is unknown."""
-    # Addresses of the process that have no memory behind them can be used again.
-    return max(0.0, min(_free_memory(), min(address_limit(), _container_limit()) - _own_memory()))
+    return max(0.0, min(_free_memory(), _container_limit() - _own_memory()))
 
 
 def _free_memory() -> float:
@@ -61,16 +61,6 @@ def _own_memory() -> float:
     except OSError:
         return 0.0
     return float(os.sysconf("SC_PAGE_SIZE") * int(pages[1]))
-
-
-def address_limit() -> float:
-    """Return the bytes of addresses that the process may have."""
-    try:
-        import resource
-    except ImportError:  # on Windows
-        return math.inf
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return math.inf if limit == resource.RLIM_INFINITY else float(limit)
 
 
 def _container_limit() -> float:
