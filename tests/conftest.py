@@ -76,6 +76,12 @@ def browser():
 
 
 @pytest.fixture(scope="session")
+def bodies():
+    """Return all open bodies, coarse."""
+    return coarse_bodies()
+
+
+@pytest.fixture(scope="session")
 def nine_bodies():
     """Return three people in three poses, coarse."""
     bodies = coarse_bodies()

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
@@ -49,7 +50,7 @@ WRONG = {
 
 @pytest.fixture(scope="module")
 def world():
-    bodies = rh.datasets.load_open_bodies("coarse")[:N_BODIES]
+    bodies = coarse_bodies()[:N_BODIES]
     space = rh.AlignedSurfaces(bodies.template)
     return bodies, rh.ElasticMetric(space, 0.0, 0.0, 1.0)
 

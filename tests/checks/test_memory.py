@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.checks.memory import available_memory, check_memory, size_text
@@ -11,7 +12,7 @@ from riemhuman.errors import OutOfMemoryError
 
 
 def test_tables_and_samples_beyond_all_memory_are_refused_before_the_work():
-    template = rh.datasets.load_open_bodies("coarse").template
+    template = coarse_bodies().template
     metric = rh.ElasticMetric(rh.AlignedSurfaces(template, equip=False), 1.0, 1e-4, 0.0)
     points = np.broadcast_to(template.vertices, (10**7, *template.vertices.shape))
     message = (

@@ -10,11 +10,6 @@ from riemhuman.errors import ArgumentError, FileFormatError
 FAR = np.array([5e5, 0.0, 5e6])
 
 
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse")
-
-
 @pytest.mark.parametrize("unit", [1.0, 100.0, 1000.0])
 def test_ordinary_bodies_are_silent(bodies, unit):
     for points in (bodies.points[:3], bodies.points[:3].astype(np.float32)):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.checks import UNITS, check_same_scale, likely_units
@@ -23,11 +24,6 @@ from riemhuman.errors import ArgumentError, FileFormatError
 )
 def test_units_of_bodies(extent, units):
     assert likely_units(extent) == units
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse")
 
 
 def test_bodies_of_one_unit_pass(bodies):
@@ -165,7 +161,7 @@ def test_children_and_giants_are_measured(bodies):
 
 def test_what_is_no_body_has_any_size():
     """A template that is no body in metres, such as a hand, does not say how large others are."""
-    bodies = rh.datasets.load_open_bodies("coarse")
+    bodies = coarse_bodies()
     template = rh.Template(0.1 * bodies.template.vertices, bodies.template.faces)
     girth = rh.measurements.Volume(name="all")
     measurements = rh.measurements.MeasurementSet(template, [girth], {})

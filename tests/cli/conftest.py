@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import pytest
 
 from riemhuman.cli import main
-from riemhuman.datasets import load_open_bodies
 from riemhuman.io import save_mesh
 
 # Two people in three poses, in files whose natural order is not the alphabetical one.
@@ -19,11 +18,6 @@ class Finished:
     code: int
     out: str
     err: str
-
-
-@pytest.fixture(scope="session")
-def bodies():
-    return load_open_bodies("coarse")
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,10 @@ from dataclasses import asdict
 import h5py
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from third_party import Extents, VertexOffsets
 
 from riemhuman.cli._terminal import matrix_text
-from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, AreaMetric, ElasticMetric
 from riemhuman.io import save_mesh
 from riemhuman.io.arrays import load_arrays, save_arrays
@@ -310,7 +310,7 @@ def test_a_map_that_misses_the_distances_is_not_drawn(run, refused, tmp_path):
 def test_people_are_drawn_though_a_plane_misses_their_distances(run, tmp_path, monkeypatch):
     """The matrix of a newcomer: distances of bodies, which are almost equal, as a table."""
     monkeypatch.chdir(tmp_path)
-    bodies = load_open_bodies("coarse")[::4]
+    bodies = coarse_bodies()[::4]
     metric = ElasticMetric(AlignedSurfaces(bodies.template, equip=False))
     names = [f"{name}.ply" for name in bodies.ids]
     distances = metric.dist_pairwise(bodies.points)

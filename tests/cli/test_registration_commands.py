@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.registration.folders import _write, record_of
@@ -15,7 +16,7 @@ from riemhuman.surfaces.nearest_points import nearest_points
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory):
-    bodies = rh.datasets.load_open_bodies("coarse")
+    bodies = coarse_bodies()
     seen = rh.registration.simulated_scan(bodies[3], bodies.template.faces, rng=1, n_points=1000)
     file = tmp_path_factory.mktemp("scans") / "scan.npy"
     np.save(file, 1000.0 * seen.points)

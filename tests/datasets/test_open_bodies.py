@@ -14,11 +14,6 @@ PLAIN_37_100 = (-0.1708051480503, 1.2210649201136, 0.0678733744205)
 TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
-@pytest.fixture(scope="module")
-def bodies():
-    return load_open_bodies("coarse")
-
-
 def test_ten_subjects_in_ten_poses(bodies):
     assert len(bodies) == 100
     np.testing.assert_array_equal(10 * bodies.subject + bodies.pose, np.arange(100))

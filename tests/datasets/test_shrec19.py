@@ -5,14 +5,8 @@ import pytest
 from matched_people import write_stand_ins
 from scipy.io import savemat
 
-import riemhuman as rh
 from riemhuman.datasets import load_shrec19
 from riemhuman.errors import FileError, FileFormatError
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse")
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from known_surfaces import (
     sphere_spectrum,
     torus_spectrum,
 )
+from open_bodies import coarse_bodies
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import (
     AreaProjectionTransform,
     HeatKernelSignature,
@@ -123,7 +123,7 @@ def test_histograms_are_shares_of_the_area():
 
 
 def test_people_differ_more_than_their_poses():
-    bodies = load_open_bodies("coarse")[[0, 3, 30, 33, 60, 63]]
+    bodies = coarse_bodies()[[0, 3, 30, 33, 60, 63]]
     sharing = [ShapeDNA(), HeatKernelSignature(), WaveKernelSignature()]
     areas = AreaProjectionTransform()
     vectors, _ = ShapeDNA.describe_together(sharing, bodies)

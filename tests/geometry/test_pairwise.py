@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 from cases import CASES, HalfPlane, sphere_template, surfaces
+from open_bodies import coarse_bodies
 from scipy.spatial.distance import cdist
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -50,7 +50,7 @@ def check_against_definition(metric, points, single=1e-5, double=1e-10):
 
 @each_metric
 def test_embedded_bodies(weights):
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     metric = metric_of(bodies.template, weights)
     check_against_definition(metric, bodies.points[::21])
     single = metric.dist_pairwise(bodies.points[::9])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from cases import TEMPLATES, deformations, open_template, sphere_template, surfaces
+from open_bodies import coarse_bodies
 from scipy.linalg import sqrtm
 from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -69,7 +69,7 @@ def test_growth_shifts_logarithms(time):
 
 
 def test_default_time_of_areas_follows_the_size_of_the_template():
-    template = rh.datasets.load_open_bodies("coarse").template
+    template = coarse_bodies().template
     metric = AreaMetric(AlignedSurfaces(template))
     assert np.ptp(template.vertices[:, 1]) == pytest.approx(1.7, abs=0.03)
     assert metric.time == pytest.approx(0.05, rel=0.05)
@@ -77,7 +77,7 @@ def test_default_time_of_areas_follows_the_size_of_the_template():
     in_millimetres = Template(1000 * template.vertices, template.faces)
     of_millimetres = AreaMetric(AlignedSurfaces(in_millimetres))
     assert of_millimetres.time == pytest.approx(1e6 * metric.time)
-    f1, f2 = rh.datasets.load_open_bodies("coarse").points[[0, 30]]
+    f1, f2 = coarse_bodies().points[[0, 30]]
     found = of_millimetres.dist(1000 * f1, 1000 * f2)
     assert found == pytest.approx(1000 * metric.dist(f1, f2), rel=1e-9)
 
@@ -150,7 +150,7 @@ def is_gone(template, f, vertex):
 
 
 def test_fields_are_vectors_in_a_flat_space():
-    bodies = rh.datasets.load_open_bodies("coarse")
+    bodies = coarse_bodies()
     points = bodies.points[::9]
     metric = AreaMetric(AlignedSurfaces(bodies.template))
     distances = metric.dist_pairwise(points, precision="double")
@@ -209,7 +209,7 @@ def test_default_time_of_rotations_follows_the_size_of_the_template():
     in_millimetres = RotationMetric(AlignedSurfaces(larger))
     assert in_millimetres.time == pytest.approx(1e6 * metric.time)
     assert in_millimetres.dist(1000 * f1, 1000 * f2) == pytest.approx(1e3 * metric.dist(f1, f2))
-    area = load_open_bodies("coarse").template.face_areas.sum()
+    area = coarse_bodies().template.face_areas.sum()
     limb = np.sqrt(4 * RotationMetric(AlignedSurfaces(template)).time * area)
     limb /= np.sqrt(template.face_areas.sum())
     assert limb == pytest.approx(0.1, abs=0.002)
@@ -242,7 +242,7 @@ def test_gram_matrix_holds_inner_products(time):
 
 
 def test_compiled_features_refuse_triangles_without_area():
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     metric = RotationMetric(AlignedSurfaces(bodies.template, equip=False))
     points = bodies.points[:2].copy()
     one, two, _ = bodies.template.faces[7]

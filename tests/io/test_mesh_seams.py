@@ -5,7 +5,6 @@ import time
 import numpy as np
 import pytest
 from known_surfaces import sheet, sphere
-from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
@@ -18,11 +17,6 @@ def cut(faces, is_other_side):
     keys = faces * 2 + is_other_side[:, None]
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     return faces.ravel()[first], inverse.reshape(-1, 3)
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return coarse_bodies()
 
 
 @pytest.fixture(scope="module")

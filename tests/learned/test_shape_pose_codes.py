@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from evaluate_codes import UnseenBodies, mean_error
+from open_bodies import coarse_bodies
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
@@ -47,7 +48,7 @@ def test_codes_do_not_know_place_nor_heading(codes, bodies):
 
 def test_refined_template_gives_nearly_the_same_codes_and_its_own_surfaces(codes):
     full = load_open_model("full")
-    coarse = load_open_bodies("coarse")
+    coarse = coarse_bodies()
     fine = full(coarse.betas[:2], coarse.pose_vectors[:2])
     small = coarse.model(coarse.betas[:2], coarse.pose_vectors[:2])
     on_full = codes.on(full.template)

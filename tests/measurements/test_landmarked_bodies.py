@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from autograd.core import make_vjp
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.measurements import Measurements
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return load_open_bodies("coarse")
 
 
 @pytest.fixture(scope="module")

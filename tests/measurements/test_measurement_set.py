@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from open_bodies import model_with
+from open_bodies import coarse_bodies, model_with
 
 import riemhuman as rh
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.measurements import (
     Girth,
@@ -31,7 +30,7 @@ def test_files_come_back(coarse, tmp_path):
     read = MeasurementSet.load(tmp_path / "set.json", coarse.template)
     assert read.measurements == coarse.measurements
     assert read.landmarks.keys() == coarse.landmarks.keys()
-    point = load_open_bodies("coarse").points[0]
+    point = coarse_bodies().points[0]
     expected = Measurements(coarse).measure(point).values
     np.testing.assert_array_equal(Measurements(read).measure(point).values, expected)
     by_path = Measurements(coarse.template, tmp_path / "set.json")
@@ -62,7 +61,7 @@ def test_seated_measurements(coarse):
     """A person's trunk and thighs, measured on the same person brought to a chair."""
     seated = open_measurements("coarse", pose="seated")
     assert seated.parts.keys() == coarse.parts.keys()
-    bodies = load_open_bodies("coarse").select(subject=0)
+    bodies = coarse_bodies().select(subject=0)
     measured = Measurements(seated).measure(bodies.points[:3], pose="standard")
     assert measured.values.std(axis=0).max() < 0.006
     stature = Measurements(coarse, ["stature"]).measure(bodies.points[:3], pose="standard")

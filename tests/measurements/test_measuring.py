@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
@@ -17,11 +18,6 @@ from riemhuman.surfaces import Template
 DIMENSIONS = {"m": 1, "m²": 2, "m³": 3, "kg": 3}
 LARGE = ["chest girth", "waist girth", "hip girth"]
 LENGTHS = ["stature", "arm length", "inside leg height", "back length", "foot length"]
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return load_open_bodies("coarse")
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +144,7 @@ def test_flesh_that_bulges_where_a_joint_bends_belongs_to_the_pose(measurements)
     joints = model.joints(betas)
     offsets = (model.template.vertices - joints[elbow] - [-0.02, 0.02, 0.0]) / 0.08
     bulge = 0.04 * np.exp(-0.5 * np.sum(offsets**2, axis=1))[:, None] * offsets
-    poses = load_open_bodies("coarse").pose_vectors[:10:2]
+    poses = coarse_bodies().pose_vectors[:10:2]
     bent = 1.0 - np.cos(np.linalg.norm(poses[:, elbow], axis=-1))
 
     def posed(poses):

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric
 from riemhuman.measurements import Measurements, nearest_body
@@ -11,7 +12,7 @@ from riemhuman.measurements import Measurements, nearest_body
 
 @pytest.fixture(scope="module")
 def body():
-    return load_open_bodies("coarse").points[0]
+    return coarse_bodies().points[0]
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from open_bodies import coarse_bodies
 
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError
@@ -45,7 +46,7 @@ def test_stored_distances_are_those_of_the_bodies():
 
 
 def test_usual_distances_leave_out_bodies_of_one_person_in_one_pose():
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     distances = np.random.default_rng(0).uniform(size=(len(bodies), len(bodies)))
 
     class Metric:

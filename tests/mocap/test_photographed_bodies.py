@@ -8,11 +8,6 @@ import riemhuman as rh
 TURNED = np.array([1.0, -1.0, -1.0])
 
 
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse")
-
-
 @pytest.fixture
 def photograph(bodies, tmp_path):
     """Return a function that writes a file in the layout of SAM 3D Body."""

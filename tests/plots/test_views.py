@@ -7,11 +7,6 @@ import riemhuman as rh
 from riemhuman.errors import ArgumentError
 
 
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse")
-
-
 def shown_surfaces(viewer):
     """Return the surfaces of all bodies of a view, one array a body."""
     return [body.frames for choice in viewer.choices.values() for body in choice]

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from known_surfaces import sphere
+from open_bodies import coarse_bodies
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import HeatKernelSignature, ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.retrieval import (
@@ -39,7 +39,7 @@ def some_of(everyone, chosen, **fields):
 def few():
     """Return three people in three poses."""
     chosen = [10 * person + pose for person in (0, 4, 8) for pose in (0, 2, 5)]
-    return some_of(load_open_bodies("coarse"), chosen)
+    return some_of(coarse_bodies(), chosen)
 
 
 class Heights:
@@ -157,7 +157,7 @@ TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]
 
 @pytest.mark.slow
 def test_registered_bodies_have_all():
-    everyone = load_open_bodies("coarse")
+    everyone = coarse_bodies()
     names = list(representations(everyone))
     assert names[:3] == ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "area metric"]
     assert set(TEMPLATE_FREE) < set(names)
@@ -178,7 +178,7 @@ def test_templates_of_mixed_orientation_have_no_gauge_invariant_metric(monkeypat
         raise ArgumentError("the registration of template is not trusted")
 
     monkeypatch.setattr(TopologyMap, "fit", refuse)
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     faces = bodies.template.faces.copy()
     faces[0] = faces[0, ::-1]
     mixed = SimpleNamespace(points=bodies.points, template=Template(bodies.points[0], faces))
@@ -188,7 +188,7 @@ def test_templates_of_mixed_orientation_have_no_gauge_invariant_metric(monkeypat
 
 
 def test_without_a_model_or_registration():
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     without = SimpleNamespace(points=bodies.points, template=bodies.template, model=None)
     assert not any(name.startswith("model") for name in representations(without))
     assert list(representations([sphere(1), sphere(2)])) == TEMPLATE_FREE

@@ -9,11 +9,6 @@ from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.manifold import metric_of
 
 
-@pytest.fixture(scope="module")
-def bodies():
-    return rh.datasets.load_open_bodies("coarse")
-
-
 @pytest.mark.parametrize(
     ("Metric", "weights"),
     [

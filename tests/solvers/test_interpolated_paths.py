@@ -5,17 +5,11 @@ import numpy as np
 import pytest
 from cases import sphere_template
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import ModelParameters, ModelPath, PoissonPath, SegmentEnergy
 from riemhuman.solvers._alignment import align_ends
 from riemhuman.solvers.interpolated_paths import rotating_paths
-
-
-@pytest.fixture(scope="module")
-def bodies():
-    return load_open_bodies("coarse")
 
 
 def pose_pair(bodies, start, end):

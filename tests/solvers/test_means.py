@@ -43,18 +43,18 @@ def every_direction(space):
 
 
 def equipped(a, lam, c):
-    space = AlignedSurfaces(load_open_bodies("coarse").template, equip=False)
+    space = AlignedSurfaces(coarse_bodies().template, equip=False)
     return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
 
 
 def five_people():
     """Return a space with the pose metric, and five people in one pose."""
-    return equipped(0.0, 0.0, 1.0), load_open_bodies("coarse").points[0:50:10]
+    return equipped(0.0, 0.0, 1.0), coarse_bodies().points[0:50:10]
 
 
 def one_person():
     """Return a space with (1, 1, 0), and one person in ten poses."""
-    return equipped(1.0, 1.0, 0.0), load_open_bodies("coarse").points[:10]
+    return equipped(1.0, 1.0, 0.0), coarse_bodies().points[:10]
 
 
 SETS = {"five people": five_people, "one person": one_person}
@@ -382,7 +382,7 @@ def test_a_wrong_body_is_named_by_its_batch(ten_bodies, change, error, message):
 
 
 def test_edges_of_a_pose_mean_keep_their_lengths():
-    data = load_open_bodies("coarse")
+    data = coarse_bodies()
     points, metric = data.points[:10:2], ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
     edges = edge_lengths(points, data.template.edges)
 
@@ -404,7 +404,7 @@ def test_edges_of_a_pose_mean_keep_their_lengths():
 
 def test_triangles_that_collapse_are_refused():
     """Of fifteen unlike bodies under the space's own metric, whose λ is 1e-4."""
-    points = load_open_bodies("coarse").points[::7]
+    points = coarse_bodies().points[::7]
     metric = ElasticMetric(bodies.space(), 1.0, 1e-4, 0.0)
     with pytest.raises(DegenerateSurfaceError, match=r"use lam = 1, or a medoid"):
         BasisMean(bodies.basis()).solve(metric, points)

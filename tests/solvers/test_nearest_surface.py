@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from autograd import value_and_grad
 from cases import open_template, sphere_template, surfaces
+from open_bodies import coarse_bodies
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning, DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import BasisMean, NearestSurface, inverted_triangles
@@ -115,7 +115,7 @@ def test_values_and_slopes_are_those_of_the_definition(abc):
 def test_fields_between_poses_lead_near_their_surface():
     """To 0.3 to 0.7 % of the value; to 1.0 to 2.3 % where errors of large triangles counted more
     and no round was extrapolated."""
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     metric = ElasticMetric(AlignedSurfaces(bodies.template, equip=False), 1.0, 1.0, 1.0)
     target, standing = metric.target_metric, metric.map(bodies.points[0])
     for pose in (1, 2, 6):

@@ -5,6 +5,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 import pytest
 from cases import sphere_template, surfaces, triangle_template
+from open_bodies import coarse_bodies
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, MixedPosesWarning, OutsideManifoldError
@@ -149,7 +150,7 @@ def test_fields_and_points_are_one_where_the_map_is_the_identity():
 
 
 def equipped(a, lam, c):
-    space = AlignedSurfaces(load_open_bodies("coarse").template, equip=False)
+    space = AlignedSurfaces(coarse_bodies().template, equip=False)
     return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
 
 
@@ -193,7 +194,7 @@ def one_pose(variant, pose, members=slice(None)):
 
 def share_turned(points, noise=0.0):
     """Return the share that is compared, of bodies some of which face another way."""
-    template = load_open_bodies("coarse").template
+    template = coarse_bodies().template
     rng = np.random.default_rng(5)
     points = points + rng.normal(0.0, noise, points.shape) if noise else points.copy()
     points[::2] = points[::2] * [-1.0, 1.0, -1.0]

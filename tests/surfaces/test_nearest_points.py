@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from open_bodies import coarse_bodies
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import RiemhumanError
 from riemhuman.surfaces.nearest_points import nearest_points
 
@@ -34,7 +34,7 @@ def uneven_mesh(rng):
 @pytest.mark.parametrize("scale", [0.01, 0.3, 3.0])
 def test_nearest_of_all_triangles(scale):
     rng = np.random.default_rng(int(100 * scale))
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     for points, faces in (uneven_mesh(rng), (bodies[3], bodies.template.faces)):
         near = points[rng.integers(len(points), size=20)]
         queries = near + scale * rng.standard_normal((20, 3))
@@ -47,7 +47,7 @@ def test_nearest_of_all_triangles(scale):
 
 
 def test_points_of_a_surface_are_found():
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     faces, rng = bodies.template.faces, np.random.default_rng(2)
     triangles = rng.integers(len(faces), size=100)
     barycentric = rng.dirichlet(np.ones(3), size=100)
@@ -59,7 +59,7 @@ def test_points_of_a_surface_are_found():
 
 
 def test_no_points_have_no_places():
-    bodies = load_open_bodies("coarse")
+    bodies = coarse_bodies()
     places, distances = nearest_points(np.empty((0, 3)), bodies[0], bodies.template.faces)
     assert places.barycentric.shape == (0, 3)
     assert distances.shape == (0,)

@@ -1,14 +1,14 @@
 """Checks of a data set: every property tells a broken one."""
 
 import numpy as np
+from open_bodies import coarse_bodies
 from third_party import Crowd
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.testing import check_dataset
 
 
 def broken(**changes):
-    crowd = Crowd(load_open_bodies("coarse")[:6])
+    crowd = Crowd(coarse_bodies()[:6])
     for name, value in changes.items():
         setattr(crowd, name, value)
     return crowd
@@ -28,7 +28,7 @@ class Reversed:
 
 
 def test_every_property_tells_a_broken_data_set():
-    points = load_open_bodies("coarse").points[:6]
+    points = coarse_bodies().points[:6]
     spoilt = points.copy()
     spoilt[0, 0] = np.nan
     twins = {
