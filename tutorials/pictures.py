@@ -69,7 +69,7 @@ def geodesic(bodies, space) -> None:
         )
         ax.set_title(
             f"{name}, energy {result.energy:.2f}: on the way, 99 % of the triangles' areas stay "
-            f"within {np.quantile(change, 0.99):.0%} of the end values",
+            f"within {100 * np.quantile(change, 0.99):.0f} % of the end values",
             fontsize=14,
         )
     save(figure, "geodesic", dpi=100)

@@ -270,11 +270,13 @@ def output(
     flags: str = "-o --output",
     required: bool = True,
     takes_stream: bool = False,
+    needs_matplotlib: bool = True,
 ) -> Argument:
     """Return the declaration of an output: a file or, with a pattern of names in it, a folder.
 
     A folder with such names is an earlier result if the file `always` is among them. With
-    `takes_stream`, ``-`` stands for standard output.
+    `takes_stream`, ``-`` stands for standard output. Pictures of which `needs_matplotlib` is
+    false are drawn without it.
     """
     attribute = _attribute(flags)
 
@@ -300,7 +302,8 @@ def output(
             accepted = endings if names is None else (*endings, "/ (a folder)")
             check_output_file(place, accepted, force=options.force)
             options.files[attribute] = place
-        if options.ending in FIGURE_ENDINGS or (not options.ending and options.has_figure):
+        is_figure = needs_matplotlib and options.ending in FIGURE_ENDINGS
+        if is_figure or (not options.ending and options.has_figure):
             import_matplotlib()  # before the work, not after it
         setattr(options, attribute, place)
         options.written.append(place)

@@ -78,6 +78,7 @@ def _examples(options: argparse.Namespace) -> cli.Answer:
         ".mp4",
         text="page, picture or film to write; without one, a temporary page opens in the browser",
         required=False,
+        needs_matplotlib=False,
     ),
     cli.flag("--motion", "the meshes are the frames of one motion"),
     cli.flag("--open", "open the page in the browser"),

@@ -4,6 +4,7 @@ import json
 import pickle
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import h5py
@@ -188,6 +189,12 @@ def test_view_without_an_output_opens_a_temporary_page(run, scans, monkeypatch):
     assert opened == [page.resolve().as_uri()]
     assert page.read_text("utf-8").lower().startswith("<!doctype html>")
     shutil.rmtree(page.parent)
+
+
+def test_pictures_of_bodies_need_no_matplotlib(run, scans, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    run("view", scans / "body_0.ply", scans / "body_1.ply", "-o", tmp_path / "two.png")
+    assert (tmp_path / "two.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
