@@ -265,10 +265,8 @@ def badge(subject: SheetSubject, values: SheetValues) -> tuple[str, str]:
         return "partial", "partly trusted"
     if subject.trusted_vertices is None and subject.is_trusted:
         return "unknown", "registered mesh"
-    limits = subject.message
-    if np.isnan(subject.matched_share) and subject.known_vertices.mean() < _WHOLE:
-        limits = limits or "parts"
-    return badge_of(subject.is_measurable, limits)
+    is_part = np.isnan(subject.matched_share) and subject.known_vertices.mean() < _WHOLE
+    return badge_of(subject.is_measurable, bool(subject.message or is_part))
 
 
 def sentences_of(message: str) -> list[str]:

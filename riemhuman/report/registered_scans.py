@@ -107,17 +107,17 @@ def scan_section(
     return Section("scans", "Scans and their bodies", "Scans", html)
 
 
-def badge_of(trusted: bool, message: str) -> tuple[str, str]:
-    """Return the class and the words of a badge; the message of a trusted body limits it."""
+def badge_of(trusted: bool, limited: bool) -> tuple[str, str]:
+    """Return the class and the words of a badge; some parts of a limited body are in doubt."""
     if not trusted:
         return "untrusted", "not trusted"
-    if message:
+    if limited:
         return "partial", "partly trusted"
     return "trusted", "trusted"
 
 
 def _badge(record: ScanRecord) -> tuple[str, str]:
-    return badge_of(record.trusted, record.message)
+    return badge_of(record.trusted, bool(record.message))
 
 
 def _pictures(record: ScanRecord, limit: float, gap: ReadableUnit) -> list[tuple[Image, str]]:
