@@ -25,6 +25,7 @@ from scipy.sparse import csr_array, csr_matrix
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.threads import of_one_kind
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Triangles count as degenerate below this squared sine of the angle between f_u and f_v."""
@@ -145,22 +146,69 @@ def product_by_forms(
 
 def add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Forms) -> None:
     """Add quadratic forms of `frame_components` as forms of the nine numbers of corners."""
-    corner_1, corner_2, corner_3 = triangle_corners(f, faces)
-    x, y = corner_2 - corner_1, corner_3 - corner_1
-    normals = onp.cross(x, y)
-    squares, xx = dot(normals, normals), dot(x, x)
-    degenerate = squares <= DEGENERATE * xx * dot(y, y)
-    p = onp.sqrt(onp.where(degenerate, 1.0, xx))
-    over_r = onp.where(degenerate, 0.0, p / onp.sqrt(onp.where(degenerate, 1.0, squares)))
-    e1, e3 = x / p[:, None], normals * (over_r / p)[:, None]
-    axes = onp.stack([e1, onp.cross(e3, e1), e3], axis=1)
+    surface = of_one_kind(f)
+    for form, scale in forms:
+        # A form of its own for each triangle, or one for all.
+        many = of_one_kind(form.reshape(-1, 6, 6))
+        _add_blocks(blocks, surface, faces, many, of_one_kind(scale))
+
+
+@compiled
+def _add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Array, scales: Array) -> None:
+    axes, edges = onp.empty((3, 3)), onp.empty((2, 3))
     # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
-    along = onp.zeros((len(faces), 2, 3))
-    along[:, 0, 1], along[:, 1, 1], along[:, 1, 2] = 1.0 / p, -dot(y, e1) * over_r / p, over_r
-    along[:, :, 0] = -along[:, :, 1] - along[:, :, 2]
-    maps = (axes[:, :, None, None, :] * along[:, None, :, :, None]).reshape(-1, 6, 9)
-    total = sum((scale[:, None, None] * form for form, scale in forms), start=onp.zeros(()))
-    blocks += onp.matmul(onp.swapaxes(maps, 1, 2), onp.matmul(total, maps))
+    along = onp.zeros((2, 3))
+    # The form in h_j·e_k, then in the entries of h_j, j = 1, 2; indices are (k, j).
+    turned, in_space = onp.empty((6, 6)), onp.empty((6, 6))
+    for t in range(len(faces)):
+        for d in range(3):
+            edges[0, d] = f[faces[t, 1], d] - f[faces[t, 0], d]
+            edges[1, d] = f[faces[t, 2], d] - f[faces[t, 0], d]
+        x, y = edges[0], edges[1]
+        n0, n1, n2 = _cross(x[0], x[1], x[2], y[0], y[1], y[2])
+        squared, xx = n0 * n0 + n1 * n1 + n2 * n2, x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+        yy = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
+        degenerate = squared <= DEGENERATE * xx * yy
+        p = 1.0 if degenerate else math.sqrt(xx)
+        over_r = 0.0 if degenerate else p / math.sqrt(squared)
+        for d in range(3):
+            axes[0, d] = x[d] / p
+        axes[2, 0], axes[2, 1], axes[2, 2] = n0 * over_r / p, n1 * over_r / p, n2 * over_r / p
+        e1, e3 = axes[0], axes[2]
+        axes[1, 0], axes[1, 1], axes[1, 2] = _cross(e3[0], e3[1], e3[2], e1[0], e1[1], e1[2])
+        skew = y[0] * e1[0] + y[1] * e1[1] + y[2] * e1[2]
+        along[0, 1], along[1, 1], along[1, 2] = 1.0 / p, -skew * over_r / p, over_r
+        along[0, 0], along[1, 0] = -along[0, 1], -along[1, 1] - along[1, 2]
+        form, scale = forms[t if len(forms) > 1 else 0], scales[t]
+        for row in range(6):
+            for d in range(3):
+                for j in range(2):
+                    turned[row, 2 * d + j] = (
+                        form[row, j] * axes[0, d]
+                        + form[row, 2 + j] * axes[1, d]
+                        + form[row, 4 + j] * axes[2, d]
+                    )
+        for column in range(6):
+            for d in range(3):
+                for j in range(2):
+                    in_space[2 * d + j, column] = scale * (
+                        turned[j, column] * axes[0, d]
+                        + turned[2 + j, column] * axes[1, d]
+                        + turned[4 + j, column] * axes[2, d]
+                    )
+        block = blocks[t]
+        for a in range(3):
+            for b in range(3):
+                aa, ab = along[0, a] * along[0, b], along[0, a] * along[1, b]
+                ba, bb = along[1, a] * along[0, b], along[1, a] * along[1, b]
+                for d in range(3):
+                    for e in range(3):
+                        block[3 * a + d, 3 * b + e] += (
+                            aa * in_space[2 * d, 2 * e]
+                            + ab * in_space[2 * d, 2 * e + 1]
+                            + ba * in_space[2 * d + 1, 2 * e]
+                            + bb * in_space[2 * d + 1, 2 * e + 1]
+                        )
 
 
 def triangle_corners(points: Points, faces: Triangles) -> tuple[Array, Array, Array]:
@@ -374,18 +422,17 @@ def stacked_derivatives(frames: Array) -> Array:
     return np.concatenate([frames[..., 0], frames[..., 1]], axis=-2)
 
 
-def cotangent_laplacian(f: Points, faces: Triangles, areas: Array | None = None) -> csr_array:
+def cotangent_laplacian(f: Points, faces: Triangles) -> csr_array:
     r"""Return the matrix L of the Dirichlet energy hᵀL h of functions linear on every triangle.
 
-    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)` with the areas w of the triangles, or other ones;
-    open and non-manifold meshes have it as well.
+    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)` with the areas w of the triangles; open and
+    non-manifold meshes have it as well.
     """
     corners = f[faces]
     # Half the cotangents of the angles are inner products of the edges opposite them, over 4 areas.
     edges = onp.roll(corners, -1, axis=1) - onp.roll(corners, 1, axis=1)
     double_areas = onp.linalg.norm(onp.cross(edges[:, 0], edges[:, 1]), axis=1)
-    factors = 0.5 / double_areas if areas is None else areas / double_areas**2
-    entries = edges @ onp.swapaxes(edges, 1, 2) * factors[:, None, None]
+    entries = edges @ onp.swapaxes(edges, 1, 2) / (2.0 * double_areas)[:, None, None]
     places = onp.repeat(faces, 3, axis=1).ravel(), onp.tile(faces, 3).ravel()
     return csr_array((entries.ravel(), places), shape=(len(f), len(f)))
 

@@ -24,7 +24,7 @@ from riemhuman.kernels.elimination import (
     solve_lower,
     solve_upper,
 )
-from riemhuman.kernels.surface import cotangent_laplacian
+from riemhuman.kernels.surface import add_blocks
 from riemhuman.kernels.threads import slices
 from riemhuman.surfaces.template import Template
 
@@ -188,20 +188,21 @@ def metric_factor(
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)
         if stiffness > 0 and holds_surfaces(metric.space):
-            laplacian = _mean_laplacian(points, metric.space.template)
-            share = matrix.diagonal().mean() / laplacian.diagonal().mean()
-            dirichlet = sparse.kron(laplacian, sparse.eye_array(3), format="csr")
+            dirichlet = _mean_dirichlet_energy(points, metric.space.template)
+            share = matrix.diagonal().mean() / dirichlet.diagonal().mean()
             matrix = matrix + stiffness * share * dirichlet
         return SparseCholeskyFactor(matrix / scale, ridge)
     return BlockCholeskyFactor(_block_norms(metric, points) / scale)
 
 
-def _mean_laplacian(surfaces: Points, template: Template) -> sparse.csr_array:
-    """Return the mean of the surfaces' Laplacians, by the areas of the template's triangles."""
+def _mean_dirichlet_energy(surfaces: Points, template: Template) -> sparse.csr_array:
+    """Return the mean matrix of the surfaces' Dirichlet energies, by the template's areas."""
     # It sees changes relative to a triangle's height, also of its area, which metrics of normals
     # ignore: where a triangle loses its area, steps are far shorter than elsewhere.
-    faces, areas = template.faces, template.face_areas
-    return sum(cotangent_laplacian(surface, faces, areas) for surface in surfaces) / len(surfaces)
+    blocks = np.zeros((template.n_faces, 9, 9))
+    for surface in surfaces:
+        add_blocks(blocks, surface, template.faces, [(np.eye(6), template.face_areas)])
+    return template.assembler.assemble(blocks / len(surfaces))
 
 
 def _block_norms(metric: RiemannianMetric, points: Points) -> Array:
