@@ -148,17 +148,17 @@ def add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Forms) -> None
     """Add quadratic forms of `frame_components` as forms of the nine numbers of corners."""
     surface = of_one_kind(f)
     for form, scale in forms:
-        # A form of its own for each triangle, or one for all.
-        many = of_one_kind(form.reshape(-1, 6, 6))
-        _add_blocks(blocks, surface, faces, many, of_one_kind(scale))
+        stacked = form.reshape(-1, 6, 6)  # one for all triangles, or one for each
+        _add_blocks(blocks, surface, faces, of_one_kind(stacked), of_one_kind(scale))
 
 
 @compiled
 def _add_blocks(blocks: Array, f: Points, faces: Triangles, forms: Array, scales: Array) -> None:
+    """Add one form to the blocks, or each triangle's own."""
     axes, edges = onp.empty((3, 3)), onp.empty((2, 3))
-    # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
+    # How ∂₁h and ∂₂h depend on the corners.
     along = onp.zeros((2, 3))
-    # The form in h_j·e_k, then in the entries of h_j, j = 1, 2; indices are (k, j).
+    # The form with one side, then both, in space: rows and columns are pairs (axis, derivative).
     turned, in_space = onp.empty((6, 6)), onp.empty((6, 6))
     for t in range(len(faces)):
         for d in range(3):
