@@ -67,9 +67,10 @@ def fit_beneath(task: DenseTask, pose: Pose) -> Pose:
     """Return the likeliest parameters of a body whose skin lies on or inside its scan.
 
     Where a part is bare, and where the scan is inside the body, gaps count as they do without
-    clothes. Outside, cloth is at exponentially distributed distances h from the skin, which are
-    alike over large parts: the cost of a gap is N h / τ instead of a square, so that it hardly
-    pulls the body outward, and least where the cloth is farthest, and the prior says the rest.
+    clothes. Outside, cloth is at exponentially distributed distances h from the skin, with mean τ,
+    which are alike over large parts, so that all of the surface is worth N independent places. The
+    cost N h / τ pulls far cloth no more than near cloth. The body thus swells until the closest
+    cloth or the prior holds it.
     """
     samples, scan = task.samples, task.scan
     bare = task.body.parts.bare[samples.numbers]

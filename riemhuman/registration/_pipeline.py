@@ -1,5 +1,7 @@
 """The stages of a registration in order: search, dense fit, arms and hands, elastic step, trust.
 
+If the scan is said to show clothes, the body beneath them is found last, from the dressed one.
+
 In goes a `ScanTask`, a prepared scan with the models to fit; out comes a `RegistrationTrace`, the
 values of all stages. A doubtful result is searched again: from other starts, without a floor, and
 as half a body.

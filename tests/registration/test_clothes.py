@@ -30,7 +30,9 @@ def heights(points, surface, faces):
 
 @pytest.fixture(scope="module")
 def dressed(model, natural_bodies):
-    return clothed_scan(model, natural_bodies[20], OUTFITS["shirt"], np.random.default_rng(0))
+    return clothed_scan(
+        model, natural_bodies[20], OUTFITS["shirt and trousers"], np.random.default_rng(0)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,7 @@ def results(dressed, registration_from):
     return [replace(as_skin, clothed=clothed).solve(dressed.points) for clothed in (False, True)]
 
 
-@pytest.mark.parametrize("outfit", ["shirt", "dress to the knee"])
+@pytest.mark.parametrize("outfit", ["shirt and trousers", "dress to the knee"])
 def test_simulated_garments_are_outside_the_body(model, natural_bodies, outfit):
     body = natural_bodies[40]
     scan = clothed_scan(model, body, OUTFITS[outfit], np.random.default_rng(1))

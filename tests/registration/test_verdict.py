@@ -48,6 +48,9 @@ def test_good_evidence_and_limbs_out_of_sight_leave_no_doubt(change):
         ({"betas": 4.5}, "far from all people"),
         ({"far": 0.04}, "5 % of the scan lies more than 4.0 cm from the model's surface"),
         ({"overlap": 0.04}, "4.0 % of the body lies where another part of it is"),
+        ({"bare": 0.04}, "10 % of the scan of them lies more than 4.0 cm from the model's surface"),
+        ({"bare": 0.005, "likelihood": 1.4}, "does not look like one person"),
+        ({"near": 0.6, "near_metres": 0.15}, "only 60 % of the scan lies within 15 cm of the body"),
     ],
 )
 def test_every_doubt_has_its_reason(change, reason):
@@ -55,6 +58,12 @@ def test_every_doubt_has_its_reason(change, reason):
     assert reason in found
     assert "likelihood" not in found
     assert not of_limb
+
+
+def test_in_clothes_only_bare_parts_tell():
+    clothed = GOOD | {"far": 0.09, "likelihood": 1.8}
+    assert find_doubts(**clothed)[0]
+    assert find_doubts(**clothed, bare=0.005) == ([], [])
 
 
 def test_a_limb_elsewhere_leaves_doubt_about_the_limb_alone():

@@ -52,7 +52,7 @@ OUTFITS = {
         Garment(1.9, 0.1, 0.018, gathered=0.25),
         Garment(0, 1.9, 0.005, trunk=False, gathered=0.3),
     ),
-    "shirt": (Garment(1.9, 0.2, 0.014, gathered=0.05), _TROUSERS),
+    "shirt and trousers": (Garment(1.9, 0.2, 0.014, gathered=0.05), _TROUSERS),
     "hoodie and wide trousers": (
         Garment(1.9, 0.2, 0.028, gathered=0.05),
         Garment(0, 1.9, 0.018, trunk=False, gathered=0.0),
