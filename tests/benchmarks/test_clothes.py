@@ -71,9 +71,10 @@ def test_errors_beneath_clothes(benchmark, registrations, dressed):
             result, seconds, _ = clocked(solve, benchmark=benchmark)
             errors = 1000.0 * np.linalg.norm(result.points - scan.body, axis=1)
             shown = areas * result.trusted_vertices
-            far = shown @ (errors > 1000.0 * FAR)
-            values = [errors.mean(), errors @ areas, result.trusted, shown.sum()]
-            values += [shown @ errors / max(shown.sum(), 1e-9), far / max(shown.sum(), 1e-9)]
+            share = shown.sum() if result.trusted_vertices.any() else np.nan
+            far = shown @ (errors > 1000.0 * FAR) / share
+            values = [errors.mean(), errors @ areas, result.trusted, share]
+            values += [shown @ errors / share, far]
             values += [*(1000.0 * (girths_of(measurements, result.points) - true_girths)), seconds]
             rows.append((kind, outfit, registration.clothed, values))
     print(
@@ -85,7 +86,9 @@ def test_errors_beneath_clothes(benchmark, registrations, dressed):
     for group in groups:
         for clothed in (False, True):
             some = [row[3] for row in rows if group in row[:2] and row[2] == clothed]
-            means, spreads = np.mean(some, axis=0), np.std(some, axis=0)
+            # Nothing is averaged of what is not there, as on bodies that are refused.
+            some = np.ma.masked_invalid(some)
+            means, spreads = some.mean(axis=0).filled(np.nan), some.std(axis=0).filled(np.nan)
             girths = zip(means[6:10], spreads[6:10], strict=True)
             print(
                 f"| {group} | {clothed} | {means[0]:.1f} | {means[1]:.1f} | {means[2]:.2f} | "
