@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from empty_figures import leave_empty
 from headless_browser import opened_browser
-from open_bodies import coarse_bodies
+from open_bodies import coarse_bodies, with_pose_directions
 
-from riemhuman.datasets import Bodies
+from riemhuman.datasets import Bodies, load_open_model
 
 EVERYDAY_CASES = 6
 
@@ -79,6 +79,18 @@ def browser():
 def bodies():
     """Return all open bodies, coarse."""
     return coarse_bodies()
+
+
+@pytest.fixture(scope="session")
+def model():
+    """Return the open model, coarse."""
+    return load_open_model("coarse")
+
+
+@pytest.fixture(scope="session")
+def bending(model):
+    """Return the open model with pose directions."""
+    return with_pose_directions(model)
 
 
 @pytest.fixture(scope="session")

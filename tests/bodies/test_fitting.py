@@ -15,11 +15,6 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning
 
 
 @pytest.fixture(scope="module")
-def model():
-    return load_open_model("coarse")
-
-
-@pytest.fixture(scope="module")
 def smpl():
     """Return a made-up model with pose-dependent displacements."""
     fields = smpl_fields(n_vertices=120)

@@ -3,21 +3,14 @@
 import numpy as np
 import pytest
 
-from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import (
-    Measurements,
     model_from_measurements,
     predict_measurements,
 )
 from riemhuman.measurements.adults import adults
 from riemhuman.measurements.bodies_from_measurements import _mixture_of_adults
 from riemhuman.measurements.predicted_measurements import predict
-
-
-@pytest.fixture(scope="module")
-def measurements():
-    return Measurements(load_open_model("coarse"))
 
 
 def test_adults_of_both_sexes_are_spread_as_their_mixture():

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from autograd.core import make_vjp
 
-from riemhuman.measurements import Measurements
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
-
-
-@pytest.fixture(scope="module")
-def measurements(bodies):
-    return Measurements(bodies)
 
 
 @pytest.mark.parametrize("axes", ["space", "body"])

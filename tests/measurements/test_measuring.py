@@ -21,11 +21,6 @@ LENGTHS = ["stature", "arm length", "inside leg height", "back length", "foot le
 
 
 @pytest.fixture(scope="module")
-def measurements(bodies):
-    return Measurements(bodies)
-
-
-@pytest.fixture(scope="module")
 def values(bodies, measurements):
     return measurements.measure(bodies.points[:20:3]).values
 

@@ -5,10 +5,8 @@ import pytest
 from build_percentiles import agreeing_offsets, fitted, public_weights, tails_hold
 from scipy.special import ndtri
 
-from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import (
-    Measurements,
     average_adult,
     noise_of_measurements,
     percentiles,
@@ -21,11 +19,6 @@ from riemhuman.measurements.populations import (
 )
 
 LEVELS = (1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 97.5, 99.0)
-
-
-@pytest.fixture(scope="module")
-def measurements():
-    return Measurements(load_open_model("coarse"))
 
 
 def some_people(sex, number, rng):

@@ -1,15 +1,22 @@
-"""The model that performs, the real recording that is performed, and a model of SMPL's family."""
+"""An open motion and its joints, the real recording performed, and a model of SMPL's family."""
 
 import pytest
+from marker_files import RATE
 from model_pickles import smpl_model
-from recorded_people import RECORDING
+from recorded_people import RECORDING, joint_paths
 
-from riemhuman.datasets import load_bvh, load_open_model
+from riemhuman.datasets import load_bvh, load_open_motions
 
 
 @pytest.fixture(scope="session")
-def model():
-    return load_open_model("coarse")
+def jump():
+    (motion,) = load_open_motions("coarse", "tall sturdy woman", "jumping_jacks", RATE)
+    return motion
+
+
+@pytest.fixture(scope="session")
+def joints(jump):
+    return joint_paths(jump)
 
 
 @pytest.fixture(scope="session")

@@ -5,9 +5,8 @@ import csv
 import numpy as np
 import pytest
 from marker_files import RATE
-from recorded_people import joint_paths
 
-from riemhuman.datasets import load_open_motions, load_recording, skeleton_from_positions
+from riemhuman.datasets import load_recording, skeleton_from_positions
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.mocap.joint_positions import LAYOUTS
 
@@ -17,17 +16,6 @@ PARTS = {
     "Wrist": "wrist", "BigToe": "toes", "Toe": "toes", "Toes": "toes", "FootIndex": "toes",
 }  # fmt: skip
 NEEDED = [f"{side}_{part}" for side in ("left", "right") for part in list(PARTS.values())[:6]]
-
-
-@pytest.fixture(scope="module")
-def jump():
-    (motion,) = load_open_motions("coarse", "tall sturdy woman", "jumping_jacks", RATE)
-    return motion
-
-
-@pytest.fixture(scope="module")
-def joints(jump):
-    return joint_paths(jump)
 
 
 def arranged(joints, layout):

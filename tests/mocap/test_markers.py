@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from marker_files import CENTRES, RATE, centres, write_c3d, write_trc
-from recorded_people import joint_paths
 
 from riemhuman.datasets import (
     load_bvh,
     load_c3d,
-    load_open_motions,
     load_recording,
     load_trc,
     retarget,
@@ -28,17 +26,6 @@ PARTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist", "toes")
 BESIDE = 0.045
 KEYPOINTS = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow", "Wrist", "BigToe")
 GAIT = ("FEP", "FEO", "TIO", "CLO", "HUO", "RAO", "TOE")
-
-
-@pytest.fixture(scope="module")
-def dance():
-    (motion,) = load_open_motions("coarse", "tall sturdy woman", "jumping_jacks", RATE)
-    return motion
-
-
-@pytest.fixture(scope="module")
-def joints(dance):
-    return joint_paths(dance)
 
 
 def sided(joints, pattern, parts, sides=("L", "R")):
@@ -128,15 +115,15 @@ def test_joints_are_where_names_of_markers_say(maker, joints, tmp_path):
 
 
 @pytest.mark.parametrize("upright", ["y", "z"])
-def test_a_body_performs_what_markers_recorded(upright, dance, video, tmp_path):
+def test_a_body_performs_what_markers_recorded(upright, jump, video, tmp_path):
     if upright == "z":
         video = {name: path[:, [2, 0, 1]] for name, path in video.items()}
-    motion = load_recording(write_trc(tmp_path / "jump.trc", video), dance.model, betas=dance.betas)
+    motion = load_recording(write_trc(tmp_path / "jump.trc", video), jump.model, betas=jump.betas)
     assert motion.errors.directions.max() < 4.0
     assert motion.errors.positions.max() < 0.02
     assert motion.errors.scale == pytest.approx(1.0, abs=1e-4)
     if upright == "y":
-        apart = np.linalg.norm(motion[::8] - dance[::8], axis=-1)
+        apart = np.linalg.norm(motion[::8] - jump[::8], axis=-1)
         # Collars were not recorded: the farther shoulders are from hips, the higher they are.
         assert apart.mean() < 0.02
 
@@ -359,7 +346,7 @@ def test_no_frames_and_no_rate(video, tmp_path):
     ).frames_per_second == pytest.approx(RATE, rel=1e-3)
 
 
-def test_c3d_files_are_read_as_trc_files(dance, joints, video, tmp_path):
+def test_c3d_files_are_read_as_trc_files(jump, joints, video, tmp_path):
     video["LKnee"][10] = np.nan
     file = write_c3d(tmp_path / "jump.c3d", video)
     with pytest.warns(UserWarning, match="left_knee up to 1"):
@@ -367,5 +354,5 @@ def test_c3d_files_are_read_as_trc_files(dance, joints, video, tmp_path):
     assert (recording.frames_per_second, recording.unit) == (RATE, "metres")
     np.testing.assert_allclose(places(recording, "left_hip"), joints["left_hip"], atol=1e-5)
     with pytest.warns(UserWarning, match="left_knee up to 1"):
-        motion = load_recording(file, dance.model, betas=dance.betas)
+        motion = load_recording(file, jump.model, betas=jump.betas)
     assert motion.errors.positions.max() < 0.02

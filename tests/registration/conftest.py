@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scanned_people import settings_with, with_pose_directions
+from scanned_people import settings_with
 
 import riemhuman as rh
 from riemhuman.kernels.threads import single_threaded_libraries
@@ -17,19 +17,9 @@ def _single_threaded():
 
 
 @pytest.fixture(scope="session")
-def model():
-    return rh.datasets.load_open_model("coarse")
-
-
-@pytest.fixture(scope="session")
 def natural_bodies():
     """Return people with flesh that the model lacks; tests change none of their arrays."""
     return rh.datasets.load_open_bodies("coarse", variant="natural", people=909)
-
-
-@pytest.fixture(scope="session")
-def bending(model):
-    return with_pose_directions(model)
 
 
 @pytest.fixture(scope="session")

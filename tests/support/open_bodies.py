@@ -21,3 +21,10 @@ def model_with(model: BodyModel, **changes: object) -> BodyModel:
     fields["v_template"] = model.template.vertices
     fields["kintree_table"] = np.stack([model.parents, np.arange(model.n_joints)])
     return BodyModel(**fields | changes)
+
+
+def with_pose_directions(model):
+    """Return the model with random pose directions and no hands."""
+    shape = (model.n_vertices, 3, 9 * (model.n_joints - 1))
+    posedirs = 1e-3 * np.random.default_rng(0).standard_normal(shape)
+    return model_with(model, posedirs=posedirs, hand_directions=None, hand_poses=())

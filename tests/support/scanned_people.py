@@ -328,10 +328,3 @@ def registered_at(body, faces):
         faces=faces,
         scan=rh.registration.Scan(body, faces),
     )
-
-
-def with_pose_directions(model):
-    """Return the model with random pose directions and no hands."""
-    shape = (model.n_vertices, 3, 9 * (model.n_joints - 1))
-    posedirs = 1e-3 * np.random.default_rng(0).standard_normal(shape)
-    return model_with(model, posedirs=posedirs, hand_directions=None, hand_poses=())
