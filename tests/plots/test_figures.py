@@ -98,3 +98,13 @@ def test_names_in_scripts_that_the_font_lacks(tmp_path):
         with pytest.warns(UserWarning, match="no installed font has the characters \ua9c1"):
             save_figure(title.figure, tmp_path / "a.png")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.pdf", "a.png"]
+
+
+def test_letters_of_pdf_files_are_truetype(tmp_path):
+    """Journals refuse fonts of type 3."""
+    figure = new_figure(2.0, 1.0)
+    figure.subplots().set_title("Names")
+    save_figure(figure, tmp_path / "names.pdf")
+    content = (tmp_path / "names.pdf").read_bytes()
+    assert b"CIDFontType2" in content
+    assert b"/Type3" not in content
