@@ -1,9 +1,11 @@
 """Optional dependencies: how to install them, and matplotlib whatever backend is asked for."""
 
 import os
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from importlib.metadata import metadata, requires
 
 import pytest
 from matplotlib.image import imread
@@ -33,6 +35,19 @@ def test_what_is_missing_says_how_to_install_it():
         MissingDependencyError, match=r"absent is needed .* pip install '\.\[video\]'"
     ):
         import_optional("absent", "video")
+
+
+def test_extras_name_extras_that_exist():
+    """The installer only warns of others, and leaves them out."""
+    known = set(metadata("riemhuman").get_all("Provides-Extra"))
+    named = [
+        name
+        for requirement in requires("riemhuman")
+        for names in re.findall(r"^riemhuman\[([^]]*)\]", requirement)
+        for name in names.split(",")
+    ]
+    assert named
+    assert set(named) <= known
 
 
 @pytest.mark.slow
