@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from riemhuman.bodies import BodyModel
     from riemhuman.datasets import Motion, RegisteredMeshes
     from riemhuman.geometry import RiemannianMetric
-    from riemhuman.geometry.manifold import SurfaceSpace
     from riemhuman.measurements import Measurements
     from riemhuman.mocap.motions import ModelMotion
     from riemhuman.plots import Viewer
@@ -240,7 +239,7 @@ def chosen_metric(
     if options.metric == "srnf":
         return rh.SRNFMetric(space)
     if options.metric == "person":
-        return _person_metric(space, options)
+        return rh.retrieval.benchmarks.person_metric(space, options.task)
     by_default = are_scans and not (options.metric or flags)
     if by_default:
         with suppress(ArgumentError):  # of bodies with other triangles than the open model's
@@ -250,16 +249,6 @@ def chosen_metric(
     preset_weights = _PRESETS.get(options.metric, options.default_metric)
     pairs = zip(weights.values(), preset_weights, strict=True)
     return rh.ElasticMetric(space, *(preset if given is None else given for given, preset in pairs))
-
-
-def _person_metric(space: SurfaceSpace, options: argparse.Namespace) -> RiemannianMetric:
-    """Return the metric of people, by a map to the open model if the triangles are others."""
-    try:
-        return rh.PersonMetric(space)
-    except ArgumentError:
-        with options.task("Registering the template to the open model"):
-            topology = rh.topologies.TopologyMap.fit(space.template)
-        return rh.PersonMetric(space, topology)
 
 
 def metric_of_people(options: argparse.Namespace, surfaces: Surfaces) -> RiemannianMetric:

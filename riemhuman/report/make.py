@@ -125,8 +125,7 @@ def make_report(
     import_optional("sklearn.manifold", "report")
     started = _now()
     bodies = _bodies_to_report(bodies, basis, quick, progress)
-    compared = table_metrics(bodies)
-    compared |= of_extensions(bodies) if quick else representations(bodies)
+    compared = table_metrics(bodies) | of_extensions(bodies) if quick else representations(bodies)
     sections = [] if scans is None else [scan_section(read_records(scans), units=units)]
     folder = open_folder(output)
     digest = fingerprint(bodies)

@@ -51,6 +51,7 @@ from riemhuman.geometry import (
     SobolevMetric,
     SRNFMetric,
 )
+from riemhuman.geometry.manifold import SurfaceSpace
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.retrieval.scores import RetrievalScores, scores
@@ -69,6 +70,7 @@ SOBOLEV = f"Sobolev metric{_STRAIGHT}"
 GAUGE_INVARIANT = f"gauge-invariant SRNF{_STRAIGHT}"
 
 Described: TypeAlias = tuple[Array, float]
+Task: TypeAlias = Callable[[str], AbstractContextManager[object]]
 
 AMONG_OTHERS = "pose among other people"  # other bodies of the same person are left out
 TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
@@ -121,7 +123,7 @@ def benchmark(
     *,
     learned: bool = False,
     progress: bool = False,
-    task: Callable[[str], AbstractContextManager[object]] = nullcontext,
+    task: Task = nullcontext,
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
 
@@ -153,7 +155,7 @@ def benchmark(
     """
     _check_bodies(bodies)
     if representations is None:
-        representations = _default_metrics(bodies)
+        representations = _default_metrics(bodies, task)
     _check_representations(representations)
     labels = _labels_by_task(bodies)
 
@@ -191,9 +193,9 @@ def benchmark(
     return records
 
 
-def _default_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
+def _default_metrics(bodies: Bodies | LabelledMeshes, task: Task) -> dict[str, Representation]:
     """Return the metrics of tables, and those of extensions."""
-    metrics = table_metrics(bodies)
+    metrics = table_metrics(bodies, task)
     for name, representation in of_extensions(bodies).items():
         if hasattr(representation, "dist_pairwise"):
             metrics[name] = representation
@@ -236,7 +238,9 @@ def _labels_by_task(bodies: Bodies | LabelledMeshes) -> dict[str, Integers]:
     return labels
 
 
-def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
+def table_metrics(
+    bodies: Bodies | LabelledMeshes, task: Task = nullcontext
+) -> dict[str, Representation]:
     """Return the metrics of retrieval tables by name."""
     if not _is_registered(bodies):
         raise ArgumentTypeError(
@@ -250,7 +254,7 @@ def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
         "area metric": AreaMetric(space),
     }
     with suppress(ArgumentError):  # of surfaces that are not human bodies
-        metrics["person metric"] = _person_metric(space)
+        metrics["person metric"] = person_metric(space, task)
     return metrics | {
         "SRNF": SRNFMetric(space),
         "rotation metric": RotationMetric(space),
@@ -258,7 +262,7 @@ def table_metrics(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
     }
 
 
-def _person_metric(space: AlignedSurfaces) -> PersonMetric:
+def person_metric(space: SurfaceSpace, task: Task = nullcontext) -> PersonMetric:
     """Return the metric of people, by a map to the open model if the triangles are others."""
     try:
         return PersonMetric(space)
@@ -266,7 +270,9 @@ def _person_metric(space: AlignedSurfaces) -> PersonMetric:
         # Most tables need no registration, which takes a while to import.
         from riemhuman.topologies import TopologyMap
 
-        return PersonMetric(space, TopologyMap.fit(space.template))
+        with task("Registering the template to the open model"):
+            topology = TopologyMap.fit(space.template)
+        return PersonMetric(space, topology)
 
 
 def representations(bodies: Bodies | LabelledMeshes) -> dict[str, Representation]:
