@@ -57,7 +57,7 @@ class SymmetricSolver:
         # Without pivoting A = L D Lᵀ, rows and columns in one order.
         factor = symmetric_factor(matrix)
         lower = sparse.tril(factor.L, -1, format="csc")
-        self._order = np.argsort(factor.perm_c)
+        self._order, self._place = np.argsort(factor.perm_c), factor.perm_c
         self._ends, self._rows, self._entries = lower.indptr, lower.indices, lower.data
         self._pivots = factor.U.diagonal()
 
@@ -68,10 +68,10 @@ class SymmetricSolver:
         for part in slices(columns.shape[1], _TOGETHER):
             n_columns = part.stop - part.start
             x = np.zeros((len(columns), _TOGETHER))
-            x[:, :n_columns] = columns[self._order, part]
+            x[:, :n_columns] = columns[:, part].take(self._order, axis=0)
             row = np.empty(_TOGETHER)
             _solve_symmetric(self._ends, self._rows, self._entries, self._pivots, x, row)
-            solved[self._order, part] = x[:, :n_columns]
+            solved[:, part] = x[:, :n_columns].take(self._place, axis=0)
         return solved.reshape(values.shape)
 
 

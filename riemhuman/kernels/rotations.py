@@ -152,29 +152,31 @@ def with_continuous_signs(quaternions: Array) -> Array:
 @compiled
 def fill_quaternions(rotations: Array, quaternions: Array) -> None:
     """Fill `quaternions` of rotations, shape (n, 3, 3)."""
+    # Each number is read by itself: views of single matrices take longer to make than to use.
     for t in range(len(rotations)):
-        r, q = rotations[t], quaternions[t]
-        r10, r20, r21 = r[1, 0], r[2, 0], r[2, 1]
-        r01, r02, r12 = r[0, 1], r[0, 2], r[1, 2]
-        trace = r[0, 0] + r[1, 1] + r[2, 2]
-        # The component whose column of 4 q qᵀ is taken, and its square times four.
-        chosen, largest = 0, 1.0 + trace
-        for k in range(3):
-            square = 1.0 + 2.0 * r[k, k] - trace
-            if square > largest:
-                chosen, largest = k + 1, square
+        r00, r01, r02 = rotations[t, 0, 0], rotations[t, 0, 1], rotations[t, 0, 2]
+        r10, r11, r12 = rotations[t, 1, 0], rotations[t, 1, 1], rotations[t, 1, 2]
+        r20, r21, r22 = rotations[t, 2, 0], rotations[t, 2, 1], rotations[t, 2, 2]
+        trace = r00 + r11 + r22
         x, y, z = r21 - r12, r02 - r20, r10 - r01
         xy, xz, yz = r01 + r10, r02 + r20, r12 + r21
-        if chosen == 0:
-            q0, q1, q2, q3 = largest, x, y, z
-        elif chosen == 1:
-            q0, q1, q2, q3 = x, largest, xy, xz
-        elif chosen == 2:
-            q0, q1, q2, q3 = y, xy, largest, yz
-        else:
-            q0, q1, q2, q3 = z, xz, yz, largest
+        # The component whose column of 4 q qᵀ is taken has the largest square.
+        largest = 1.0 + trace
+        q0, q1, q2, q3 = largest, x, y, z
+        square = 1.0 + 2.0 * r00 - trace
+        if square > largest:
+            largest = square
+            q0, q1, q2, q3 = x, square, xy, xz
+        square = 1.0 + 2.0 * r11 - trace
+        if square > largest:
+            largest = square
+            q0, q1, q2, q3 = y, xy, square, yz
+        square = 1.0 + 2.0 * r22 - trace
+        if square > largest:
+            q0, q1, q2, q3 = z, xz, yz, square
         length = math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-        q[0], q[1], q[2], q[3] = q0 / length, q1 / length, q2 / length, q3 / length
+        quaternions[t, 0], quaternions[t, 1] = q0 / length, q1 / length
+        quaternions[t, 2], quaternions[t, 3] = q2 / length, q3 / length
 
 
 def log(r1: Array, r2: Array) -> Array:
@@ -235,40 +237,36 @@ def _by_newton(matrices: Array, nearest: Array, cofactors: Array, near: Array) -
     """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it."""
     # Faster than singular values and as exact (Higham, "Computing the polar decomposition", 1986).
     for t in range(len(matrices)):
-        x, squares = nearest[t], 0.0
+        squares = 0.0
         for i in range(3):
             for j in range(3):
-                x[i, j] = matrices[t, i, j]
-                squares += x[i, j] ** 2
-        # A rotation has squares 3 and determinant 1; nearer to a singular matrix the limit loses
-        # digits, and may be another rotation.
-        near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2
-        if not near[t]:
-            continue
-        for _ in range(10):
-            determinant = _fill_cofactors(x, cofactors)
+                nearest[t, i, j] = matrices[t, i, j]
+                squares += matrices[t, i, j] ** 2
+        for step in range(11):
+            determinant = 0.0
+            for i in range(3):
+                a, b = (i + 1) % 3, (i + 2) % 3
+                for j in range(3):
+                    c, d = (j + 1) % 3, (j + 2) % 3
+                    cofactors[i, j] = (
+                        nearest[t, a, c] * nearest[t, b, d] - nearest[t, a, d] * nearest[t, b, c]
+                    )
+            for j in range(3):
+                determinant += nearest[t, 0, j] * cofactors[0, j]
+            if step == 0:
+                # A rotation has squares 3 and determinant 1; nearer to a singular matrix the limit
+                # loses digits, and may be another rotation.
+                near[t] = squares < 6.0 and determinant > 0.2
+            if not near[t]:
+                break
             largest = 0.0
             for i in range(3):
                 for j in range(3):
-                    change = 0.5 * (cofactors[i, j] / determinant - x[i, j])
-                    x[i, j] += change
+                    change = 0.5 * (cofactors[i, j] / determinant - nearest[t, i, j])
+                    nearest[t, i, j] += change
                     largest = max(largest, abs(change))
             if largest < 1e-9:  # the next change is its square: the rest is rounding
                 break
-
-
-@compiled
-def _fill_cofactors(x: Array, cofactors: Array) -> float:
-    """Fill the cofactors of a matrix; return its determinant."""
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            c, d = (j + 1) % 3, (j + 2) % 3
-            cofactors[i, j] = x[a, c] * x[b, d] - x[a, d] * x[b, c]
-    determinant: float = (
-        x[0, 0] * cofactors[0, 0] + x[0, 1] * cofactors[0, 1] + x[0, 2] * cofactors[0, 2]
-    )
-    return determinant
 
 
 def _turned_back(answer: Array, matrices: Array, upstream: Array) -> Array:

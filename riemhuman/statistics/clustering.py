@@ -7,7 +7,6 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.cluster import hierarchy
 from scipy.spatial.distance import squareform
 
 from riemhuman.arrays import Array, Integers
@@ -164,6 +163,8 @@ class HierarchicalClustering(_Clustering):
         needed = max(2, whole_number(self.n_clusters, "n_clusters", minimum=1))
         if len(distances) < needed:
             raise ArgumentError(f"X holds {len(distances)} points; at least {needed} are needed")
+        from scipy.cluster import hierarchy  # takes long to import
+
         tree = hierarchy.linkage(squareform(distances, checks=False), self.linkage)
         clusters = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
         _, first_points, labels = np.unique(clusters, return_index=True, return_inverse=True)

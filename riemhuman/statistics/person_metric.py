@@ -80,9 +80,8 @@ class PersonMetric(PullbackMetric):
         carried = _carried(fields, space.template, topology)
         roots = onp.sqrt(masses)[:, onp.newaxis]
         # On other templates, the directions are no longer quite orthonormal.
-        orthonormal = onp.linalg.qr(carried * roots)[0]
-        # Vertices without triangles have no mass.
-        directions = onp.divide(orthonormal, roots, out=onp.zeros_like(carried), where=roots > 0.0)
+        scaled = carried * roots
+        directions = onp.linalg.solve(onp.linalg.cholesky(scaled.T @ scaled), carried.T).T
         self._removed = directions * (1.0 - weights)
         self._measured = directions * masses[:, onp.newaxis]
         super().__init__(space, self._areas.target_metric, self.person_fields, **solvers)

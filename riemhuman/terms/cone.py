@@ -435,11 +435,13 @@ def _fill_angles(
     """Fill the part of ¼ψ² due to normals; without their weight, it is already 0."""
     zero = type(turn)(0.0)
     if turn > zero:
-        x1, y1, z1 = rows[0, first:last], rows[1, first:last], rows[2, first:last]
-        x2, y2, z2 = columns[0, first:last], columns[1, first:last], columns[2, first:last]
-        for t in range(last - first):
+        x1, y1, z1, x2, y2, z2 = rows[0], rows[1], rows[2], columns[0], columns[1], columns[2]
+        # Unsigned: indices that might count from the end keep loops from being vectorised. Slices
+        # of the arrays would do as well but take long to compile.
+        start, stop = onp.uintp(first), onp.uintp(last)
+        for t in range(start, stop):
             a, b = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
-            angles[t] = turn * arc_pair(a, b, None, double)[0]
+            angles[t - start] = turn * arc_pair(a, b, None, double)[0]
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -505,26 +507,16 @@ def _tile(
     scale, turn = scales
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
+        start, stop = onp.uintp(first), onp.uintp(last)
         for i in range(len(a)):
-            x1, y1, h1, s1 = (
-                a[i, 0, first:last],
-                a[i, 1, first:last],
-                a[i, 2, first:last],
-                a[i, 3, first:last],
-            )
+            x1, y1, h1, s1 = a[i, 0], a[i, 1], a[i, 2], a[i, 3]
             for j in range(i + 1 if within else 0, len(b)):
-                x2, y2, h2, s2 = (
-                    b[j, 0, first:last],
-                    b[j, 1, first:last],
-                    b[j, 2, first:last],
-                    b[j, 3, first:last],
-                )
+                x2, y2, h2, s2 = b[j, 0], b[j, 1], b[j, 2], b[j, 3]
                 if fit is None:
                     _fill_angles(a[i, 4:], b[j, 4:], turn, double, angles, first, last)
                 total = type(scale)(0.0)
-                for t in range(last - first):
-                    one = (x1[t], y1[t], s1[t])
-                    other = (x2[t], y2[t], s2[t])
-                    inverse = h1[t] * h2[t]
-                    total += cone_pair(one, other, inverse, angles[t], scale, fit, double)[0]
+                for t in range(start, stop):
+                    one, other = (x1[t], y1[t], s1[t]), (x2[t], y2[t], s2[t])
+                    inverse, angle = h1[t] * h2[t], angles[t - start]
+                    total += cone_pair(one, other, inverse, angle, scale, fit, double)[0]
                 squared[i, j] += total

@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 
 import autograd.numpy as np
+import numpy as onp
 
 from riemhuman.arrays import Array, FeatureRows, Fields, Points
 from riemhuman.kernels.compilation import SUM, compiled
@@ -101,17 +102,17 @@ def _tile(a: Array, b: Array, within: bool, squared: Array) -> None:
     end_a, end_b = len(a) - 1, len(b) - 1
     zero = a.dtype.type(0.0)
     for first in range(0, a.shape[1], _CHUNK):
-        last = min(first + _CHUNK, a.shape[1])
+        start, stop = onp.uintp(first), onp.uintp(min(first + _CHUNK, a.shape[1]))
         for j in range(0, len(b), 4):
-            b0, b1 = b[j, first:last], b[min(j + 1, end_b), first:last]
-            b2, b3 = b[min(j + 2, end_b), first:last], b[min(j + 3, end_b), first:last]
+            b0, b1 = b[j], b[min(j + 1, end_b)]
+            b2, b3 = b[min(j + 2, end_b)], b[min(j + 3, end_b)]
             for i in range(0, min(j + 4, len(a)) if within else len(a), 4):
-                a0, a1 = a[i, first:last], a[min(i + 1, end_a), first:last]
-                a2, a3 = a[min(i + 2, end_a), first:last], a[min(i + 3, end_a), first:last]
+                a0, a1 = a[i], a[min(i + 1, end_a)]
+                a2, a3 = a[min(i + 2, end_a)], a[min(i + 3, end_a)]
                 # As in a matrix product, each number read is used in four sums.
                 s0: Four = (zero, zero, zero, zero)
                 s1 = s2 = s3 = s0
-                for t in range(last - first):
+                for t in range(start, stop):  # unsigned: see `cone._fill_angles`
                     y = (b0[t], b1[t], b2[t], b3[t])
                     s0, s1 = _add(s0, a0[t], y), _add(s1, a1[t], y)
                     s2, s3 = _add(s2, a2[t], y), _add(s3, a3[t], y)

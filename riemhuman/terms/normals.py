@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import autograd.numpy as np
+import numpy as onp
 from autograd.extend import defvjp, primitive
 
 from riemhuman.arrays import Array, FeatureRows, Fields, Points, TangentVectors
@@ -26,7 +27,7 @@ class _AngleTerm(Term):
     _factor = 1.0
 
     def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
-        return self._factor * _pack(fields[0].T, areas, kept)
+        return self._factor * _pack(np.ascontiguousarray(fields[0].T), areas, kept)
 
     def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
@@ -240,25 +241,16 @@ def _tile(
     """Add sums over triangles of weighted squared arcs."""
     n_values, zero = a.shape[2], weights.dtype.type(0.0)
     for first in range(0, n_values, CHUNK):
-        last = min(first + CHUNK, n_values)
-        areas = weights[first:last]
+        start, stop = onp.uintp(first), onp.uintp(min(first + CHUNK, n_values))
         for i in range(len(a)):
-            x1, y1, z1 = a[i, 0, first:last], a[i, 1, first:last], a[i, 2, first:last]
-            w1 = a[i, -1, first:last]
+            x1, y1, z1, w1 = a[i, 0], a[i, 1], a[i, 2], a[i, -1]
             for j in range(i + 1 if within else 0, len(b)):
-                x2, y2, z2 = b[j, 0, first:last], b[j, 1, first:last], b[j, 2, first:last]
-                w2 = b[j, -1, first:last]
+                x2, y2, z2, w2 = b[j, 0], b[j, 1], b[j, 2], b[j, -1]
                 total = zero
-                for t in range(last - first):
+                for t in range(start, stop):  # unsigned: see `cone._fill_angles`
                     if either_sign is None:
-                        first_field, second_field = (
-                            (x1[t], y1[t], z1[t], zero),
-                            (x2[t], y2[t], z2[t], zero),
-                        )
+                        one, other = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
                     else:
-                        first_field, second_field = (
-                            (x1[t], y1[t], z1[t], w1[t]),
-                            (x2[t], y2[t], z2[t], w2[t]),
-                        )
-                    total += areas[t] * arc_pair(first_field, second_field, either_sign, double)[0]
+                        one, other = (x1[t], y1[t], z1[t], w1[t]), (x2[t], y2[t], z2[t], w2[t])
+                    total += weights[t] * arc_pair(one, other, either_sign, double)[0]
                 squared[i, j] += total
