@@ -215,4 +215,6 @@ class PointSpace(ABC):
         if values.shape != (*leading, *self.shape):
             return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
         good: Booleans = np.all(np.isfinite(values), axis=self._point_axes)
-        return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
+        if not good.all():
+            values = np.where(np.expand_dims(good, self._point_axes), values, 0.0)
+        return values, good

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
-from riemhuman.arrays import Array, Integers
+from riemhuman.arrays import Array, FeatureRows, Integers
 from riemhuman.kernels.compilation import FUSED, compiled
 from riemhuman.kernels.threads import slices
 
@@ -155,8 +155,8 @@ def _filled(n: int, columns: Integers, rows: Integers) -> tuple[Integers, Intege
     return np.array([len(column) for column in filled]), np.concatenate(filled)
 
 
-WIDTH = 20
-"""Number of right sides that loops are compiled for: 20 then take no longer than 8 otherwise."""
+WIDTH = 16
+"""Number of right sides that loops are compiled for: 16 then take no longer than 6 otherwise."""
 
 
 @compiled(fastmath=FUSED)
@@ -209,11 +209,15 @@ def eliminate(
 
 @compiled(fastmath=FUSED)
 def solve_lower(
-    ends: Integers, rows: Integers, blocks: Array, x: Array, lanes: tuple[int, ...] | None
+    ends: Integers,
+    rows: Integers,
+    blocks: FeatureRows,
+    x: FeatureRows,
+    lanes: tuple[int, ...] | None,
 ) -> None:
     """Replace X by L⁻¹ X."""
     k = x.shape[1] // 3 if lanes is None else len(lanes)
-    y0, y1, y2 = np.empty(k), np.empty(k), np.empty(k)
+    y0, y1, y2 = np.empty(k, x.dtype), np.empty(k, x.dtype), np.empty(k, x.dtype)
     for j in range(len(x)):
         first, y = ends[j], x[j]
         low, corner, last = blocks[first, 1], blocks[first, 2], blocks[first, 5]
@@ -232,11 +236,15 @@ def solve_lower(
 
 @compiled(fastmath=FUSED)
 def solve_upper(
-    ends: Integers, rows: Integers, blocks: Array, x: Array, lanes: tuple[int, ...] | None
+    ends: Integers,
+    rows: Integers,
+    blocks: FeatureRows,
+    x: FeatureRows,
+    lanes: tuple[int, ...] | None,
 ) -> None:
     """Replace X by L⁻ᵀ X."""
     k = x.shape[1] // 3 if lanes is None else len(lanes)
-    y0, y1, y2 = np.empty(k), np.empty(k), np.empty(k)
+    y0, y1, y2 = np.empty(k, x.dtype), np.empty(k, x.dtype), np.empty(k, x.dtype)
     for j in range(len(x) - 1, -1, -1):
         first, y = ends[j], x[j]
         for i in range(k):

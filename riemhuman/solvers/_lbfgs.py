@@ -8,7 +8,6 @@ from typing import NamedTuple, Required, TypedDict, Unpack
 
 import numpy as np
 from autograd.core import make_vjp
-from scipy.linalg.blas import daxpy as add_multiple  # y += a x, in place
 from tqdm import tqdm
 
 from riemhuman.arrays import Array, Callback, TangentVectors
@@ -19,6 +18,7 @@ from riemhuman.kernels.threads import (
     is_abandoned,
     pair_with_rows,
     single_threaded_libraries,
+    slices,
 )
 from riemhuman.solvers.results import INTERRUPTED_MESSAGE, Result, Status
 
@@ -28,8 +28,9 @@ Objective = Callable[[Array], tuple[float, Array]]
 Operator = Callable[[Array], Array]
 """Symmetric positive map from gradients to steps: an inverse Hessian up to a factor."""
 
-# Number of steps remembered.
+# Number of steps remembered, and of their entries that are read together.
 _MEMORY = 10
+_IN_CACHE = 16384
 
 # Wolfe's conditions: the share of the decrease promised by the slope that a step must reach, and
 # the share of the slope that it may leave.
@@ -162,9 +163,10 @@ class _Run:
         trial = _line_search(descent.objective, self.x, direction, self.value, slope)
         self._n_evaluations += trial.n_evaluations
         if trial.step > 0:
-            step, image = trial.step * direction, operator(trial.gradient)
-            self._memory.add(step, trial.gradient - self._gradient, image - self._image)
-            self.x, self.value = self.x + step, trial.value
+            image = operator(trial.gradient)
+            change, change_of_image = trial.gradient - self._gradient, image - self._image
+            self._memory.add(trial.step * direction, change, change_of_image)
+            self.x, self.value = trial.x, trial.value
             self._gradient, self._image = trial.gradient, image
             self._values.append(self.value)
         is_short = not self._newton_was_small and trial.step < descent.shortest
@@ -251,9 +253,10 @@ class _Run:
 
 
 class _Trial(NamedTuple):
-    """A step along a direction, with value and gradient there."""
+    """A step along a direction, and the point there with its value and gradient."""
 
     step: float
+    x: Array
     value: float
     gradient: Array
     n_evaluations: int
@@ -265,10 +268,11 @@ def _line_search(
     """Return a step that satisfies Wolfe's weak conditions, or the best that lowers the value."""
     # The first condition holds at `low` and fails at `high`.
     low, high, step = 0.0, np.inf, 1.0
-    best = _Trial(0.0, value, x, 0)
+    best = _Trial(0.0, x, value, x, 0)
     for count in range(1, _MOST_TRIALS + 1):
         check_interrupt()
-        new_value, gradient = objective(x + step * direction)
+        new_x = x + step * direction
+        new_value, gradient = objective(new_x)
         best = best._replace(n_evaluations=count)
         new_slope = float(gradient @ direction) if np.isfinite(new_value) else np.inf
         if not new_value <= value + _DECREASE * step * slope:
@@ -279,7 +283,7 @@ def _line_search(
             step = max(step, low + 0.1 * (high - low))
         else:
             if new_value < best.value:
-                best = _Trial(step, new_value, gradient, count)
+                best = _Trial(step, new_x, new_value, gradient, count)
             if new_slope >= _SLOPE_LEFT * slope:
                 break
             low = step
@@ -293,12 +297,15 @@ class _Memory:
     """The last steps s with an operator P, and of the changes y of the gradient their images P y.
 
     L-BFGS's two loops need only their inner products, which are kept: vectors of millions of
-    numbers are read once for all products and once for the sum, not twice in either loop.
+    numbers are read once for all products and once for the sum, not twice in either loop. They are
+    kept in single precision: that halves what is read, and directions need no more digits.
     """
 
     def __init__(self) -> None:
-        self._steps: list[Array] = []
-        self._images: list[Array] = []
+        # The steps, then the images, each in the row of its number. Numbers are reused: those in
+        # use, from the first step to the last.
+        self._rows = np.zeros((2, _MEMORY, 0), np.float32)
+        self._numbers: list[int] = []
         # Entry [i, j]: s_i·y_j, and y_i·P y_j.
         self._along = self._squares = np.zeros((0, 0))
 
@@ -306,28 +313,30 @@ class _Memory:
         along, square = float(step @ change), float(change @ image)
         if not (along > 0.0 and square > 0.0):
             return
-        last = slice(max(0, len(self._steps) - _MEMORY + 1), None)
-        self._steps = [*self._steps[last], step]
-        self._images = [*self._images[last], image]
-        self._along = _bordered(self._along[last, last], [float(s @ change) for s in self._steps])
-        self._squares = _bordered(
-            self._squares[last, last], [float(p @ change) for p in self._images]
-        )
+        if not self._numbers:
+            self._rows = np.empty((2, _MEMORY, len(step)), np.float32)
+        kept = slice(max(0, len(self._numbers) - _MEMORY + 1), None)
+        number = len(self._numbers) if len(self._numbers) < _MEMORY else self._numbers[0]
+        self._numbers = [*self._numbers[kept], number]
+        self._rows[0, number], self._rows[1, number] = step, image
+        by_steps, by_images = self._products(change)
+        by_steps[-1], by_images[-1] = along, square
+        self._along = _bordered(self._along[kept, kept], by_steps)
+        self._squares = _bordered(self._squares[kept, kept], by_images)
 
     @property
     def scales(self) -> Array:
         """The factors by which P is nearest to the inverse Hessian along each step."""
-        if not self._steps:
+        if not self._numbers:
             return np.ones(1)
         scales: Array = np.diag(self._along) / np.diag(self._squares)
         return scales
 
     def direction(self, gradient: Array, image: Array) -> Array:
         """Return −H g, given g and P g, by L-BFGS's two loops."""
-        n, scale = len(self._steps), self.scales[-1]
+        n, scale = len(self._numbers), self.scales[-1]
         along, squares = self._along, self._squares
-        by_steps = np.array([step @ gradient for step in self._steps])
-        by_changes = np.array([image_of @ gradient for image_of in self._images])
+        by_steps, by_changes = self._products(gradient)
         # H g = γ (P g − Σ a_i P y_i) + Σ (a_i − b_i) s_i.
         a, rest = np.zeros(n), np.zeros(n)
         for i in reversed(range(n)):
@@ -335,14 +344,30 @@ class _Memory:
         for i in range(n):
             b = scale * (by_changes[i] - squares[i] @ a) + along[:i, i] @ rest[:i]
             rest[i] = a[i] - b / along[i, i]
+        factors = np.zeros((2, _MEMORY), np.float32)
+        factors[:, self._numbers] = -rest, scale * a
         step_down: Array = -scale * image
-        for i in range(n):
-            add_multiple(self._images[i], step_down, a=scale * a[i])
-            add_multiple(self._steps[i], step_down, a=-rest[i])
+        if n:
+            for part in slices(len(step_down), _IN_CACHE):
+                for rows, of_rows in zip(self._rows, factors, strict=True):
+                    step_down[part] += of_rows[:n] @ rows[:n, part]
         return step_down
 
+    def _products(self, vector: Array) -> Array:
+        """Return the products of all steps, and of all images, with a vector."""
+        n = len(self._numbers)
+        products = np.zeros((2, n))
+        # A vector of any size has entries of about 1 in single precision.
+        size = max(vector.max(), -vector.min()) if n else 0.0
+        if size > 0.0:
+            for part in slices(len(vector), _IN_CACHE):
+                entries = (vector[part] / size).astype(np.float32)
+                for rows, of_rows in zip(self._rows, products, strict=True):
+                    of_rows += rows[:n, part] @ entries
+        return size * products[:, self._numbers]
 
-def _bordered(matrix: Array, column: list[float]) -> Array:
+
+def _bordered(matrix: Array, column: Array) -> Array:
     """Return a matrix with one more column, and the same numbers as one more row."""
     n = len(column)
     larger = np.empty((n, n))

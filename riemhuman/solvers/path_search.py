@@ -375,7 +375,8 @@ class PathStraightening(PathSearch):
 
     def _factor(self, metric: RiemannianMetric, path: Points) -> CholeskyFactor:
         ridge = float(np.clip(self.tolerance, _LEAST_RIDGE, _LARGEST_RIDGE))
-        return metric_factor(metric, path[1:-1], stiffness=_STIFFNESS, ridge=ridge)
+        nodes = path[1:-1]
+        return metric_factor(metric, nodes, stiffness=_STIFFNESS, ridge=ridge, single=True)
 
 
 def refine_path(path: Points, n_segments: int) -> Array:

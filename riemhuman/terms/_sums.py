@@ -144,16 +144,17 @@ class SumOfTerms(TablesOfTerms, SumOnSurfaces):
     def path_energy(self, path: Points, *, gradient: bool = True) -> tuple[float, Array]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient."""
         faces, frames, areas = self._faces, self._frames, self.areas
-        # Vertex by vertex, all times together, so that a triangle's data are close in memory.
-        surfaces, n_times = onp.ascontiguousarray(onp.swapaxes(path, 0, 1)), len(path)
-        surfaces.flags.writeable = False  # the type that loops are compiled for
+        surfaces, n_times = of_one_kind(path), len(path)
 
         def run(first: int, last: int) -> tuple[float, Array]:
             total, slopes_of_path = 0.0, onp.zeros(surfaces.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
+            records, slopes = onp.empty((2, n_times, LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                records, slopes = onp.zeros((2, n_times, LENGTH, end - start))
+                if end - start < size:
+                    records, slopes = onp.empty((2, n_times, LENGTH, end - start))
+                slopes[:] = 0.0
                 fill_records(surfaces, faces, frames, start, end, records)
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
@@ -166,7 +167,7 @@ class SumOfTerms(TablesOfTerms, SumOnSurfaces):
         if not gradient:
             return energy * (n_times - 1), slope
         slope *= n_times - 1
-        return energy * (n_times - 1), onp.ascontiguousarray(onp.swapaxes(slope, 0, 1))
+        return energy * (n_times - 1), slope
 
     def squared_dists(
         self,
@@ -178,11 +179,11 @@ class SumOfTerms(TablesOfTerms, SumOnSurfaces):
         """Return the squared distances of one surface from others, and the slope of their sum."""
         faces, frames, areas = self._faces, self._frames, self.areas
         faces_of_targets = faces if target_faces is None else of_one_kind(target_faces)
-        f = of_one_kind(point)[:, None]
-        surfaces = [of_one_kind(target)[:, None] for target in targets]
+        f = of_one_kind(point)[None]
+        surfaces = [of_one_kind(target)[None] for target in targets]
 
         def run(first: int, last: int) -> tuple[Array, Array]:
-            squared, gradient = onp.zeros(len(targets)), onp.zeros((len(point), 1, 3))
+            squared, gradient = onp.zeros(len(targets)), onp.zeros((1, len(point), 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
             for start in range(first, last, size):
                 end = min(start + size, last)
@@ -199,7 +200,7 @@ class SumOfTerms(TablesOfTerms, SumOnSurfaces):
 
         threaded = len(faces) * len(targets) > _WORTH_THREADS
         squared, gradient = sums_in_chunks(run, len(faces), threaded=threaded)
-        return squared / weights, gradient[:, 0]
+        return squared / weights, gradient[0]
 
     def matrix(self, surfaces: Points) -> csr_array:
         """Return the matrix of the inner product, the mean over surfaces."""
@@ -220,7 +221,7 @@ class SumOfTerms(TablesOfTerms, SumOnSurfaces):
         records = onp.empty((1, LENGTH, n_faces))
         degenerate = onp.zeros((len(points), n_faces), dtype=bool)
         for i, point in enumerate(points):
-            surface_alone = of_one_kind(point)[:, None]
+            surface_alone = of_one_kind(point)[None]
             fill_records(surface_alone, self._faces, self._frames, 0, n_faces, records)
             if self.needs_area and not records[0, 9].all():
                 degenerate[i] = records[0, 9] == 0.0
@@ -299,15 +300,16 @@ def fill_records(
     f: Points, faces: Triangles, frames: Array, first: int, last: int, records: Array
 ) -> None:
     """Fill the records of the triangles from `first` to `last`."""
-    for i in range(f.shape[1]):
-        record = records[i]
+    for i in range(len(f)):
+        record, corners = records[i], f[i]
         for t in range(first, last):
             v1, v2, v3 = faces[t, 0], faces[t, 1], faces[t, 2]
             scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
             for k in range(3):
-                edge = f[v2, i, k] - f[v1, i, k]
+                edge = corners[v2, k] - corners[v1, k]
                 record[k, t - first] = edge * scale_u
-                record[3 + k, t - first] = (f[v3, i, k] - f[v1, i, k]) * scale_v - edge * skew
+                third = (corners[v3, k] - corners[v1, k]) * scale_v
+                record[3 + k, t - first] = third - edge * skew
         _complete(record)
 
 
@@ -336,7 +338,7 @@ def add_gradient(
 ) -> None:
     """Add slopes by records up to slopes by vertices; triangles without area have none."""
     for i in range(len(records)):
-        slope = slopes[i]
+        slope, added = slopes[i], gradient[i]
         _join(records[i], slope)
         for t in range(first, last):
             v1, v2, v3 = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -345,9 +347,9 @@ def add_gradient(
                 in_u, in_v = slope[k, t - first], slope[3 + k, t - first]
                 at_two = scale_u * in_u - skew * in_v
                 at_three = scale_v * in_v
-                gradient[v2, i, k] += at_two
-                gradient[v3, i, k] += at_three
-                gradient[v1, i, k] -= at_two + at_three
+                added[v2, k] += at_two
+                added[v3, k] += at_three
+                added[v1, k] -= at_two + at_three
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -380,7 +382,7 @@ def _records(surfaces: Points, template: Template) -> Iterator[Array]:
     records = onp.empty((1, LENGTH, template.n_faces))
     faces, frames = template.faces, template.frame_coefficients
     for f in surfaces:
-        fill_records(of_one_kind(f)[:, None], faces, frames, 0, len(faces), records)
+        fill_records(of_one_kind(f)[None], faces, frames, 0, len(faces), records)
         yield records[0]
 
 

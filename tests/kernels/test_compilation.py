@@ -18,7 +18,7 @@ import numpy as np
 from riemhuman.terms._sums import fill_records
 records = np.empty((1, 12, 1))
 corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-fill_records(corners[:, None], np.array([[0, 1, 2]]), np.array([[1.0, 1.0, 0.0]]), 0, 1, records)
+fill_records(corners[None], np.array([[0, 1, 2]]), np.array([[1.0, 1.0, 0.0]]), 0, 1, records)
 print(records[0, 6:, 0].tolist())
 """
 EXPECTED = "[0.0, 0.0, 1.0, 1.0, 1.0, 0.0]"

@@ -77,7 +77,20 @@ def test_sparse_factor(scale):
     check_symmetric(factor, 42)
 
 
-@pytest.mark.parametrize("n_sides", [1, 4, 9, 20, 27, 45])
+@pytest.mark.parametrize("scale", [1e-60, 1.0, 1e60])
+def test_factor_in_single_precision(scale):
+    """It is as good in any unit, for right sides of any size."""
+    root = sparse.random_array((42, 42), density=0.05, rng=np.random.default_rng(1))
+    matrix = sparse.csr_array(root @ root.T + sparse.eye_array(42))
+    sides = np.random.default_rng(2).standard_normal((42, 9))
+    expected = SparseCholeskyFactor(matrix).inverse(sides)
+    for size in (1e-60, 1e60):
+        found = SparseCholeskyFactor(scale * matrix, single=True).inverse(size * sides)
+        np.testing.assert_allclose(found * (scale / size), expected, rtol=0, atol=1e-5)
+    assert np.all(SparseCholeskyFactor(matrix, single=True).inverse(0.0 * sides) == 0.0)
+
+
+@pytest.mark.parametrize("n_sides", [1, 4, 9, 16, 20, 27, 45])
 def test_right_sides_need_not_be_solved_for_together(n_sides):
     """Nor lie in one order in memory; some numbers of them are filled up with zeros."""
     root = sparse.random_array((42, 42), density=0.05, rng=np.random.default_rng(1))

@@ -46,11 +46,11 @@ def close(found, expected, rtol=1e-11):
 def test_segments(term, size):
     points = size * POINTS
     records = np.empty((len(POINTS), 12, len(FACES)))
-    by_vertex = of_one_kind(np.swapaxes(points, 0, 1))
-    fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
+    surfaces = of_one_kind(points)
+    fill_records(surfaces, FACES, FRAMES, 0, len(FACES), records)
     found = []
     for add_segments in (term.add_segments, lambda *parts: Term.add_segments(term, *parts)):
-        slopes, gradient = np.zeros_like(records), np.zeros_like(by_vertex)
+        slopes, gradient = np.zeros_like(records), np.zeros_like(surfaces)
         value = add_segments(records, slopes, AREAS)
         add_gradient(records, slopes, FACES, FRAMES, 0, len(FACES), gradient)
         found.append((value, gradient))
