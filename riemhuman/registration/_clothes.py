@@ -60,7 +60,8 @@ def find_body_beneath(task: DenseTask, pose: Pose) -> BodyBeneath:
         visible=task.visible & (bare | (distances < BARE_METRES)),
     )
     loose = find_loose(body.model.template, _distances_to_scan(task, points))
-    return BodyBeneath(ElasticFit(pose, surface, points, matches), loose & ~bare)
+    hidden = hide_trunk(body.parts.on_trunk, loose & ~bare)
+    return BodyBeneath(ElasticFit(pose, surface, points, matches), hidden)
 
 
 def fit_beneath(task: DenseTask, pose: Pose) -> Pose:
@@ -111,6 +112,15 @@ def find_loose(template: Template, distances: Array) -> Booleans:
     means = [distances[known[numbers]].mean() if numbers else np.inf for numbers in near]
     loose: Booleans = np.array(means) > TIGHT_METRES
     return loose
+
+
+def hide_trunk(on_trunk: Booleans, hidden: Booleans) -> Booleans:
+    """Return the hidden vertices, with all of a trunk of which cloth hides more than half.
+
+    Where the rest of the cloth touches the skin, the scan shows where skin is, but not which: with
+    shoulders and hips hidden, a waist slides along the trunk by several centimetres.
+    """
+    return hidden | on_trunk if hidden[on_trunk].sum() > 0.5 * on_trunk.sum() else hidden
 
 
 def _distances_to_scan(task: DenseTask, points: Array) -> Array:

@@ -30,6 +30,7 @@ from riemhuman.registration._posed_body import ModelSamples, Pose
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
+TRUNK = ("pelvis", "lower_spine", "middle_spine", "upper_spine", "chest")
 _ARM_JOINTS = ("collar", "shoulder", "elbow", "wrist")
 # Joints that move a smaller share of the model's vertices are ignored.
 _LIMB = 0.01
@@ -62,6 +63,12 @@ class BodyParts:
     def on_hands(self) -> Booleans:
         """Return which vertices belong to the hands."""
         return self.vertices(int(arm[-1]) for arm in self.arms)
+
+    @cached_property
+    def on_trunk(self) -> Booleans:
+        """Return which vertices belong to the trunk."""
+        on_trunk: Booleans = np.isin(self.owners, self.numbers(*TRUNK))
+        return on_trunk
 
     @cached_property
     def bare(self) -> Booleans:

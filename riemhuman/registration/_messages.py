@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from riemhuman.registration._limbs import TRUNK
+
 # Each limb from its root outward: joints, the limb from there on, and the part of this joint alone.
 _LIMBS = (
     (
@@ -42,7 +44,6 @@ MARK_JOINTS = "rescan with the limbs away from the body, or mark some joints by 
 MARK_WRISTS = "rescan with open hands, or mark the wrists by hand"
 OPEN_HANDS = "fingers can be told apart only if the hands are open and away from the body"
 _REMEDIES = (MARK_JOINTS, MARK_WRISTS, OPEN_HANDS)
-_TRUNK = ("pelvis", "lower_spine", "middle_spine", "upper_spine", "chest")
 _SIDES = ("left", "right")
 
 
@@ -67,9 +68,9 @@ def parts_in_words(joints: Sequence[str]) -> list[str]:
     """Return the parts of a body that these joints move, limbs from their first joint on."""
     rest = set(joints)
     parts = []
-    if rest.issuperset(_TRUNK):
+    if rest.issuperset(TRUNK):
         parts.append("trunk")
-        rest -= {*_TRUNK}
+        rest -= {*TRUNK}
     for limb in _LIMBS:
         by_side = {side: _parts_of_limb(limb, side, rest) for side in _SIDES}
         both = [part for part in by_side["left"] if part in by_side["right"]]
@@ -120,8 +121,7 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
 
 def say_hidden(joints: Sequence[str], share: float) -> str:
     """Return what to say about parts beneath loose clothes, a share of the body's area."""
-    on_trunk = {*joints} & {*_TRUNK}
-    parts = parts_in_words([*joints, *(_TRUNK if 2 * len(on_trunk) > len(_TRUNK) else ())])
+    parts = parts_in_words(joints)
     percent = f"{100 * share:.0f} % of the body"
     if not parts:
         return f"{percent} was not seen: it is under clothes"

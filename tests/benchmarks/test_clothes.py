@@ -100,7 +100,7 @@ def test_errors_beneath_clothes(benchmark, registrations, dressed):
     as_skin = np.array([values for *_, clothed, values in rows if not clothed])
     assert beneath[:, 0].mean() < 12.0
     assert beneath[:, 1].mean() < as_skin[:, 1].mean() / 1.5
-    assert np.sum(beneath[:, 5] > 0.02) <= 1  # measured: one jumper, 2.8 %
+    assert np.nanmax(beneath[:, 5]) < 0.02
 
 
 def girths_of(measurements, points):

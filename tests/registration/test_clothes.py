@@ -10,7 +10,8 @@ from scanned_people import with_other_names
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import ScanRegistration
-from riemhuman.registration._clothes import find_loose
+from riemhuman.registration._clothes import find_loose, hide_trunk
+from riemhuman.registration._limbs import TRUNK
 from riemhuman.registration._messages import say_hidden
 from riemhuman.registration.folders import _identity
 from riemhuman.surfaces import nearest_points
@@ -89,12 +90,21 @@ def test_clothes_that_touch_the_skin_in_one_place_are_loose(model):
         assert not loose[template.vertices[:, 1].argmax()]
 
 
+@pytest.mark.parametrize(("n_hidden", "is_hidden"), [(4, False), (6, True)])
+def test_a_trunk_that_cloth_hides_for_the_most_part_is_hidden_as_a_whole(n_hidden, is_hidden):
+    on_trunk = np.repeat([True, False], [10, 5])
+    hidden = np.zeros(15, bool)
+    hidden[:n_hidden] = hidden[14] = True
+    expected = hidden | (on_trunk & is_hidden)
+    np.testing.assert_array_equal(hide_trunk(on_trunk, hidden), expected)
+
+
 @pytest.mark.parametrize(
     ("joints", "said"),
     [
         (["pelvis"], "the pelvis was not seen: it is under clothes (20 % of the body)"),
         (
-            ["pelvis", "lower_spine", "middle_spine", "left_hip", "right_hip"],
+            [*TRUNK, "left_hip", "right_hip"],
             "the trunk and thighs were not seen: they are under clothes (20 % of the body)",
         ),
         ([], "20 % of the body was not seen: it is under clothes"),
