@@ -198,13 +198,40 @@ def exp(omega: Array, r: Array) -> Array:
 def shortest_rotations(start: Array, end: Array) -> Array:
     """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
     start, end = onp.broadcast_arrays(start, end)
-    # Between opposite vectors it is half a turn about any axis across them.
-    across = onp.cross(start, end) + 1e-14 * onp.cross(start, [0.36, 0.48, 0.8])
-    real = 1.0 + onp.sum(start * end, axis=-1)
-    length = onp.sqrt(onp.sum(across**2, axis=-1) + real**2)
-    skew = cross_product_matrix(across / length[..., None])
-    real = (real / length)[..., None, None]
-    return onp.asarray(onp.eye(3) + 2.0 * (real * skew + skew @ skew))
+    rotations = onp.empty((*start.shape, 3))
+    flat = [onp.ascontiguousarray(vectors).reshape(-1, 3) for vectors in (start, end)]
+    _fill_shortest(*flat, rotations.reshape(-1, 3, 3))
+    return rotations
+
+
+@compiled
+def _fill_shortest(start: Array, end: Array, rotations: Array) -> None:
+    """Fill the shortest rotations between unit vectors, shape (n, 3)."""
+    for t in range(len(start)):
+        (a, b, c), (p, q, r) = start[t], end[t]
+        # Between opposite vectors it is half a turn about any axis across them.
+        x = b * r - c * q + 1e-14 * (0.8 * b - 0.48 * c)
+        y = c * p - a * r + 1e-14 * (0.36 * c - 0.8 * a)
+        z = a * q - b * p + 1e-14 * (0.48 * a - 0.36 * b)
+        w = 1.0 + a * p + b * q + c * r
+        length = math.sqrt(x * x + y * y + z * z + w * w)
+        x, y, z, w = x / length, y / length, z / length, w / length
+        turn = rotations[t]
+        turn[0, 0], turn[0, 1], turn[0, 2] = (
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        )
+        turn[1, 0], turn[1, 1], turn[1, 2] = (
+            2.0 * (x * y + w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - w * x),
+        )
+        turn[2, 0], turn[2, 1], turn[2, 2] = (
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        )
 
 
 def parallel_transport(vector: TangentVectors, omega: Array) -> Array:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies import joints_between
 from riemhuman.bodies.skinning import LIMBS
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.rotations import exp, log, shortest_rotations
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.kernels.threads import Run, in_runs
@@ -97,15 +99,29 @@ def joint_positions(
 ) -> Array:
     """Return the positions of joints, the middle of the hips where it was recorded."""
     parents = figure.model.parents
-    # The root, whose parent is -1, has no step; it stays at the origin.
-    steps = np.einsum("tjab,jb->tja", rotations[:, parents], figure.rest - figure.rest[parents])
-    positions = np.zeros(rotations.shape[:-1])
-    for joint in figure.model.joint_order:
-        if parents[joint] >= 0:
-            positions[:, joint] = positions[:, parents[joint]] + steps[:, joint]
+    positions = np.empty(rotations.shape[:-1])
+    order = np.array(figure.model.joint_order)
+    _fill_positions(rotations, figure.rest - figure.rest[parents], parents, order, positions)
     hips = middle(positions, figure.joints, "hip")
     recorded = scale * middle(source.positions, source.joints, "hip")
     return np.asarray(positions + (recorded - hips)[:, None])
+
+
+@compiled
+def _fill_positions(
+    rotations: Array, bones: Array, parents: Integers, order: Integers, positions: Array
+) -> None:
+    """Fill the positions of joints, from the root, which stays at the origin."""
+    for t in range(len(rotations)):
+        for joint in order:
+            above = parents[joint]
+            for i in range(3):
+                total = 0.0
+                if above >= 0:
+                    total = positions[t, above, i]
+                    for j in range(3):
+                        total += rotations[t, above, i, j] * bones[joint, j]
+                positions[t, joint, i] = total
 
 
 def reach(
@@ -123,15 +139,8 @@ def reach(
     # A straight limb bends about its hinge, a bent one in its plane.
     hinge = rotations[:, joints[0]] @ figure_hinge(figure, limb)
     axis = np.cross(recorded[0], recorded[1]) + _HINGE_SHARE * hinge
-    end = a * recorded[0] + b * recorded[1]
-    low, high = np.zeros((len(end), 1)), np.ones((len(end), 1))
-    for _ in range(_BISECTIONS):
-        half = 0.5 * (low + high)
-        bent = _bent(end + half * (to_end - end), a, b, axis)
-        cosines = [np.sum(new * old, axis=1) for new, old in zip(bent, recorded, strict=True)]
-        is_near = np.min(cosines, axis=0)[:, None] > np.cos(_LIMB)
-        low, high = np.where(is_near, half, low), np.where(is_near, high, half)
-    bent = _bent(end + low * (to_end - end), a, b, axis)
+    bent = [np.empty_like(to_end), np.empty_like(to_end)]
+    _fill_bent(*recorded, (a, b), np.ascontiguousarray(axis), to_end, *bent)
     rotations = rotations.copy()
     for joint, old, new in zip(joints, recorded, bent, strict=True):
         rotations[:, joint] = shortest_rotations(old, new) @ rotations[:, joint]
@@ -184,15 +193,60 @@ def _straighten_trunk(
     return rotations
 
 
-def _bent(to_end: Array, a: float, b: float, axis: Array) -> tuple[Array, Array]:
-    """Return the directions of two bones of lengths a and b to an end, bent about an axis."""
-    length = np.linalg.norm(to_end, axis=1, keepdims=True)
-    length = np.clip(length, abs(a - b) + 1e-6, _STRETCHED * (a + b))
-    towards = unit(to_end)
+@compiled
+def _fill_bent(
+    upper: Array,
+    lower: Array,
+    lengths: tuple[float, float],
+    axes: Array,
+    to_end: Array,
+    new_upper: Array,
+    new_lower: Array,
+) -> None:
+    """Fill directions of two bones that come as near to an end as their old directions allow."""
+    a, b = lengths
+    place, nearest = np.empty(3), np.cos(_LIMB)
+    for t in range(len(to_end)):
+        low, high = 0.0, 1.0
+        for step in range(_BISECTIONS + 1):
+            # In the last step, the largest share that was near enough.
+            share = 0.5 * (low + high) if step < _BISECTIONS else low
+            for i in range(3):
+                end = a * upper[t, i] + b * lower[t, i]
+                place[i] = end + share * (to_end[t, i] - end)
+            _bend(place, a, b, axes[t], new_upper[t], new_lower[t])
+            first, second = 0.0, 0.0
+            for i in range(3):
+                first += new_upper[t, i] * upper[t, i]
+                second += new_lower[t, i] * lower[t, i]
+            if min(first, second) > nearest:
+                low = share
+            else:
+                high = share
+
+
+@compiled
+def _bend(
+    to_end: Array, a: float, b: float, axis: Array, new_upper: Array, new_lower: Array
+) -> None:
+    """Fill the directions of two bones of lengths a and b to an end, bent about an axis."""
+    distance = math.sqrt(to_end[0] ** 2 + to_end[1] ** 2 + to_end[2] ** 2)
+    length = min(max(distance, abs(a - b) + 1e-6), _STRETCHED * (a + b))
+    scale = 1.0 / distance if distance > 0.0 else 0.0
+    x, y, z = scale * to_end[0], scale * to_end[1], scale * to_end[2]
     along = (length**2 + a**2 - b**2) / (2.0 * length)
-    across = np.sqrt(np.maximum(a**2 - along**2, 0.0))
-    joint = along * towards + across * unit(np.cross(towards, axis))
-    return joint / a, (length * towards - joint) / b
+    across = math.sqrt(max(a**2 - along**2, 0.0))
+    side_x = y * axis[2] - z * axis[1]
+    side_y = z * axis[0] - x * axis[2]
+    side_z = x * axis[1] - y * axis[0]
+    size = math.sqrt(side_x**2 + side_y**2 + side_z**2)
+    share = across / size if size > 0.0 else 0.0
+    new_upper[0] = (along * x + share * side_x) / a
+    new_upper[1] = (along * y + share * side_y) / a
+    new_upper[2] = (along * z + share * side_z) / a
+    new_lower[0] = (length * x - a * new_upper[0]) / b
+    new_lower[1] = (length * y - a * new_upper[1]) / b
+    new_lower[2] = (length * z - a * new_upper[2]) / b
 
 
 def _interpolated(start: Array, end: Array, n: int) -> list[Array]:

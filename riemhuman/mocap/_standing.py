@@ -10,9 +10,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import LIMBS
+from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.threads import Run, in_runs
 from riemhuman.mocap._joint_axes import Figure
 from riemhuman.mocap._joint_names import SIDES
@@ -178,7 +180,37 @@ def _lowest_points(figure: Figure, surface: Array, performance: Performance) -> 
     """Return the height of the lowest vertex in every frame."""
     step = max(1, len(surface) // _BODY_VERTICES)
     vertices, weights = surface[::step], figure.model.weights[::step]
-    upward = performance.rotations[:, :, 1]
-    shifts = performance.positions[:, :, 1] - np.sum(upward * figure.rest, axis=-1)
-    heights = np.einsum("vj,njx,vx->nv", weights, upward, vertices, optimize=True)
-    return np.asarray((heights + shifts @ weights.T).min(axis=1))
+    # Few joints move each vertex.
+    carried = sparse.csr_array(weights)
+    numbers = np.repeat(np.arange(len(vertices)), np.diff(carried.indptr))
+    arms = carried.data[:, None] * (vertices[numbers] - figure.rest[carried.indices])
+    lowest = np.empty(len(performance.positions))
+    _fill_lowest(
+        np.ascontiguousarray(performance.rotations[:, :, 1]),
+        np.ascontiguousarray(performance.positions[:, :, 1]),
+        *(carried.indptr, carried.indices, carried.data, arms, lowest),
+    )
+    return lowest
+
+
+@compiled
+def _fill_lowest(
+    upward: Array,
+    heights: Array,
+    starts: Integers,
+    joints: Integers,
+    weights: Array,
+    arms: Array,
+    lowest: Array,
+) -> None:
+    """Fill the least height of vertices, the k-th moved by joints[starts[k] : starts[k + 1]]."""
+    for t in range(len(heights)):
+        lowest[t] = np.inf
+        for vertex in range(len(starts) - 1):
+            height = 0.0
+            for k in range(starts[vertex], starts[vertex + 1]):
+                joint = joints[k]
+                height += weights[k] * heights[t, joint]
+                for i in range(3):
+                    height += upward[t, joint, i] * arms[k, i]
+            lowest[t] = min(lowest[t], height)
