@@ -199,8 +199,8 @@ def shortest_rotations(start: Array, end: Array) -> Array:
     """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
     start, end = onp.broadcast_arrays(start, end)
     rotations = onp.empty((*start.shape, 3))
-    flat = [onp.ascontiguousarray(vectors).reshape(-1, 3) for vectors in (start, end)]
-    _fill_shortest(*flat, rotations.reshape(-1, 3, 3))
+    first, second = (onp.ascontiguousarray(vectors).reshape(-1, 3) for vectors in (start, end))
+    _fill_shortest(first, second, rotations.reshape(-1, 3, 3))
     return rotations
 
 

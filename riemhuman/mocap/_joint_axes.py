@@ -8,8 +8,9 @@ same body. In the body part that moves with a joint, the model's axes are the me
 - pelvis, chest: the line of hips or shoulders and the trunk, above all while the person stands
   upright (a pelvis leans less than a trunk that bends);
 - head: the axes of the body in a standing rest pose, in which it looks ahead;
-- collars, hands, heads without a rest pose: the axes of chest or forearm, because their positions
-  tell nothing more;
+- hands, toes: the axes of forearm or foot, as in a standing rest pose, in which they are straight;
+- collars, and heads and hands without such a rest pose: the axes of chest or forearm, because their
+  positions tell nothing more;
 - limbs: the bone, and the axis in which its knee or elbow bends;
 - feet: a level sole, while they stand still; in the air the axes of the shank.
 """
@@ -48,8 +49,8 @@ _TRUSTED_LEG, _TRUSTED_ARM = 35.0, 20.0
 _LEVEL_FEET = 0.02
 # Feet whose toes point down by this many degrees more than at rest have raised heels.
 _HEEL_RAISED = 15.0
-# Largest mean rotation between head and chest that a rest pose may imply.
-_MOST_NOD = np.radians(40.0)
+# Largest mean rotation of a part, from where it is at rest, that a rest pose may imply.
+_MOST_DEVIATION = np.radians(40.0)
 # Share of frames in which nobody stands upright, beside those in which someone does.
 _BENT_POSTURE = 0.02
 
@@ -107,7 +108,8 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, Array]:
             axes |= _axes_of_foot(source, figure, limb[0].split("_")[0], axes)
         else:
             forearm = source.rotation(limb[1]) @ axes[limb[1]]
-            axes[limb[2]] = mean_axes(source.rotation(limb[2]), forearm, source.is_valid)
+            on_average = mean_axes(source.rotation(limb[2]), forearm, source.is_valid)
+            axes[limb[2]] = _axes_at_rest(source, axes[limb[1]], on_average)
     return axes
 
 
@@ -116,9 +118,16 @@ def _axes_of_head(source: RecordedSkeleton, figure: Figure, chest: Array, uprigh
     on_average = mean_axes(source.rotation("head"), chest, upright)
     if source.head_at_rest is None:
         return on_average
-    at_rest = source.head_at_rest @ frame(_VERTICAL, figure.bone("right_hip", "left_hip")).T
-    # Nobody holds the head like that throughout: joints have other axes than in the rest pose.
-    is_rest = np.linalg.norm(log(on_average, at_rest)) < _MOST_NOD
+    ahead = frame(_VERTICAL, figure.bone("right_hip", "left_hip"))
+    return _axes_at_rest(source, source.head_at_rest @ ahead.T, on_average)
+
+
+def _axes_at_rest(source: RecordedSkeleton, at_rest: Array, on_average: Array) -> Array:
+    """Return the axes of a part in a standing rest pose, or those on average if it has none."""
+    if source.head_at_rest is None:
+        return on_average
+    # Nobody holds a part like that throughout: joints have other axes than in the rest pose.
+    is_rest = np.linalg.norm(log(on_average, at_rest)) < _MOST_DEVIATION
     return at_rest if is_rest else on_average
 
 
@@ -244,22 +253,31 @@ def _axes_of_foot(
     # People who stand still on the balls of their feet do not have level soles.
     steepest = np.arcsin(-unit(rest) @ up) + np.radians(_HEEL_RAISED)
     flat = flat & (np.arcsin(np.clip(-directions[:, 1], -1.0, 1.0)) < steepest)
-    toe_rotations = source.rotation(toes)
+    foot, toes_on_average = _axes_by_floor(source, figure, side, flat, shank)
+    return {ankle: foot, toes: _axes_at_rest(source, foot, toes_on_average)}
+
+
+def _axes_by_floor(
+    source: RecordedSkeleton, figure: Figure, side: str, flat: Booleans, shank: Array
+) -> tuple[Array, Array]:
+    """Return the axes of a foot and its toes, by the frames in which they are on the floor."""
+    names = f"{side}_ankle", f"{side}_toes"
+    directions = unit(bone(source.positions, source.joints, *names))
+    rest, up, left = figure.bone(*names), figure.frame[:, 0], figure.frame[:, 1]
+    rotations, toe_rotations = (source.rotation(name) for name in names)
     sole = frame(_VERTICAL, directions) @ frame(up, rest).T
     if flat.any():
         # Soles are level in the mean over frames in which the foot stands still.
-        return {ankle: mean_axes(rotations, sole, flat), toes: mean_axes(toe_rotations, sole, flat)}
+        return mean_axes(rotations, sole, flat), mean_axes(toe_rotations, sole, flat)
     horizontal = 1.0 - directions[:, 1] ** 2
     # Balls on the floor are level across, more so the less the toes point down; toes lie on it.
     grounded = source.grounded[:, SIDES.index(side)] * horizontal
     if grounded.mean() > _LEVEL_FEET:
         foot = frame(directions, _VERTICAL) @ frame(rest, up).T
-        toe_axes = mean_axes(toe_rotations, sole, grounded)
-        return {ankle: mean_axes(rotations, foot, grounded), toes: toe_axes}
+        return mean_axes(rotations, foot, grounded), mean_axes(toe_rotations, sole, grounded)
     # Feet in the air are turned about themselves as their knees are, and toes bend where they
     # point down.
-    left = figure.frame[:, 1]
     foot = frame(directions, shank @ left) @ frame(rest, left).T
     foot_axes = mean_axes(rotations, foot, source.is_valid)
     straight = source.is_valid * (_BENT_POSTURE + horizontal**2)
-    return {ankle: foot_axes, toes: mean_axes(toe_rotations, rotations @ foot_axes, straight)}
+    return foot_axes, mean_axes(toe_rotations, rotations @ foot_axes, straight)

@@ -135,14 +135,14 @@ def reach(
     a = float(np.linalg.norm(figure.bone(limb[0], limb[1])))
     b = float(np.linalg.norm(figure.bone(limb[1], limb[2])))
     joints = [figure.joints[name] for name in limb[:2]]
-    recorded = [_direction(source, limb[0], limb[1]), _direction(source, limb[1], limb[2])]
+    upper, lower = (_direction(source, *pair) for pair in (limb[:2], limb[1:]))
     # A straight limb bends about its hinge, a bent one in its plane.
     hinge = rotations[:, joints[0]] @ figure_hinge(figure, limb)
-    axis = np.cross(recorded[0], recorded[1]) + _HINGE_SHARE * hinge
-    bent = [np.empty_like(to_end), np.empty_like(to_end)]
-    _fill_bent(*recorded, (a, b), np.ascontiguousarray(axis), to_end, *bent)
+    axes = np.cross(upper, lower) + _HINGE_SHARE * hinge
+    new_upper, new_lower = np.empty_like(upper), np.empty_like(lower)
+    _fill_bent(upper, lower, (a, b), axes, to_end, new_upper, new_lower)
     rotations = rotations.copy()
-    for joint, old, new in zip(joints, recorded, bent, strict=True):
+    for joint, old, new in zip(joints, (upper, lower), (new_upper, new_lower), strict=True):
         rotations[:, joint] = shortest_rotations(old, new) @ rotations[:, joint]
     return rotations
 

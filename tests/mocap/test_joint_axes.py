@@ -28,11 +28,19 @@ def test_axes_of_joints_do_not_matter(recording, frames, share):
     np.testing.assert_allclose(retarget(other, frames_per_second=5)[:], frames, atol=1e-6)
 
 
-def test_a_head_that_is_held_low_throughout_stays_low(recording):
-    # Nothing but the rest pose, which both share, tells the head's axes.
-    down = Rotation.from_euler("x", 20, degrees=True).as_matrix()
+@pytest.mark.parametrize(
+    ("recorded", "joint", "between", "rest"),
+    [
+        ("Head", "head", ["neck"], 0.1),
+        ("LeftHand", "left_wrist", [], 0.1),
+        ("RightToeBase", "right_toes", [], 1.0),  # whose leg keeps them above the floor
+    ],
+)
+def test_parts_that_are_held_bent_throughout_stay_bent(recording, recorded, joint, between, rest):
+    # Nothing but the rest pose, which both share, tells their axes.
+    turn = Rotation.from_euler("x", 20, degrees=True).as_matrix()
     rotations = recording.rotations.copy()
-    rotations[:, recording.joint_names.index("Head")] @= down
+    rotations[:, recording.joint_names.index(recorded)] @= turn
     motions = [
         retarget(one, frames_per_second=5)
         for one in (recording, replace(recording, rotations=rotations))
@@ -40,10 +48,9 @@ def test_a_head_that_is_held_low_throughout_stays_low(recording):
     model = motions[0].model
     (before, _), (after, _) = in_space(model, motions[0].betas, motions)
     moved = np.degrees(np.linalg.norm(log(before, after), axis=-1))
-    head = model.joint_names.index("head")
-    np.testing.assert_allclose(moved[:, head], 20.0, atol=0.1)
-    neck = model.joint_names.index("neck")  # is between chest and head
-    assert np.delete(moved, [neck, head], axis=1).max() < 0.1
+    numbers = [model.joint_names.index(name) for name in (joint, *between)]
+    np.testing.assert_allclose(moved[:, numbers[0]], 20.0, atol=0.1)
+    assert np.delete(moved, numbers, axis=1).max() < rest
 
 
 def in_space(model, betas, motions):
