@@ -180,6 +180,7 @@ class Content:
     has_percentiles: bool
     population: str
     uncertainty: str
+    logo: str = ""  # its address
 
 
 def content_of(

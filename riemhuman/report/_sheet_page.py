@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,8 @@ from urllib.parse import quote
 import numpy as np
 import PIL.Image
 
-from riemhuman.io.files import write_text
+from riemhuman.errors import FileError
+from riemhuman.io.files import file_path, write_text
 from riemhuman.plots.rendering import image_source
 from riemhuman.plots.viewer import web_file
 from riemhuman.report._page import template
@@ -22,6 +24,7 @@ from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import SheetSubject, SheetValues
 
 _THUMBNAIL = 150  # pixels
+_LOGO = (900, 300)  # pixels at most, three times what the page shows
 
 
 @cache
@@ -61,6 +64,22 @@ def sheet_page(content: Content, *, printed: bool = False, index: str = "") -> s
         printed=printed,
         index=index,
     )
+
+
+def logo_source(path: str | os.PathLike[str] | None) -> str:
+    """Return the address of a picture for the top of sheets; none without a path."""
+    if path is None:
+        return ""
+    file = file_path(path, "logo")
+    try:
+        with PIL.Image.open(file) as opened:
+            picture = opened.convert("RGBA")
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
+        raise FileError(f"{file} cannot be read as a picture, such as a PNG file") from error
+    picture.thumbnail(_LOGO)
+    return image_source(np.asarray(picture))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.report._sheet_content import Content, content_of
-from riemhuman.report._sheet_page import Entry, index_page, save_pdf, sheet_page
+from riemhuman.report._sheet_page import Entry, index_page, logo_source, save_pdf, sheet_page
 from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
 from riemhuman.report._storage import Progress, a_progress
@@ -54,6 +54,7 @@ def make_sheets(
     units: str = "cm",
     unit: str | None = None,
     up: str | None = None,
+    logo: str | os.PathLike[str] | None = None,
     replace_output: bool = False,
     progress: Progress = nullcontext,
 ) -> Path:
@@ -84,6 +85,8 @@ def make_sheets(
         Units of the sheets; tables are in SI units.
     unit, up : str, optional
         Unit of the mesh files, and their axis that points up.
+    logo : path_like, optional
+        A picture for the top of each sheet, such as a PNG file.
     replace_output : bool
         Whether to replace existing sheets in the folder.
     progress : callable
@@ -105,6 +108,7 @@ def make_sheets(
     ]
     folder = file_path(output, "output", "folder")
     check_output_folder(folder, _CONTENT, force=replace_output)
+    picture = logo_source(logo)
     browser = find_browser()
     if browser is None:
         warn(
@@ -116,7 +120,7 @@ def make_sheets(
         subjects = find_subjects(paths, labels, unit=unit, up=up)
     if stature is not None:
         _set_stature(subjects, stature)
-    sheets = _measured(subjects, measurements, units, progress)
+    sheets = replace(_measured(subjects, measurements, units, progress), logo=picture)
     with atomic_folder(folder, _CONTENT) as temporary:
         _write(temporary, sheets, browser, progress)
     return folder / _INDEX
@@ -139,11 +143,13 @@ class _Sheets:
     values: Sequence[SheetValues]
     measurements: Mapping[int, Measurements]  # by the number of vertices
     units: str
+    logo: str = ""
 
     def content(self, number: int) -> Content:
         subject = self.labelled.subjects[number]
         definitions = self.measurements[len(subject.points)].definitions
-        return content_of(definitions, subject, self.values[number], self.units)
+        content = content_of(definitions, subject, self.values[number], self.units)
+        return replace(content, logo=self.logo)
 
 
 def _measured(

@@ -23,7 +23,7 @@ from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
 from riemhuman.registration.folders import record_of
 from riemhuman.report._sheet_content import Content, badge, content_of
-from riemhuman.report._sheet_page import save_pdf, sheet_page
+from riemhuman.report._sheet_page import logo_source, save_pdf, sheet_page
 from riemhuman.report.printing import printing_browser
 from riemhuman.report.sheet_values import (
     SheetRow,
@@ -125,6 +125,7 @@ def sheet(
     | Sequence[RegisteredScan | ScanRecord]
     | None = None,
     units: str = "cm",
+    logo: str | os.PathLike[str] | None = None,
 ) -> Sheet:
     """Make the sheet of a person.
 
@@ -154,6 +155,8 @@ def sheet(
         The same person at an earlier visit; one or several scans.
     units : {"cm", "in"}
         Centimetres, kilograms and litres, or inches and pounds.
+    logo : path_like, optional
+        A picture for the top of the sheet, such as a PNG file.
 
     Examples
     --------
@@ -180,7 +183,9 @@ def sheet(
         measurements=values.rows,
         posture=dict(values.posture),
         changes=values.changes,
-        content=content_of(measurements.definitions, subject, values, units),
+        content=replace(
+            content_of(measurements.definitions, subject, values, units), logo=logo_source(logo)
+        ),
     )
 
 

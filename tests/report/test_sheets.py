@@ -1,13 +1,16 @@
 """Sheets of people: what they say of a body."""
 
+import base64
+import io
 import re
 from dataclasses import replace
 
 import numpy as np
+import PIL.Image
 import pytest
 
 import riemhuman as rh
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, FileError
 from riemhuman.registration._messages import MARK_WRISTS
 from riemhuman.report._sheet_content import percentile_text, posture_texts, sentences_of
 
@@ -155,3 +158,17 @@ def test_values_that_hair_explains_are_withheld(bodies, measurements):
         assert np.isnan(known["head girth"])
         assert np.isfinite(known["hip girth"])
     assert "cover the hair with a tight cap" in sheet.html
+
+
+def test_a_logo_is_at_the_top(bodies, tmp_path):
+    picture = np.full((60, 3000, 3), 200, dtype=np.uint8)
+    PIL.Image.fromarray(picture).save(tmp_path / "logo.jpg")
+    page = rh.report.sheet(bodies[3], logo=tmp_path / "logo.jpg").html
+    source = re.search(r'<img class="logo" src="data:image/png;base64,([^"]+)"', page)[1]
+    with PIL.Image.open(io.BytesIO(base64.b64decode(source))) as logo:
+        assert logo.size == (900, 18)
+        assert logo.getpixel((5, 5)) == (200, 200, 200, 255)
+    assert 'class="logo"' not in rh.report.sheet(bodies[3]).html
+    (tmp_path / "text.png").write_text("no picture")
+    with pytest.raises(FileError, match="text.png cannot be read as a picture"):
+        rh.report.sheet(bodies[3], logo=tmp_path / "text.png")
