@@ -204,10 +204,12 @@ def test_options_reach_the_sheets(run, scans, tmp_path, monkeypatch):
     monkeypatch.setattr(rh.report, "make_sheets", make_sheets)
     command = ("sheet", scans / "body_0.ply", "-o", tmp_path / "sheets", "--stature", "1.7")
     options = ("--output-units", "in", "--unit", "metres", "--up", "y", "--force")
-    finished = run(*command, *options, "--labels", scans / "labels.csv")
+    tables = ("--labels", scans / "labels.csv", "--logo", scans / "logo.png")
+    finished = run(*command, *options, *tables)
     assert finished.out.startswith(f"open {tmp_path / 'sheets' / 'index.html'}")
     assert given.pop("progress")
     assert given == {
         "files": [scans / "body_0.ply"], "labels": scans / "labels.csv", "measurements": None,
         "stature": 1.7, "units": "in", "unit": "metres", "up": "y", "replace_output": True,
+        "logo": scans / "logo.png",
     }  # fmt: skip
