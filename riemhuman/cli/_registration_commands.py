@@ -46,6 +46,7 @@ _UP = cli.option(
     "  riemhuman register scan.ply -o body.ply\n"
     "  riemhuman register scans/ -o bodies/ --sheet\n"
     "  riemhuman register scans/ -o bodies/\n"
+    "  riemhuman register anna/ -o bodies/ --same-person\n"
     "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
     "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
     "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
@@ -63,6 +64,11 @@ _UP = cli.option(
     ),
     cli.flag("--clothed", "the scans show people in clothes; fits find the bodies beneath them"),
     cli.flag("--sequence", "the scans show one person in motion; fits start from previous ones"),
+    cli.flag(
+        "--same-person",
+        "the scans show one person at one visit, who gets one shape; parts that one scan does not "
+        "show follow from the others",
+    ),
     cli.flag("--untrusted", "also write a body that is not trusted"),
     cli.flag("--keep-axes", "keep the scan's coordinates (default: on the ground, facing z)"),
     cli.flag("--sheet", "also write a sheet for each person: measurements, percentiles, pictures"),
@@ -101,10 +107,12 @@ def _check_input_options(options: argparse.Namespace) -> None:
     if options.scans.is_dir():
         expected, flags = "one scan", ("untrusted", "landmarks", "sex", "stature")
     else:
-        expected, flags = "a folder", ("sequence",)
+        expected, flags = "a folder", ("sequence", "same_person")
     for flag in flags:
         if getattr(options, flag):
-            raise ArgumentError(f"--{flag} is for {expected}; {options.scans} is not")
+            raise ArgumentError(
+                f"--{flag.replace('_', '-')} is for {expected}; {options.scans} is not"
+            )
 
 
 def _chosen_registration(options: argparse.Namespace, *, clothed: bool = False) -> ScanRegistration:
@@ -215,6 +223,7 @@ def _register_folder(registration: ScanRegistration, options: argparse.Namespace
         options.scans,
         options.output,
         sequence=options.sequence,
+        same_person=options.same_person,
         keep_axes=options.keep_axes,
         progress=options.bars,
     )

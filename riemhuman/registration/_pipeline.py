@@ -162,7 +162,7 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     times.append(perf_counter())
     later = ("dense fit", "arms and hands", "elastic step", "trust")
     seconds = {"search": search.seconds, **dict(zip(later, np.diff(times).tolist(), strict=True))}
-    return RegistrationTrace(search, dense, arms, fitted.fit, verdict, up, seconds)
+    return RegistrationTrace(search, dense, arms, fitted.fit, verdict, up, fitted.task, seconds)
 
 
 def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:

@@ -166,11 +166,38 @@ def take_step(
     *,
     with_detail: bool = False,
 ) -> Pose:
-    """Return the parameters after one damped Gauss–Newton step."""
-    # It decreases Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²), with shares s, gaps r, directions d and
-    # τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more
-    # than `longest`, radians. With detail, the gaps are those that are left by the likeliest smooth
-    # heights along d: what skin explains twists no joint.
+    """Return the parameters after one damped Gauss–Newton step, see `normal_equations`.
+
+    No joint rotates by more than `longest`, radians.
+    """
+    matrix, right = normal_equations(
+        posed, prior, prior_weight, shares, gaps, directions, along, with_detail=with_detail
+    )
+    step, pose = np.linalg.solve(matrix, right), posed.pose
+    n_angles = 3 * len(pose.local)
+    vectors = np.einsum("jyx,yj->jx", posed.motions.axes, step[:n_angles].reshape(3, -1))
+    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
+    vectors *= longest / np.maximum(angles, longest)
+    local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
+    return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
+
+
+def normal_equations(
+    posed: PosedBody,
+    prior: Prior,
+    prior_weight: float,
+    shares: Array,
+    gaps: Array,
+    directions: Array,
+    along: float,
+    *,
+    with_detail: bool = False,
+) -> tuple[Array, Array]:
+    """Return the matrix and right side of a step: the joints' angles, betas and translation."""
+    # The step decreases Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²), with shares s, gaps r, directions
+    # d and τ = `along`, plus `prior_weight` (square metres) times the prior. With detail, the gaps
+    # are those that are left by the likeliest smooth heights along d: what skin explains twists no
+    # joint.
     pose, body = posed.pose, posed.body
     # Single precision is enough for steps; the change of the pose offsets is ignored.
     rows = skinning_derivatives(
@@ -200,14 +227,7 @@ def take_step(
     right -= prior_weight * precisions * offsets
     diagonal = np.diag(matrix) + prior_weight * precisions
     np.fill_diagonal(matrix, 1.0001 * diagonal + 1e-9)
-    step = np.linalg.solve(matrix, right)
-
-    n_angles = 3 * len(pose.local)
-    vectors = np.einsum("jyx,yj->jx", posed.motions.axes, step[:n_angles].reshape(3, -1))
-    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
-    vectors *= longest / np.maximum(angles, longest)
-    local = Rotation.from_rotvec(vectors).as_matrix() @ pose.local
-    return Pose(local, pose.betas + step[n_angles:-3], pose.trans + step[-3:])
+    return matrix, right
 
 
 def _explained_by_detail(

@@ -40,6 +40,7 @@ from riemhuman.registration._constants import (
     USUAL_LIKELIHOOD,
 )
 from riemhuman.registration._dense_fit import find_hair
+from riemhuman.registration._elastic_step import ElasticFit
 from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb_doubts
 from riemhuman.registration._limbs import BodyParts
@@ -272,6 +273,27 @@ def judge_beneath(verdict: Verdict, search: Search, beneath: BodyBeneath) -> Ver
         verdict,
         trusted_vertices=verdict.trusted_vertices & ~beneath.hidden,
         message=message,
+        matched=verdict.matched & (fit.matches.distances < MATCHED_METRES),
+        correspondence=places,
+        distances=distances,
+    )
+
+
+def judge_together(
+    verdict: Verdict, search: Search, fit: ElasticFit, borrowed: Booleans
+) -> Verdict:
+    """Return the verdict about a body found with other scans, from that about the scan alone."""
+    model = search.body.model
+    places, distances = nearest_points(search.scan.whole.points, fit.points, model.faces)
+    areas = model.template.vertex_areas
+    share = float(areas @ borrowed / areas.sum())
+    said = [verdict.message] if verdict.message else []
+    if borrowed.any():
+        said.append(f"{100 * share:.0f} % of the body is known from the other scans")
+    return replace(
+        verdict,
+        trusted_vertices=verdict.trusted_vertices | borrowed,
+        message=join_reasons(said),
         matched=verdict.matched & (fit.matches.distances < MATCHED_METRES),
         correspondence=places,
         distances=distances,

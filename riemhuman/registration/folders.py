@@ -27,7 +27,11 @@ from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
 from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
-from riemhuman.registration.scan_registration import ScanRegistration
+from riemhuman.registration.scan_registration import (
+    ScanRegistration,
+    check_unclothed,
+    share_person,
+)
 from riemhuman.registration.scans import Scan, load_scan
 from riemhuman.solvers.results import Result, interruptible
 from riemhuman.surfaces.measures import share_of_surface
@@ -156,13 +160,20 @@ class FolderResult(Result):
     records: tuple[ScanRecord, ...]
 
 
-@checked(registration=instance(ScanRegistration), sequence=flag, keep_axes=flag, progress=flag)
+@checked(
+    registration=instance(ScanRegistration),
+    sequence=flag,
+    same_person=flag,
+    keep_axes=flag,
+    progress=flag,
+)
 def register_folder(
     registration: ScanRegistration,
     scans: str | os.PathLike[str],
     output: str | os.PathLike[str],
     *,
     sequence: bool = False,
+    same_person: bool = False,
     keep_axes: bool = False,
     progress: bool = False,
 ) -> list[ScanRecord]:
@@ -181,6 +192,10 @@ def register_folder(
         Folder to write: trusted bodies, ``partial`` for incomplete ones, ``untrusted`` for others.
     sequence : bool
         Whether the scans show one person in motion, so that each starts from the previous one.
+    same_person : bool
+        Whether all scans show one person at one visit, see `ScanRegistration.solve_together`. A
+        body then depends on all scans: nothing is written before the last one is registered, and
+        everything is registered again if a scan is added or changed.
     keep_axes : bool
         Whether to write bodies at the positions of the scans. By default they stand upright
         (`RegisteredScan.transform`); those of a sequence are moved like its first body.
@@ -189,6 +204,8 @@ def register_folder(
 
     Raises
     ------
+    ArgumentError
+        If `same_person` is combined with `sequence` or with clothed people.
     FileError
         If two scans have the same name, or a body was changed after it was registered.
     Interrupted
@@ -200,6 +217,10 @@ def register_folder(
     >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
     >>> rh.registration.register_folder(registration, "scans", "bodies")  # doctest: +SKIP
     """
+    if same_person:
+        check_unclothed(registration)
+        if sequence:
+            raise ArgumentError("sequence and same_person cannot both be True")
     files = _scan_files(scans)
     folder = file_path(output, "output", "folder")
     with convert_errors(folder, "cannot be made"):
@@ -210,6 +231,18 @@ def register_folder(
     records: list[ScanRecord] = []
     before: RegisteredScan | None = None
     transform = np.eye(4) if keep_axes else None
+    if same_person:
+        digests = [hashlib.sha256(identity + read_bytes(file)).digest() for file in files]
+        together = hashlib.sha256(b"".join(digests)).digest()
+        keys = [hashlib.sha256(together + digest).hexdigest() for digest in digests]
+        named = [(file.stem, key) for file, key in zip(files, keys, strict=True)]
+        if all(name in complete for name in named):
+            return [complete[name] for name in named]
+        with interruptible(lambda inner: FolderResult(records=())):
+            records = _register_person(registration, files, progress=progress)
+            for file_record, key in zip(records, keys, strict=True):
+                _write(folder, file_record, key, transform)
+        return records
     with interruptible(lambda inner: FolderResult(records=tuple(records))):
         for file in tqdm(files, desc="Scans", unit="scan", disable=not progress):
             key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
@@ -290,8 +323,29 @@ def _register_file(
         scan = load_scan(file, registration.unit)
         result = registration.solve(scan, start=before)
     except RiemhumanError as error:
-        return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
+        return _failed(file, error), None
     return record_of(file.stem, result), result if result.trusted else None
+
+
+def _register_person(
+    registration: ScanRegistration, files: list[Path], *, progress: bool
+) -> list[ScanRecord]:
+    """Return the records of scans of one person, registered together, in order."""
+    records: dict[str, ScanRecord] = {}
+    results: dict[str, RegisteredScan] = {}
+    for file in tqdm(files, desc="Scans", unit="scan", disable=not progress):
+        try:
+            scan = load_scan(file, registration.unit)
+            results[file.stem] = registration.solve(scan, trace=True)
+        except RiemhumanError as error:
+            records[file.stem] = _failed(file, error)
+    for name, result in zip(results, share_person([*results.values()]), strict=True):
+        records[name] = record_of(name, result)
+    return [records[file.stem] for file in files]
+
+
+def _failed(file: Path, error: RiemhumanError) -> ScanRecord:
+    return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {})
 
 
 def record_of(name: str, result: RegisteredScan) -> ScanRecord:

@@ -10,7 +10,7 @@ from riemhuman.arrays import Array, Booleans, Triangles
 from riemhuman.bodies import ModelFit
 from riemhuman.provided import View, notebook_pictures
 from riemhuman.registration._arms_and_hands import ArmsFit
-from riemhuman.registration._dense_fit import DenseFit
+from riemhuman.registration._dense_fit import DenseFit, DenseTask
 from riemhuman.registration._elastic_step import ElasticFit
 from riemhuman.registration._start_search import Search
 from riemhuman.registration._verdict import Verdict
@@ -42,6 +42,8 @@ class RegistrationTrace:
         What is trusted, and why not.
     up : array, shape (3,)
         The direction up, that of the start or a better one.
+    task : DenseTask
+        What the last fit knew: the scan, the prior, and the vertices that the scan can show.
     seconds : dict of str to float
         The time that each stage took.
 
@@ -61,6 +63,7 @@ class RegistrationTrace:
     elastic: ElasticFit
     verdict: Verdict
     up: Array
+    task: DenseTask
     seconds: dict[str, float]
 
     def surfaces(self) -> dict[str, Array]:

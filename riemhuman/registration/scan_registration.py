@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,6 +27,8 @@ from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.registration._messages import join_reasons
+from riemhuman.registration._one_person import fit_together
 from riemhuman.registration._pipeline import (
     ModelAndHalves,
     ScanTask,
@@ -37,6 +39,7 @@ from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
 from riemhuman.registration._start_search import KnownBody
+from riemhuman.registration._verdict import judge_together
 from riemhuman.registration.registered_scans import RegisteredScan, RegistrationTrace
 from riemhuman.registration.registration_settings import DEFAULT_SETTINGS, RegistrationSettings
 from riemhuman.registration.scans import as_scan
@@ -181,6 +184,41 @@ class ScanRegistration:
                 results.append(self.solve(scan, start=before))
         return results
 
+    @checked(scans=_scans, progress=flag)
+    def solve_together(
+        self, scans: Iterable[object], *, progress: bool = False
+    ) -> list[RegisteredScan]:
+        """Register several scans of one person, who has not changed between them.
+
+        Each is first registered alone. Those that are trusted then get one common shape and skin,
+        to which each contributes what it shows; only their poses differ. Vertices that a scan does
+        not show are trusted if another shows them, and if this one shows enough of the same part
+        of the body, fingers excepted. A scan whose body is too far from the common shape, as
+        another person's is, stays as it is, and its message says so. Register the scans of two
+        visits separately, because a change between them would be averaged away.
+
+        Parameters
+        ----------
+        scans : iterable
+            Scans as for `solve`.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        list of RegisteredScan
+            One for each scan, in order, without its `trace`.
+
+        Raises
+        ------
+        ArgumentError
+            If `clothed` is True: clothes hide different parts in every scan.
+        """
+        check_unclothed(self)
+        bar = tqdm(scans, desc="Scans", unit="scan", disable=not progress)
+        results = [self.solve(scan, trace=True) for scan in bar]
+        return share_person(results)
+
     @cached_property
     def _models(self) -> ModelAndHalves:
         whole = RegistrationModel(self.model, self.settings)
@@ -217,6 +255,40 @@ class ScanRegistration:
                 )
             positions[names.index(name)] = position
         return positions
+
+
+def check_unclothed(registration: ScanRegistration) -> None:
+    """Refuse to register clothed scans together."""
+    if registration.clothed:
+        raise ArgumentError("scans are registered together without clothes; found clothed=True")
+
+
+def share_person(results: Sequence[RegisteredScan]) -> list[RegisteredScan]:
+    """Return registrations that share the person, from those of each scan alone with their traces.
+
+    Those that are not trusted stay as they are.
+    """
+    shared = [replace(result, trace=None) for result in results]
+    numbers = [k for k, result in enumerate(results) if result.trusted]
+    traces = [trace for k in numbers if (trace := results[k].trace) is not None]
+    with single_threaded_libraries():
+        fits = fit_together(traces)
+    for k, trace, found in zip(numbers, traces, fits, strict=True):
+        if found is None:
+            if len(traces) > 1:
+                said = [results[k].message] if results[k].message else []
+                said.append(
+                    "its shape differs from that of the other scans, so that it was registered "
+                    "alone: it shows another person, or a limb is in a wrong place"
+                )
+                shared[k] = replace(shared[k], message=join_reasons(said))
+            continue
+        verdict = judge_together(trace.verdict, trace.search, found.fit, found.borrowed)
+        stages = replace(trace, elastic=found.fit, verdict=verdict)
+        fit = results[k].fit
+        offset = np.zeros(3) if fit is None else np.round(fit.trans - trace.elastic.pose.trans)
+        shared[k] = _moved(result_of(stages, trace=False), offset)
+    return shared
 
 
 def known_body(start: RegisteredScan) -> KnownBody | None:

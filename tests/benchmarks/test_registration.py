@@ -7,7 +7,8 @@ in holes and any heading, what landmarks, half of the surface, 5 mm noise, 2,000
 cost; errors of natural bodies, whose hands lie on hips and head; how many right and wrong
 bodies are trusted, and which vertices of people whose hands, arms or feet touch; how much farther
 scans are from wrong limbs than from right ones (`-k excess`, five minutes each); how well the model
-fits others once it is transferred to their mesh; and (`-k processor`) processor seconds a scan.
+fits others once it is transferred to their mesh; what several scans of one person are worth
+(`-k together`, a few minutes each); and (`-k processor`) processor seconds a scan.
 """
 
 from dataclasses import replace
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from limbs_right_and_wrong import limb_parts
 from people_who_touch import people_who_touch, scan_of_touching
+from people_whose_flesh_moves import people_whose_flesh_moves
 from performances import clocked
 from scanned_people import (
     N_PEOPLE,
@@ -27,6 +29,7 @@ from scanned_people import (
     scans_of,
     sparse_floor,
 )
+from scipy.spatial import cKDTree
 
 import riemhuman as rh
 from riemhuman.registration import (
@@ -36,9 +39,14 @@ from riemhuman.registration import (
     transfer_model,
 )
 from riemhuman.registration._constants import MOST_LIMB_EXCESS
+from riemhuman.registration._limbs import BodyParts
+from riemhuman.registration.scan_registration import share_person
 
 SEED, NATURAL_SEED = 4242, 2024
 CALIBRATION_SEED, CHECK_SEED = 71, 73
+TOGETHER_SEED = 81
+VIEWS = ((0.0, 0.1, 1.0), (0.0, 0.1, -1.0), (0.5, 0.1, 0.9), (-0.5, 0.1, -0.9))
+CUT_OFF = (("head",), ("left_wrist", "right_wrist"), ("left_knee", "right_knee"), ("left_elbow",))
 FAR = 0.05
 CONDITIONS = {
     "as above": {},
@@ -337,3 +345,91 @@ def test_transferred_models(benchmark, registration):
         f"{np.median(distances[1:]):.1f} mm to other people, {distances[1:].max():.1f} at most"
     )
     assert distances.max() < 15.0
+
+
+@pytest.mark.parametrize("kind", ["one view", "parts cut off", "whole"])
+def test_scans_together(benchmark, kind):
+    """Scans of three people whom the model cannot make, alone and together with others."""
+    model = rh.datasets.load_open_model("coarse")
+    registration = ScanRegistration(model, up="y")
+    areas = model.template.vertex_areas / model.template.vertex_areas.sum()
+    flesh = people_whose_flesh_moves(TOGETHER_SEED, 2, 0.5).points
+    natural = rh.datasets.load_open_bodies("coarse", "natural", TOGETHER_SEED).points[:10]
+    rows: dict[int, list] = {}
+    departed = 0
+    for person, poses in enumerate([*flesh.reshape(2, 10, -1, 3), natural]):
+        scans = [incomplete_scan(model, poses[k], kind, person, k) for k in range(8)]
+        alone = [registration.solve(scan.points, trace=True) for scan in scans]
+        for count in (1, 2, 4, 8):
+            for first in range(0, 8, count):
+                group = range(first, first + count)
+                share = partial(share_person, [alone[k] for k in group])
+                results, seconds, _ = clocked(share, benchmark=benchmark)
+                for k, result in zip(group, results, strict=True):
+                    if not result.trusted:
+                        continue
+                    departed += "its shape differs" in result.message
+                    errors = 1000.0 * np.linalg.norm(result.points - scans[k].body, axis=1)
+                    shown, own = (areas * each.trusted_vertices for each in (result, alone[k]))
+                    values = [errors @ areas, shown.sum(), shown @ errors / shown.sum()]
+                    values += [100 * shown @ (errors > 1000.0 * FAR) / shown.sum()]
+                    values += [own @ errors / own.sum(), (areas - own) @ errors / (1 - own.sum())]
+                    rows.setdefault(count, []).append([*values, seconds / count])
+    print(f"\n{kind}; {departed} left out")
+    print("| scans | n | mean, mm | trusted | error there | > 5 cm there (worst) |", end="")
+    print(" where trusted alone | where not | s |")
+    for count, values in rows.items():
+        means, worst = np.mean(values, axis=0), np.max(values, axis=0)
+        print(
+            f"| {count} | {len(values)} | {means[0]:.1f} | {means[1]:.2f} | {means[2]:.1f} | "
+            f"{means[3]:.2f} % ({worst[3]:.1f}) | {means[4]:.1f} | {means[5]:.1f} | "
+            f"{means[6]:.2f} |"
+        )
+    alone_means, together_means = (np.mean(rows[count], axis=0) for count in (1, 4))
+    assert together_means[0] < alone_means[0]
+    assert together_means[3] <= alone_means[3]
+    if kind == "one view":
+        assert together_means[1] > 1.25 * alone_means[1]
+        assert together_means[2] <= alone_means[2]
+
+
+def incomplete_scan(model, body, kind, person, k):
+    """Return the k-th scan of a person: from one view, without some parts, or with a few holes."""
+    rng = np.random.default_rng([TOGETHER_SEED, person, k])
+    view = VIEWS[k % len(VIEWS)] if kind == "one view" else None
+    missing = 0.0 if kind == "one view" else 0.1
+    scan = simulated_scan(body, model.faces, rng, n_points=12_000, view=view, missing=missing)
+    if kind != "parts cut off":
+        return scan
+    names = list(model.joint_names)
+    parts = BodyParts(model)
+    lost = parts.vertices([names.index(name) for name in CUT_OFF[k % len(CUT_OFF)]])
+    return replace(scan, points=scan.points[~lost[cKDTree(scan.body).query(scan.points)[1]]])
+
+
+def test_changes_between_visits_scanned_together(benchmark):
+    """A waist that grows by 46 mm, of which two scans of each visit are registered together."""
+    model = rh.datasets.load_open_model("coarse")
+    registration = ScanRegistration(model, up="y")
+    measurements = rh.measurements.Measurements(model)
+    waist = measurements.names.index("waist girth (omphalion)")
+    found = np.empty((2, 3, 2))
+    for visit, waist_growth in enumerate((0.0, 0.046)):
+        people = people_whose_flesh_moves(TOGETHER_SEED, 3, 0.5, waist=waist_growth)
+        for person in range(3):
+            poses = people.points[10 * person :][2 * visit : 2 * visit + 2]
+            scans = [
+                incomplete_scan(model, body, "whole", person, 2 * visit + k)
+                for k, body in enumerate(poses)
+            ]
+            alone = [registration.solve(scan.points, trace=True) for scan in scans]
+            for way, results in enumerate((alone, share_person(alone))):
+                body = rh.measurements.person_in_standard_pose(
+                    measurements.definitions, [result.points for result in results]
+                )
+                values = measurements.measure(body[np.newaxis], axes="space", missing="nan").values
+                found[visit, person, way] = 1000.0 * values[0, waist]
+    benchmark.pedantic(lambda: None)
+    changes = found[1] - found[0]
+    print(f"\nwaists changed by 46 mm: alone {changes[:, 0]}, together {changes[:, 1]} mm")
+    assert np.abs(changes[:, 1] - 46.0).mean() < 23.0

@@ -77,9 +77,12 @@ def test_untrusted_bodies_are_written_on_request(run, scan, fitted, tmp_path):
     assert (tmp_path / "body.ply").exists()
 
 
-def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkeypatch):
+@pytest.mark.parametrize("flag", ["--sequence", "--same-person"])
+def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkeypatch, flag):
     def register_folder(registration, scans, output, **settings):
-        assert settings == {"sequence": True, "keep_axes": False, "progress": False}
+        is_sequence = flag == "--sequence"
+        how = {"sequence": is_sequence, "same_person": not is_sequence}
+        assert settings == {**how, "keep_axes": False, "progress": False}
         measures = {"median_distance": 0.002, "matched_share": 0.5}
         return [
             SimpleNamespace(name="anna", trusted=True, message="", **measures),
@@ -88,7 +91,7 @@ def test_folders_are_registered_with_a_page_and_told_about(run, tmp_path, monkey
 
     monkeypatch.setattr(rh.registration, "register_folder", register_folder)
     monkeypatch.setattr(rh.report, "scan_page", lambda folder, units: folder / "index.html")
-    options = ("-o", tmp_path / "bodies", "--coarse", "--sequence")
+    options = ("-o", tmp_path / "bodies", "--coarse", flag)
     finished = run("register", tmp_path, *options)
     assert finished.code == 1  # as for one scan
     assert "box is not trusted: no person" in finished.err
