@@ -79,15 +79,19 @@ RECIPES = (
         "lfe lfc lek fle le lepi lateralepicondyle lateralcondyle",
         "mfe mfc mek fme me mepi medialepicondyle medialcondyle",
     ),
-    # Laboratories' own.
-    _row("knee", Way.MIDDLE, "latcon lcon", "medcon mcon"),
+    # Laboratories' own, Visual3D, and names in full.
+    _row(
+        *("knee", Way.MIDDLE),
+        "latcon lcon lk lateralfemoralepicondyle",
+        "medcon mcon mk medialfemoralepicondyle",
+    ),
     # OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354.
     _middle("ankle", "ankle ank"),
     # IOR, Rajagopal 2016, Qualisys, Human Body Model.
     _row(
         *("ankle", Way.MIDDLE),
-        "lm lmal latmal fal lma lateralmalleolus",
-        "mm mmal medmal tam mma medialmalleolus",
+        "lm lmal latmal fal lma la lateralmalleolus",
+        "mm mmal medmal tam mma ma medialmalleolus",
     ),
     # CMU with 53 markers, Rajagopal 2016.
     _row(
@@ -119,11 +123,11 @@ RECIPES = (
     # Plug-in Gait, CMU, and other sets without their medial markers.
     _row(
         *("knee", Way.LATERAL),
-        "knee kne kneelat latknee kneeout knee1 lfe lfc lek fle le lepi latcon lcon",
+        "knee kne kneelat latknee kneeout knee1 lfe lfc lek fle le lepi latcon lcon lk",
     ),
     _row(
         *("ankle", Way.LATERAL),
-        "ankle ank anklelat latankle ankleout ankle1 lm lmal latmal fal lma",
+        "ankle ank anklelat latankle ankleout ankle1 lm lmal latmal fal lma la mall",
     ),
     # Plug-in Gait, CMU, IOR, Qualisys, gait2354.
     _row(
@@ -145,13 +149,21 @@ RECIPES = (
     _row("toes", Way.CENTRE, "toes toe mt2 2meta meta2 2mth mtp2 fm2 smh 2nd met"),
     _row(
         *("toes", Way.MIDDLE),
-        "smalltoe mt5 5meta meta5 5mth mtp5 fm5 toelat toeout p5mt",
-        "bigtoe mt1 1meta meta1 1mth mtp1 fm1 toemed toein p1mt",
+        "smalltoe mt5 5thmet mh5 5meta meta5 5mth mtp5 fm5 toelat toeout p5mt",
+        "bigtoe mt1 1stmet mh1 1meta meta1 1mth mtp1 fm1 toemed toein p1mt",
     ),
     _row("toes", Way.CENTRE, "tiptoe toetip bigtoe hallux footindex toe1 5meta mt5 meta5"),
     # Corners of the pelvis: Plug-in Gait, IOR, CMU (LFWT, LBWT), OptiTrack.
-    _row("asis", Way.CENTRE, "asis asi ias fwt frontwaist waistfront pelvisfront"),
-    _row("psis", Way.CENTRE, "psis psi ips bwt backwaist waistback pelvisback"),
+    _row(
+        "asis",
+        Way.CENTRE,
+        "asis asi ias fwt frontwaist waistfront pelvisfront anteriorsuperioriliacspine",
+    ),
+    _row(
+        "psis",
+        Way.CENTRE,
+        "psis psi ips bwt backwaist waistback pelvisback posteriorsuperioriliacspine",
+    ),
     # The head: video methods and laboratories' own; Plug-in Gait, CMU.
     _row("ear", Way.CENTRE, "ear head temple"),
     _row("head_front", Way.CENTRE, "fhd headfront fronthead"),

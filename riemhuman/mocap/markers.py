@@ -184,7 +184,9 @@ class _TextReader:
         keys: list[str] = []
         values: dict[str, str] = {}
         for line in self._lines:
-            words = re.split(r"[\s,;]+", line.strip())
+            # Between tabs, values may hold spaces and commas: "30 Hz", "29,97".
+            separators = r" *\t *" if "\t" in line else r"[\s,;]+"
+            words = re.split(separators, line.strip())
             first = words[0].lower()
             if first in ("frame#", "frame"):
                 # Names of markers may hold spaces, where tabs or commas are between them.
@@ -223,7 +225,8 @@ class _TextReader:
 
     def _number(self, values: Mapping[str, str], key: str) -> float | None:
         """Return a number of the header, or None if it is not there."""
-        return self._lines.floats([values[key]], f"{key}:")[0] if values.get(key) else None
+        text = values.get(key, "").partition(" ")[0].replace(",", ".")
+        return self._lines.floats([text], f"{key}:")[0] if text else None
 
 
 def _is_row_of_axes(cells: Sequence[str]) -> bool:

@@ -72,6 +72,15 @@ SETS = {
     "CMU, 53 markers": PLUG_IN_GAIT
     | {("pelvis", "front"): "{}FWT", ("pelvis", "back"): "{}BWT", ("shoulder", "front"): "{}FSH",
        ("shoulder", "back"): "{}BSH", ("wrist", "lateral"): "{}OWR", ("wrist", "medial"): "{}IWR"},
+    "Visual3D": PLUG_IN_GAIT
+    | {("knee", "lateral"): "{}LK", ("knee", "medial"): "{}MK", ("ankle", "lateral"): "{}LA",
+       ("ankle", "medial"): "{}MA"},
+    "names in full": PLUG_IN_GAIT
+    | {("pelvis", "front"): "{}AnteriorSuperiorIliacSpine",
+       ("pelvis", "back"): "{}PosteriorSuperiorIliacSpine",
+       ("knee", "lateral"): "{}LateralFemoralEpicondyle",
+       ("knee", "medial"): "{}MedialFemoralEpicondyle",
+       ("ankle", "lateral"): "{}LateralMalleolus", ("ankle", "medial"): "{}MedialMalleolus"},
     "IOR": PLUG_IN_GAIT
     | {("pelvis", "front"): "{}IAS", ("pelvis", "back"): "{}IPS", ("knee", "lateral"): "{}FLE",
        ("knee", "medial"): "{}FME", ("ankle", "lateral"): "{}FAL", ("ankle", "medial"): "{}TAM",

@@ -336,6 +336,13 @@ def test_files_with_other_separators(joints, video, tmp_path):
         assert recording.unit == "metres"
 
 
+@pytest.mark.parametrize("rate", ["20 Hz", "20,0"])
+def test_rates_with_units_and_commas(rate, video, tmp_path):
+    path = write_trc(tmp_path / "jump.trc", video, header={"DataRate": rate})
+    recording = load_trc(path)
+    assert (recording.frames_per_second, recording.unit) == (20.0, "metres")
+
+
 def test_no_frames_and_no_rate(video, tmp_path):
     file = write_trc(tmp_path / "empty.trc", video)
     file.write_text("\n".join(file.read_text().splitlines()[:6]))
