@@ -124,6 +124,22 @@ def align_members(
     return AlignedMembers(moved, turns[0], shifts[0])
 
 
+def turn_from_template(metric: RiemannianMetric, ends: AlignedEnds) -> Array:
+    """Return the rotation, for row vectors, from how the template stands to how a path's ends do.
+
+    It is the identity if the metric does not ignore it, or if they already stand alike.
+    """
+    if not ignores_rigid_motions(metric):
+        return np.eye(3)
+    template = surface_space(metric.space).template
+    middle = 0.5 * (ends.start + ends.end)
+    turns, _ = least_squares_motions(middle[None], template.vertices, template.vertex_areas)
+    turn: Array = turns[0].T
+    moved = template.vertices @ (turn - np.eye(3))
+    is_still = np.abs(moved).max() <= _STILL * np.ptp(template.vertices, axis=0).max()
+    return np.eye(3) if is_still else turn
+
+
 def end_of_logarithm(metric: RiemannianMetric, start: Points, end: Points) -> Array:
     """Return the end of a path, moved onto the start if it faces away and the metric allows it."""
     aligned = align_ends(metric, start, end)

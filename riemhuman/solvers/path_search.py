@@ -24,7 +24,7 @@ from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.manifold import holds_surfaces
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers._alignment import AlignedEnds, align_ends
+from riemhuman.solvers._alignment import AlignedEnds, align_ends, turn_from_template
 from riemhuman.solvers._lbfgs import Operator, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, PathPreconditioner, metric_factor
 from riemhuman.solvers.interpolated_paths import rotating_paths
@@ -102,7 +102,12 @@ class PathSearch(PathSolver):
             Path to start from, between the same ends.
         """
         start, end = check_end_points(metric, start, end)
-        return self._between(metric, align_ends(metric, start, end), initial_path)
+        ends = align_ends(metric, start, end)
+        return self._turned_like(metric, ends)._between(metric, ends, initial_path)
+
+    def _turned_like(self, metric: RiemannianMetric, ends: AlignedEnds) -> Self:
+        """Return the search among deformations that stand as the ends do."""
+        return self
 
     def _between(
         self, metric: RiemannianMetric, ends: AlignedEnds, initial_path: Points | None = None
@@ -263,8 +268,9 @@ class BasisPath(PathSearch, _OverBasis):
     Gram matrix on the basis, finds α.
 
     If the metric ignores rotations and translations (`is_rotation_invariant`), the end is first
-    aligned with the start. The resulting path is turned back uniformly to the given end, which does
-    not change its energy, the sum of the squared distances between its points.
+    aligned with the start, and the deformations are turned as both stand against the template. The
+    resulting path is turned back uniformly to the given end, which does not change its energy, the
+    sum of the squared distances between its points: energies do not depend on how ends are turned.
 
     Parameters
     ----------
@@ -304,6 +310,13 @@ class BasisPath(PathSearch, _OverBasis):
     @property
     def _directions(self) -> Array:
         return self.basis.flat
+
+    def _turned_like(self, metric: RiemannianMetric, ends: AlignedEnds) -> Self:
+        # Deformations lie in space as the template does.
+        turn = turn_from_template(metric, ends)
+        if np.array_equal(turn, np.eye(3)):
+            return self
+        return replace(self, basis=DeformationBasis(self.basis.vectors @ turn))
 
     def _check_search(self, metric: RiemannianMetric, start: Points, end: Points) -> None:
         self.basis.check_fits(start.shape[0])

@@ -83,6 +83,17 @@ def test_energies_do_not_depend_on_headings(case, name):
     check_energies(case.metric, solver, *case.points[:2], rtol=4e-3 if name == "all" else 1e-3)
 
 
+def test_energies_over_any_basis_do_not_depend_on_the_heading_of_both_ends():
+    """A basis learnt from motions holds other deformations once it is turned."""
+    metric, solver = shape_metric(), BasisPath(bodies.basis(), n_nodes=5)
+    ends = bodies.body("resting"), bodies.body("elbow bent")
+    expected = solver.solve(metric, *ends).energy
+    for degrees, axis in ((40.0, (0.0, 1.0, 0.0)), (150.0, (1.0, 0.4, -0.2))):
+        start, end = (turned(body, degrees, axis) for body in ends)
+        result = solver.solve(metric, start, turned(end, 70.0, (0.3, 0.2, 1.0)))
+        assert result.energy == pytest.approx(expected, rel=1e-4)
+
+
 def test_a_path_turns_evenly():
     """About its centroid, by the angle of its ends, and moves evenly."""
     metric, (start, end) = shape_metric(), bodies.swung_arms(1)
