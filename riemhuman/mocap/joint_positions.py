@@ -142,6 +142,10 @@ def load_positions(
     file: Path, frames_per_second: float | None, layout: str | None, unit: str | float | None
 ) -> SkeletonMotion:
     """Return the skeleton in a `.npy`, `.npz` or `.csv` file with positions of joints."""
+    if file.suffix.lower() == ".csv" and read_text(file).startswith("Format Version"):
+        raise FileFormatError(
+            f"{file}: tables of OptiTrack's Motive are not read; in Motive, export C3D or BVH"
+        )
     if frames_per_second is None:
         raise FileFormatError(f"{file} does not state its frame rate: pass frames_per_second=")
     with format_errors(file, "positions of joints"):

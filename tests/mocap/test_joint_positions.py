@@ -92,3 +92,10 @@ def test_files_of_other_programs_say_how_to_export(ending, tmp_path):
     (tmp_path / f"a{ending}").write_bytes(b"")
     with pytest.raises(FileFormatError, match=f"{ending} files are not read; .*(BVH|TRC)"):
         load_recording(tmp_path / f"a{ending}")
+
+
+def test_tables_of_motive_say_how_to_export(tmp_path):
+    file = tmp_path / "take.csv"
+    file.write_text("Format Version,1.23,Take Name,Walk,Capture Frame Rate,120\n,,Marker,Marker\n")
+    with pytest.raises(FileFormatError, match="in Motive, export C3D or BVH"):
+        load_recording(file)
