@@ -140,6 +140,30 @@ def test_people_unlike_those_of_the_model():
         print(f"\nnoise of 2 mm, {name}: NN {scores.nn:.1f}, FT {scores.first_tier:.1f}")
 
 
+@pytest.mark.parametrize("name", ["joints", "rotations", "pose", "shape"])
+def test_which_movement_and_who(name):
+    """Nearest neighbours of a descriptor: the movement of other people, and the person elsewhere.
+
+    The open motions are of simulated people, ten in fourteen movements.
+    """
+    motions, template = open_motions(), open_motions()[0].template
+    metric = {
+        "joints": lambda: rh.motions.JointMetric(rh.AlignedSurfaces(template), motions[0].model),
+        "rotations": lambda: rh.RotationMetric(rh.AlignedSurfaces(template)),
+        "pose": lambda: space().metric,
+        "shape": lambda: rh.ElasticMetric(rh.AlignedSurfaces(template)),
+    }[name]()
+    rows = rh.motions.MotionDescriptor(metric).fit_transform(motions)
+    gaps = np.linalg.norm(rows[:, None] - rows[None], axis=-1)
+    people = np.array([motion.subject for motion in motions])
+    shares = []
+    for sought, others in ((labels(), people), (people, labels())):
+        nearest = np.where(others[:, None] == others, np.inf, gaps).argmin(axis=1)
+        shares.append(100 * np.mean(sought[nearest] == sought))
+    print(f"\n{name}: movement {shares[0]:.1f} %, person {shares[1]:.1f} %")
+    assert max(shares) > 98.0
+
+
 def test_long_recordings():
     """A minute at 120 Hz: frames a second of performing a recording, and of posing bodies."""
     folder = Path(__file__).parents[1] / "mocap" / "recordings"
