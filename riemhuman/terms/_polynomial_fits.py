@@ -75,7 +75,8 @@ PRECISION = {np.dtype(np.float32): None, np.dtype(np.float64): True}
 """What loops are told of the precision of their features, for the functions below.
 
 The branch is known when a loop is compiled, so that coefficients are constants. What double
-precision needs is compiled only where the argument is not None.
+precision needs is compiled only where the argument is not None: slopes, too, which paths alone need
+and which are NaN in single precision.
 """
 
 
@@ -102,29 +103,22 @@ def long_polynomial(coefficients: tuple[float, ...], x: float) -> float:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _derivative(coefficients: tuple[float, ...], x: float) -> float:
-    """Return the derivative of the polynomial in x."""
-    value = type(x)(0.0)
-    for k in range(len(coefficients) - 1, 0, -1):
-        value = value * x + type(x)(k) * coefficients[k]
-    return value
-
-
-@compiled(forceinline=True, fastmath=FUSED)
 def squared_arc_and_slope(chord: float, acute: bool, double: bool | None) -> tuple[float, float]:
     """Return θ² and |dθ²/dp| = θ/sin θ of unit vectors n and m."""
     # By the shorter squared chord p ≤ 2, from n to m if `acute`, else from n to −m:
     # θ² = p Q(p) or (π − √(p Q(p)))². At antipodal vectors the slope is set to 0.
     real = type(chord)
-    quotient = (
-        polynomial(_SINGLE_ARC, chord) if double is None else real(long_polynomial(_ARC, chord))
-    )
-    squared = chord * quotient
-    angle = real(math.pi) - np.sqrt(squared)
-    rest = real(4.0) - chord
-    # sin θ = ½ √(p (4 − p)).
-    slope = real(2.0) * np.sqrt(quotient / rest)
-    obtuse = real(2.0) * angle / np.sqrt(chord * rest) if chord > real(0.0) else real(0.0)
+    if double is None:
+        squared = chord * polynomial(_SINGLE_ARC, chord)
+        slope = obtuse = real(math.nan)
+        angle = real(math.pi) - np.sqrt(squared)
+    else:
+        quotient = real(long_polynomial(_ARC, chord))
+        squared, rest = chord * quotient, real(4.0) - chord
+        angle = real(math.pi) - np.sqrt(squared)
+        # sin θ = ½ √(p (4 − p)).
+        slope = real(2.0) * np.sqrt(quotient / rest)
+        obtuse = real(2.0) * angle / np.sqrt(chord * rest) if chord > real(0.0) else real(0.0)
     return (squared, slope) if acute else (angle * angle, obtuse)
 
 
@@ -173,8 +167,7 @@ def half_sine_squared_and_slope(squared: float, double: bool | None) -> tuple[fl
     # In this order, NaN stays NaN.
     squared = limit if squared > limit else squared
     if double is None:
-        value = polynomial(_SINGLE_SINE, squared)
-        slope = value + squared * _derivative(_SINGLE_SINE, squared)
+        value, slope = polynomial(_SINGLE_SINE, squared), real(math.nan)
     else:
         value = real(polynomial(_SINE, squared))
         slope = real(long_polynomial(_DOUBLE_SINE, squared))
@@ -182,13 +175,11 @@ def half_sine_squared_and_slope(squared: float, double: bool | None) -> tuple[fl
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def half_sine_of_share(share: float, fit: tuple[float, ...]) -> tuple[float, float]:
-    """Return sin²(min(½ψ, ½π)) by a `half_angle_fit`, and its slope in the share."""
+def half_sine_of_share(share: float, fit: tuple[float, ...]) -> float:
+    """Return sin²(min(½ψ, ½π)) by a `half_angle_fit`."""
     real = type(share)
-    inside = share < real(1.0)
-    share = share if inside else real(1.0)
-    value = polynomial(fit, share)
-    return share * value, value + share * _derivative(fit, share) if inside else real(0.0)
+    share = share if share < real(1.0) else real(1.0)
+    return share * polynomial(fit, share)
 
 
 def excess_at_pi(ratio: float) -> float:

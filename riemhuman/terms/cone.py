@@ -332,7 +332,7 @@ def cone_pair(
 
     `inverse` is 1/(2 y₁ y₂), `angle` what normals add to ¼ψ², and `scale` is ¼ (ψ/ℓ)². With the
     coefficients of a `half_angle_fit`, which is faster and leaves no room for normals, `scale` is
-    that of its argument.
+    that of its argument, and there are no slopes: paths do without it.
     """
     (x1, y1, s1), (x2, y2, s2), real = a, b, type(inverse)
     x, y, s = x1 - x2, y1 - y2, s1 - s2
@@ -342,8 +342,7 @@ def cone_pair(
         half, by_angle = half_sine_squared_and_slope(scale * length + angle, double)
         by_m = by_angle * scale * by_length
     else:
-        half, by_share = half_sine_of_share(scale * m, fit)
-        by_m, by_angle = by_share * scale, real(0.0)
+        half, by_m, by_angle = half_sine_of_share(scale * m, fit), real(math.nan), real(math.nan)
     product = real(4.0) * (s1 * s2)
     squared = s * s + product * half
     rate = real(2.0) * inverse * product * by_m

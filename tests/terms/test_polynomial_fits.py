@@ -87,19 +87,13 @@ def test_half_angles_for_a_small_ratio(lam, real, tolerance):
     shares = np.concatenate([np.logspace(-20, -1, 40), np.linspace(0.1, 1.5, 80), [1e20]])
 
     def found(m):
-        return half_sine_of_share(m * inverse, coefficients)[0]
+        return half_sine_of_share(m * inverse, coefficients)
 
     def exact(m):
         theta = mp.acosh(1 + m) / (2 * mp.sqrt(2 * mp.mpf(lam)))
         return mp.sin(min(theta, mp.pi) / 2) ** 2
 
     assert relative_errors(found, exact, reach * shares, real).max() < tolerance
-    for share in np.linspace(0.0, 0.99, 7) + 1e-9:
-        with mp.workdps(40):
-            slope = float(mp.diff(lambda z: exact(reach * z), mp.mpf(float(share))))
-        found_slope = half_sine_of_share(real(share), coefficients)[1]
-        assert found_slope == pytest.approx(slope, abs=100 * tolerance)
-    assert half_sine_of_share(real(1.5), coefficients)[1] == 0.0
     theta = np.arccosh(1 + reach) / (2 * np.sqrt(2 * lam))
     assert theta == pytest.approx(np.pi, rel=1e-7)
 
