@@ -57,7 +57,7 @@ _BENT_POSTURE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A person of a model in the rest pose, with the frames of the trunk: up, left, forward."""
+    """A person of a model in the rest pose; the columns of its frame point up, left and back."""
 
     model: BodyModel
     betas: Array
@@ -70,13 +70,9 @@ class Figure:
         """Return the vector between two joints in the rest pose."""
         return bone(self.rest, self.joints, first, second)
 
-    def forward(self) -> Array:
-        """Return the direction to the front of the body."""
-        return -self.frame[:, 2]
-
 
 def make_figure(model: BodyModel, betas: Array) -> Figure:
-    """Return a person of a model; the columns of its frame point up, to the left and backward."""
+    """Return a person of a model."""
     joints, rest = model_joints(model), model.joints(betas)
     across = bone(rest, joints, "right_hip", "left_hip")
     axes = frame(trunk(rest, joints), across)
@@ -232,7 +228,7 @@ def figure_hinge(figure: Figure, limb: tuple[str, ...]) -> Array:
         return np.asarray(left)
     # With arms straight to the sides, elbows bend forward.
     outward = left if limb[0].startswith("left") else -left
-    return np.asarray(shortest_rotations(outward, upper) @ np.cross(outward, figure.forward()))
+    return np.asarray(shortest_rotations(outward, upper) @ np.cross(outward, -figure.frame[:, 2]))
 
 
 def _axes_of_foot(

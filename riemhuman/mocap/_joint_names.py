@@ -128,16 +128,12 @@ def _named_joints(
             below = np.flatnonzero(np.asarray(parents) == joints.get(above, -2))
             if role not in joints and len(below):
                 joints[role] = int(below[0])
-        _drop_misplaced(parents, joints, f"{side}_collar", f"{side}_shoulder")
+        # What is called like a collar may be elsewhere.
+        collar, shoulder = f"{side}_collar", f"{side}_shoulder"
+        arm = joints_to_root(parents, joints[shoulder]) if shoulder in joints else []
+        if arm and joints.get(collar) not in arm[1:]:
+            joints.pop(collar, None)
     return joints
-
-
-def _drop_misplaced(parents: Integers, joints: dict[str, int], above: str, below: str) -> None:
-    """Forget a joint that is not above another."""
-    if {above, below} <= joints.keys():
-        path = joints_to_root(parents, joints[below])[1:]
-        if joints[above] not in path:
-            del joints[above]
 
 
 def _problem(names: Sequence[str], parents: Integers, joints: Mapping[str, int]) -> str:

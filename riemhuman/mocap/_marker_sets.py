@@ -8,7 +8,7 @@ compared in small letters, without separators: "R.Knee.Lat" is "kneelat" of the 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -249,21 +249,20 @@ class MarkerNames:
 
     def corners(self) -> dict[str, int]:
         """Return the markers at the corners of the pelvis, by the names in `CORNERS`."""
-        corners: dict[str, int | None] = {"sacrum": self._first("", _SACRUM)}
-        for side in SIDES:
-            for corner in ("asis", "psis"):
-                recipes = self._recipes(side, corner)
-                corners[f"{side}_{corner}"] = recipes[0].markers[0] if recipes else None
-        return {name: number for name, number in corners.items() if number is not None}
+        return self._found({"sacrum": _SACRUM}, ("asis", "psis"))
 
     def head(self) -> dict[str, int]:
         """Return the markers of the head: "head", "nose", and "left_ear" and others on sides."""
-        markers = {"head": self._first("", _HEAD), "nose": self._first("", _NOSE)}
+        return self._found({"head": _HEAD, "nose": _NOSE}, ("ear", "head_front", "head_back"))
+
+    def _found(self, single: Mapping[str, Sequence[str]], sided: Sequence[str]) -> dict[str, int]:
+        """Return the markers of parts in the middle, by their names, and of parts on both sides."""
+        found = {part: self._first("", names) for part, names in single.items()}
         for side in SIDES:
-            for part in ("ear", "head_front", "head_back"):
+            for part in sided:
                 recipes = self._recipes(side, part)
-                markers[f"{side}_{part}"] = recipes[0].markers[0] if recipes else None
-        return {name: number for name, number in markers.items() if number is not None}
+                found[f"{side}_{part}"] = recipes[0].markers[0] if recipes else None
+        return {part: number for part, number in found.items() if number is not None}
 
 
 def _readings(name: str) -> list[tuple[str, str, bool]]:

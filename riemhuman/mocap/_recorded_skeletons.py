@@ -21,7 +21,7 @@ from riemhuman.mocap._skeletons import (
     pelvis_frame,
     trunk,
 )
-from riemhuman.mocap._upward import BVH, MARKERS, chosen_axis, rest_directions, upward_axis
+from riemhuman.mocap._upward import BVH, MARKERS, chosen_axis, upward_axis
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, in_space
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -102,11 +102,6 @@ class RecordedSkeleton:
             flat=self.flat[frames],
         )
 
-    @property
-    def ankles(self) -> list[int]:
-        """Numbers of the ankles."""
-        return [self.joints[f"{side}_ankle"] for side in SIDES]
-
 
 def read_skeleton(
     recording: SkeletonMotion, joints: Mapping[str, int] | None = None, up: str | None = None
@@ -133,11 +128,12 @@ def read_skeleton(
             joints[f"{side}_toes"] = toes
     parts = _uninterrupted_parts(recording, positions, joints, leg)
     if up is None:
-        directions = middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
+        directions = _away_from_feet(positions, joints)
         at_rest, convention = None, MARKERS
         if recording.has_rest_pose:
             offsets = np.median(recording.translations, axis=0)
-            at_rest, convention = rest_directions(parents, offsets, joints), BVH
+            at_rest = _away_from_feet(_rest_positions(offsets, parents), joints)
+            convention = BVH
         is_long = np.bincount(parts)[parts] >= _LONG_PART * len(parts)
         if not is_long.any():
             is_long[:] = True
@@ -162,6 +158,18 @@ def read_skeleton(
         *(joints, carriers, rotations, positions, rate, leg, is_valid, ball_still, grounded, flat),
         *_standing_rest(recording, joints),
     )
+
+
+def _away_from_feet(positions: Array, joints: Mapping[str, int]) -> Array:
+    """Return the vectors from the middle of the ankles to that of the shoulders."""
+    return middle(positions, joints, "shoulder") - middle(positions, joints, "ankle")
+
+
+def _rest_positions(offsets: Array, parents: Integers) -> Array:
+    """Return the positions of joints in the rest pose, shape (J, 3)."""
+    still = np.tile(np.eye(3), (1, len(parents), 1, 1))
+    _, (positions,) = in_space(still, offsets[None], parents)
+    return np.asarray(positions)
 
 
 def _toes(
@@ -201,26 +209,25 @@ def _standing_rest(
     """
     if not recording.has_rest_pose:
         return {}, None
-    still = np.tile(np.eye(3), (1, len(recording.parents), 1, 1))
-    _, rest = in_space(still, recording.offsets[None], recording.parents)
+    rest = _rest_positions(recording.offsets, recording.parents)
     legs = [
-        unit(bone(rest[0], joints, f"{side}_{first}", f"{side}_{second}"))
+        unit(bone(rest, joints, f"{side}_{first}", f"{side}_{second}"))
         for side in SIDES
         for first, second in (("hip", "knee"), ("knee", "ankle"))
     ]
     up = -unit(np.mean(legs, axis=0))
-    back = unit(trunk(rest[0], joints))
+    back = unit(trunk(rest, joints))
     lean = np.degrees(np.arccos(np.clip(back @ up, -1.0, 1.0)))
     straight = min(-leg @ up for leg in legs)
     if straight < _LEGS_APART or not lean < _MOST_LEAN:
         return {}, None
     hips, shoulders = (
-        bone(rest[0], joints, f"right_{line}", f"left_{line}") for line in ("hip", "shoulder")
+        bone(rest, joints, f"right_{line}", f"left_{line}") for line in ("hip", "shoulder")
     )
     head = frame(up, hips)
     if straight < _STRAIGHT_LEG or lean <= _LEAST_LEAN:
         return {}, head
-    pelvis, chest = pelvis_frame(rest[0], joints), body_frame(rest[0], joints, "shoulder")
+    pelvis, chest = pelvis_frame(rest, joints), body_frame(rest, joints, "shoulder")
     return {"pelvis": pelvis.T @ frame(hips, up), "chest": chest.T @ frame(shoulders, up)}, head
 
 

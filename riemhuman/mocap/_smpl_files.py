@@ -12,21 +12,12 @@ from riemhuman.errors import FileFormatError
 
 SMPL_ENDING = ".smpl"
 # Numbers of the models in a file, and the parts of their poses: names, and numbers of joints.
-_SMPL = 0
-_SMPLH = 1
 _SMPLX = 2
-_SUPR = 3
-_SMIL = 6
-_SMPLXS = 7
-_HANDS = {"leftHandPose": 15, "rightHandPose": 15}
-_PARTS = {
-    _SMPL: {"bodyPose": 24},
-    _SMPLH: {"bodyPose": 22, **_HANDS},
-    _SMPLX: {"bodyPose": 22, "headPose": 3, **_HANDS},
-    _SMIL: {"bodyPose": 24},
-    _SMPLXS: {"bodyPose": 22, "headPose": 3, **_HANDS},
-    _SUPR: {"bodyPose": 22, "headPose": 3, **_HANDS},
-}
+_BODY = {"bodyPose": 24}
+_BODY_AND_HANDS = {"bodyPose": 22, "leftHandPose": 15, "rightHandPose": 15}
+_ALL = {"bodyPose": 22, "headPose": 3, "leftHandPose": 15, "rightHandPose": 15}
+# SMPL, SMPL-H, SMPL-X, SUPR, SMIL and SMPL-XS.
+_PARTS = {0: _BODY, 1: _BODY_AND_HANDS, _SMPLX: _ALL, 3: _ALL, 6: _BODY, 7: _ALL}
 _BY_ANGLES = {4: "SMPL++", 5: "SKEL"}
 _DEFAULT_RATE = 30.0
 FIELDS_USED = (

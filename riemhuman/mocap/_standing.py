@@ -63,7 +63,7 @@ def stand(source: RecordedSkeleton, figure: Figure, rotations: Array, scale: flo
         return joint_positions(part, figure, turned, scale), lows, balls
 
     positions, lows, balls = _joined(stand_on_feet, len(rotations))
-    recorded = scale * source.positions[:, source.ankles]
+    recorded = scale * source.positions[:, [source.joints[f"{side}_ankle"] for side in SIDES]]
     positions = positions + _body_shift(source, recorded - positions[:, feet])
     targets = _footholds(source, figure, Performance(rotations, positions), surface, lows, balls)
     positions = positions + _body_shift(source, targets - positions[:, feet])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.arrays import Array, Integers
+from riemhuman.arrays import Array
 from riemhuman.errors import warn
 from riemhuman.kernels.surface import unit_vectors as unit
 
@@ -167,15 +167,3 @@ def _floor_evidence(floor: float, supported: float, convention: Convention) -> f
     if not 0.0 < floor <= _HIGHEST_TABLE:
         return 0.0
     return _BED if floor <= _HIGHEST_BED else _BED * supported
-
-
-def rest_directions(parents: Integers, offsets: Array, joints: Mapping[str, int]) -> Array:
-    """Return the direction from ankles to shoulders in a rest pose, shape (3,)."""
-    rest = offsets.copy()
-    rest[parents < 0] = 0.0
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            rest[joint] += rest[parent]
-    shoulders = rest[joints["left_shoulder"]] + rest[joints["right_shoulder"]]
-    ankles = rest[joints["left_ankle"]] + rest[joints["right_ankle"]]
-    return np.asarray(0.5 * (shoulders - ankles))

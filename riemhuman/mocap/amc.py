@@ -26,9 +26,7 @@ from riemhuman.mocap.skeleton_motion import SkeletonMotion
 _INCH = 0.0254
 _TRANSLATIONS = ("tx", "ty", "tz")
 _ROTATIONS = ("rx", "ry", "rz")
-# Length of a bone, which a recording may change.
-_LENGTH = "l"
-_FREEDOMS = (*_TRANSLATIONS, *_ROTATIONS, _LENGTH)
+_FREEDOMS = (*_TRANSLATIONS, *_ROTATIONS)
 _ROOT = "root"
 
 
@@ -337,21 +335,17 @@ def _skeleton_motion(
     offsets = [metres * bones[max(bone.parent, 0)].vector for bone in bones]
     offsets[0] = metres * bones[0].position
     rotations, translations = [], []
-    lengthened = [_lengthened(bone, values.get(bone.name)) for bone in bones]
     for number, bone in enumerate(bones):
         bone_values = values.get(bone.name, np.zeros((n_frames, 0)))
-        steps = np.broadcast_to(offsets[number], (n_frames, 3)) + _moved(bone, bone_values)
-        if number:
-            steps = steps + lengthened[bone.parent]
         rotations.append(_rotations(bone, bone_values))
-        translations.append(steps)
+        translations.append(offsets[number] + _moved(bone, bone_values))
     for number, bone in enumerate(bones):
         if number not in parents and bone.length:
             names.append(f"{bone.name} end")
             parents.append(number)
             offsets.append(metres * bone.vector)
             rotations.append(np.broadcast_to(np.eye(3), (n_frames, 3, 3)))
-            translations.append(offsets[-1] + np.zeros((n_frames, 3)) + lengthened[number])
+            translations.append(np.broadcast_to(offsets[-1], (n_frames, 3)))
     return SkeletonMotion(
         tuple(names),
         np.array(parents),
@@ -385,10 +379,3 @@ def _moved(bone: _Bone, values: Array) -> Array:
     """Return how far the start of a bone is moved, in the axes of its parent."""
     steps = np.stack([_column(bone, values, freedom) for freedom in _TRANSLATIONS], axis=1)
     return steps if bone.parent < 0 else steps @ bone.axes.T
-
-
-def _lengthened(bone: _Bone, values: Array | None) -> Array:
-    """Return how far the end of a bone is moved along it in all frames."""
-    if values is None:
-        return np.zeros(3)
-    return _column(bone, values, _LENGTH)[:, None] * bone.direction

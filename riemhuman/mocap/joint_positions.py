@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -73,9 +74,8 @@ LAYOUTS: dict[str, tuple[str, ...]] = {
 _BONES = tuple(
     (side + first, side + second)
     for side in "LR"
-    for first, second in (
-        *(("Hip", "Knee"), ("Knee", "Ankle"), ("Shoulder", "Elbow"), ("Elbow", "Wrist")),
-    )
+    for part in (("Hip", "Knee", "Ankle"), ("Shoulder", "Elbow", "Wrist"))
+    for first, second in pairwise(part)
 )
 # Beside positions, arrays may hold how sure a method is.
 _WIDTHS = (3, 4)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from riemhuman.arrays import Array, Booleans
+from riemhuman.arrays import Array
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.errors import warn
@@ -121,7 +121,8 @@ def perform(
     bar.update()
     errors = _errors(source, figure, performance, scale)
     misplaced = _misplaced(source, figure, performance)
-    _warn_of_errors(recording.name, source, errors, misplaced, _soles(source, figure, performance))
+    pitches = _pitches(source, figure, performance)
+    _warn_of_errors(recording.name, source, errors, misplaced, pitches)
     poses, translations = _model_parameters(figure, performance)
     bar.update()
     bar.close()
@@ -229,19 +230,17 @@ def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performanc
     return np.stack(distances, axis=1)
 
 
-def _soles(
-    source: RecordedSkeleton, figure: Figure, performance: Performance
-) -> list[tuple[Array, Booleans]]:
-    """Return how far each foot points up, as a sine, and the frames in which it stands still."""
-    ahead = np.array([0.0, 0.0, 1.0])
+def _pitches(source: RecordedSkeleton, figure: Figure, performance: Performance) -> list[float]:
+    """Return how far feet that stand still point up on average, degrees."""
     is_upright = unit(trunk(source.positions, source.joints))[:, 1] > _UPRIGHT
-    return [
-        (
-            (performance.rotations[:, figure.joints[f"{side}_ankle"]] @ ahead)[:, 1],
-            source.flat[:, number] & is_upright,
-        )
-        for number, side in enumerate(SIDES)
-    ]
+    pitches = []
+    for side, flat in zip(SIDES, source.flat.T, strict=True):
+        standing = flat & is_upright
+        # How far the axis to the front points up, as a sine.
+        sines = performance.rotations[standing, figure.joints[f"{side}_ankle"], 1, 2]
+        if standing.any():
+            pitches.append(float(np.degrees(np.arcsin(np.clip(sines, -1.0, 1.0))).mean()))
+    return pitches
 
 
 def _feet_point_backward(source: RecordedSkeleton) -> bool:
@@ -260,7 +259,7 @@ def _warn_of_errors(
     source: RecordedSkeleton,
     errors: RetargetingErrors,
     misplaced: Array,
-    soles: Sequence[tuple[Array, Booleans]],
+    pitches: Sequence[float],
 ) -> None:
     """Warn if the body is far from the recording in the mean over the frames.
 
@@ -289,11 +288,6 @@ def _warn_of_errors(
             "betas='recorded' finds a person with the recorded proportions",
             UserWarning,
         )
-    pitches = [
-        np.degrees(np.arcsin(np.clip(figure_sole[flat], -1.0, 1.0))).mean()
-        for figure_sole, flat in soles
-        if flat.any()
-    ]
     if pitches and min(pitches) < -_MOST_PITCH:
         doubts.append(f"feet that stand still point down by {-min(pitches):.0f} degrees")
     hips, shoulders = (unit(bone(source.positions, source.joints, *line)) for line in _LINES)

@@ -350,9 +350,7 @@ def _photographed_motion(
 ) -> ArrayMotion:
     """Return the bodies in a file, moments of a person's motion, as a motion with one shape."""
     photographed = load_photographed_bodies(path, faces, up=up)
-    difference: str | None = "no model is given"
-    if model is not None:
-        difference = face_difference(photographed.faces, model.faces)
+    difference = face_difference(photographed.faces, model.faces) if model else "no model is given"
     if model is None or difference:
         raise FileFormatError(
             f"{path} holds surfaces without poses, for which a body model with their triangles "

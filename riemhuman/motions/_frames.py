@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -32,12 +32,8 @@ _MOST_SAMPLED = 600
 _ROUNDING = 1e-13
 
 
-class TravelChannel(Protocol):
-    """Returns one number per frame, shape (n_frames,), that describes how the body travels."""
-
-    def __call__(
-        self, space: AlignedSurfaces, motion: Motion, places: Array, name: str
-    ) -> Array: ...
+TravelChannel: TypeAlias = Callable[[AlignedSurfaces, Motion, Array, str], Array]
+"""Returns one number per frame, shape (n_frames,), for a motion, its places and its name."""
 
 
 def frame_runs(

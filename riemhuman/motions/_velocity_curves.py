@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,9 +72,9 @@ class TransportedVelocities:
         if isinstance(self._fields, ProductMetric):
             metrics = [factor.metric for factor in self._fields.space.factors]
             factors = zip(metrics, self._parts(self._base), self._fields.weights, strict=True)
-            self._charts = [_chart_at(base, metric, weight) for metric, base, weight in factors]
+            self._roots = [_roots_at(base, metric, weight) for metric, base, weight in factors]
         else:
-            self._charts = [_chart_at(self._base, self._fields, 1.0)]
+            self._roots = [_roots_at(self._base, self._fields, 1.0)]
 
     def segments(self, motion: Motion, name: str = "motion") -> Array:
         """Return log Φ(f_{k+1}) at Φ(f_k), transported, in coordinates, shape (n_frames - 1, p)."""
@@ -93,8 +92,8 @@ class TransportedVelocities:
             transported = self._fields.parallel_transport(
                 velocities, middles, end_point=np.broadcast_to(self._base, middles.shape)
             )
-            parts = zip(self._charts, self._parts(transported), strict=True)
-            rows.append(np.concatenate([chart.coordinates(part) for chart, part in parts], axis=1))
+            parts = zip(self._parts(transported), self._roots, strict=True)
+            rows.append(np.concatenate([_coordinates(*part) for part in parts], axis=1))
         return np.concatenate(rows)
 
     def _parts(self, fields: Array) -> Sequence[Array]:
@@ -105,26 +104,19 @@ class TransportedVelocities:
         return [fields]
 
 
-@dataclass(frozen=True)
-class _Chart:
-    """Orthonormal coordinates of tangent vectors at a point.
+def _coordinates(vectors: Array, roots: Array) -> Array:
+    """Return orthonormal coordinates of tangent vectors, shape (n, F r)."""
+    n_triangles, n_entries, _ = roots.shape
+    entries = vectors.reshape(-1, n_triangles, n_entries)
+    coordinates: Array = np.einsum("nfi,fir->nfr", entries, roots)
+    return coordinates.reshape(len(vectors), -1)
 
-    `roots` (F, m, r) maps the m entries of a vector on each of the F triangles to r coordinates.
+
+def _roots_at(base: Array, metric: RiemannianMetric, weight: float) -> Array:
+    """Return what maps tangent vectors at a point to orthonormal coordinates.
+
+    That is an array (F, m, r), for m entries of a vector on each of F triangles.
     """
-
-    roots: Array
-
-    def coordinates(self, vectors: Array) -> Array:
-        """Return coordinates, shape (n, F r)."""
-        n_triangles, n_entries, _ = self.roots.shape
-        entries = vectors.reshape(-1, n_triangles, n_entries)
-        coordinates = np.einsum("nfi,fir->nfr", entries, self.roots)
-        rows: Array = coordinates.reshape(len(vectors), -1)
-        return rows
-
-
-def _chart_at(base: Array, metric: RiemannianMetric, weight: float) -> _Chart:
-    """Return the coordinates of tangent vectors at a point."""
     if not isinstance(metric, (EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric)):
         raise NotDefinedError(
             f"rate-invariant distances need the fields of an elastic metric, of rotations or of "
@@ -139,7 +131,7 @@ def _chart_at(base: Array, metric: RiemannianMetric, weight: float) -> _Chart:
     lowered = metric.covector(basis, base).reshape(size, count, size)
     values, vectors = np.linalg.eigh(weight * np.einsum("ifk,jfk->fij", lowered, fields))
     has_length = values.max(axis=0) > _NO_LENGTH * values.max()
-    return _Chart((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors)[..., has_length])
+    return np.asarray((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors)[..., has_length])
 
 
 def even_segments(segments: Array, n_segments: int, smoothing: float) -> tuple[Array, Array]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -27,19 +26,8 @@ from riemhuman.motions._travel import frame_rate, ground_places, surface_space, 
 # metres per second).
 _SWAYING = 0.03
 
-
-@dataclass(frozen=True)
-class _Summary:
-    """Averages over a motion: arrays with one number per coordinate."""
-
-    mean: Array
-    deviation: Array
-    speed: Array
-    travel: Array
-
-    @property
-    def blocks(self) -> tuple[Array, ...]:
-        return self.mean, self.deviation, self.speed, self.travel
+Blocks: TypeAlias = tuple[Array, ...]
+"""Averages over a motion, in arrays."""
 
 
 class MotionDescriptor(Estimator):
@@ -134,11 +122,9 @@ class MotionDescriptor(Estimator):
         """
         self._require_fit("metric_")
         check_motions(motions)
-        return self._rows(
-            [self._summary(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
-        )
+        return self._rows(self._summaries(motions))
 
-    def _fit(self, motions: Sequence[Motion]) -> list[_Summary]:
+    def _fit(self, motions: Sequence[Motion]) -> list[Blocks]:
         check_motions(motions)
         n_components = whole_number(self.n_components, "n_components", minimum=1)
         weight = real_number(self.travel_weight, "travel_weight", minimum=0.0)
@@ -146,24 +132,26 @@ class MotionDescriptor(Estimator):
             sampled_rows(motions, lambda motion, name: self._coordinates(motion, name)[0]),
             n_components,
         )
-        summaries = [self._summary(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        summaries = self._summaries(motions)
         self._scales: list[float] = []
-        for number in range(len(summaries[0].blocks)):
-            rows = np.stack([summary.blocks[number] for summary in summaries])
-            spread = float(np.sqrt(np.sum(np.var(rows, axis=0))))
+        for blocks in zip(*summaries, strict=True):
+            spread = float(np.sqrt(np.sum(np.var(np.stack(blocks), axis=0))))
             self._scales.append(1.0 / spread if spread > 0.0 else 0.0)
         # The last block is that of travel.
         self._scales[-1] = weight * min(self._scales[-1], 1.0 / _SWAYING)
-        self.n_features_out_ = sum(len(block) for block in summaries[0].blocks)
+        self.n_features_out_ = sum(len(block) for block in summaries[0])
         self.metric_ = VectorSpace((self.n_features_out_,)).metric
         return summaries
 
-    def _rows(self, summaries: list[_Summary]) -> Array:
+    def _rows(self, summaries: list[Blocks]) -> Array:
         rows = []
-        for summary in summaries:
-            scaled = zip(summary.blocks, self._scales, strict=True)
+        for blocks in summaries:
+            scaled = zip(blocks, self._scales, strict=True)
             rows.append(np.concatenate([scale * block for block, scale in scaled]))
         return np.stack(rows)
+
+    def _summaries(self, motions: Sequence[Motion]) -> list[Blocks]:
+        return [self._summary(motion, f"motions[{k}]") for k, motion in enumerate(motions)]
 
     def _coordinates(self, motion: Motion, name: str) -> tuple[Array, Array]:
         """Return lower-bound coordinates of all frames, and places on the ground."""
@@ -175,15 +163,13 @@ class MotionDescriptor(Estimator):
             rows.append(self.metric.lower_bound_coordinates(turned))
         return np.concatenate(rows), np.concatenate(places)
 
-    def _summary(self, motion: Motion, name: str) -> _Summary:
+    def _summary(self, motion: Motion, name: str) -> Blocks:
+        """Return means, deviations and speeds of the coordinates, and of travel."""
         frame_count(motion, name, 2)
         rate = frame_rate(motion, self.frames_per_second, name)
         coordinates, places = self._coordinates(motion, name)
         points = self._projection(coordinates)
         speeds = travel_speeds(surface_space(self.metric.space), places, rate)
-        return _Summary(
-            mean=points.mean(axis=0),
-            deviation=points.std(axis=0),
-            speed=rate * np.abs(np.diff(points, axis=0)).mean(axis=0),
-            travel=np.array([speeds.mean(), speeds.std()]),
-        )
+        steps = rate * np.abs(np.diff(points, axis=0)).mean(axis=0)
+        travel = np.array([speeds.mean(), speeds.std()])
+        return points.mean(axis=0), points.std(axis=0), steps, travel

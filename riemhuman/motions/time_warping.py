@@ -208,12 +208,11 @@ class FrameWarping(MotionDistance):
 
 @dataclass(frozen=True)
 class _Sampled:
-    """A motion's frames, their weights in its mean, and their squared distances."""
+    """A motion's frames, squared steps between them, and weights in and distances to its mean."""
 
     frames: Frames
-    shares: Array | None = None
-    to_mean: Array | None = None
     steps: Array | None = None
+    mean: tuple[Array, Array] | None = None
 
 
 class DynamicTimeWarping(FrameWarping):
@@ -300,27 +299,23 @@ class DynamicTimeWarping(FrameWarping):
         within = basis.squared(frames, frames)
         steps = np.diagonal(within, 1) if self.between_frames else None
         if not self.centered:
-            return _Sampled(frames, steps=steps)
+            return _Sampled(frames, steps)
         shares = _shares_of_length(within)
         to_mean = within @ shares - 0.5 * (shares @ within @ shares)
-        return _Sampled(frames, shares, to_mean, steps)
+        return _Sampled(frames, steps, (shares, to_mean))
 
     def _match(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> Warp:
         costs = basis.squared(a.frames, b.frames)
-        if (
-            a.shares is not None
-            and b.shares is not None
-            and a.to_mean is not None
-            and b.to_mean is not None
-        ):
+        if a.mean is not None and b.mean is not None:
+            (shares_a, to_mean_a), (shares_b, to_mean_b) = a.mean, b.mean
             # |x − x̄ − (y − ȳ)|² in a flat space; metrics of surfaces are nearly flat.
             costs = (
                 costs
-                - (costs @ b.shares)[:, None]
-                - a.shares @ costs
-                + a.shares @ costs @ b.shares
-                + a.to_mean[:, None]
-                + b.to_mean
+                - (costs @ shares_b)[:, None]
+                - shares_a @ costs
+                + shares_a @ costs @ shares_b
+                + to_mean_a[:, None]
+                + to_mean_b
             )
             costs = np.maximum(costs, 0.0)
         if a.steps is not None and b.steps is not None:

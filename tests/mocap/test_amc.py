@@ -44,7 +44,7 @@ SKELETON = """# an arm
     direction 1 0 0
     length 2
     axis 10 20 30 ZYX
-    dof ry l tx
+    dof ry tx
   end
 :hierarchy
   begin
@@ -58,11 +58,11 @@ MOTION = """#!OML:ASF arm.ASF
 1
 root 1 2 3 10 20 30
 arm 40 50 60
-hand 70 0.5 0.25
+hand 70 0.25
 2
 root 0 0 0 0 0 0
 arm 0 0 0
-hand 0 0 0
+hand 0 0
 """
 METRES = 0.0254 / 0.5
 
@@ -95,7 +95,7 @@ def test_every_degree_of_freedom(tmp_path, ending):
     hand = arm @ axes @ turned("y", 70) @ axes.T
     place = METRES * np.array([1.0, 2.0, 3.0])
     elbow = place + METRES * (arm @ [0.0, 4.0, 0.0] + arm @ axes @ [0.25, 0.0, 0.0])
-    tip = elbow + METRES * hand @ [2.5, 0.0, 0.0]
+    tip = elbow + METRES * hand @ [2.0, 0.0, 0.0]
     np.testing.assert_allclose(recording.positions[0], [place, place, elbow, tip], atol=1e-15)
 
 
