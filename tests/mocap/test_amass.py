@@ -90,14 +90,10 @@ def test_frames_are_those_of_the_model(tmp_path, model):
 def test_frame_rates(tmp_path, model):
     path = write(tmp_path / "a.npz", smpl_h(n_frames=61))
     (whole,) = load_amass(path, model)
-    fifty = [0, 2, 5, 7, 10, 12, 14]  # the frames of 120 a second nearest to those of 50
-    for rate, numbers in [(60, range(0, 61, 2)), (40.0, range(0, 61, 3)), (50, fifty), (1, [0])]:
-        (motion,) = load_amass(path, model, frames_per_second=rate)
-        assert motion.frames_per_second == rate
-        assert len(motion) == int(0.5 * rate + 1e-9) + 1
-        np.testing.assert_allclose(motion[: len(numbers)], whole[:][list(numbers)], atol=1e-12)
-    with pytest.raises(ArgumentError, match="frames_per_second must be at most .*120; found 121"):
-        load_amass(path, model, frames_per_second=121)
+    (motion,) = load_amass(path, model, frames_per_second=50)
+    assert (motion.frames_per_second, len(motion)) == (50, 26)
+    # The frames of 120 a second nearest to those of 50.
+    np.testing.assert_allclose(motion[:7], whole[:][[0, 2, 5, 7, 10, 12, 14]], atol=1e-12)
 
 
 @pytest.mark.parametrize("n_joints", [22, 24, 52, 55])

@@ -15,6 +15,9 @@ DISTANCES = {
         space.metric, between_frames=True, **o
     ),
     "changes": lambda space, **o: rh.motions.DynamicTimeWarping(space.metric, centered=True, **o),
+    "travel": lambda space, **o: rh.motions.DynamicTimeWarping(
+        space.metric, travel_weight=1.0, frames_per_second=30.0, **o
+    ),
     "velocities": lambda space, **o: rh.motions.VelocityTimeWarping(space.metric, **o),
     "rate-invariant": lambda space, **o: rh.motions.RateInvariantMetric(
         rh.motions.MotionSpace(space, n_times=10), **o

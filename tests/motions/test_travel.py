@@ -35,16 +35,6 @@ def test_speed_counts_in_its_unit(pose, space, motions):
     assert with_poses == pytest.approx(DynamicTimeWarping(pose, heading=True).dist(moved, turned))
 
 
-def test_all_pairs_are_the_single_distances(pose, motions):
-    some = [carried(motion, speed) for motion, speed in zip(motions[:3], (0, 1, 3), strict=True)]
-    warping = DynamicTimeWarping(pose, travel_weight=1.0, frames_per_second=30.0, n_jobs=2)
-    matrix = warping.dist_pairwise(some)
-    assert matrix[0, 2] == pytest.approx(warping.dist(some[0], some[2]), rel=1e-12)
-    plain = DynamicTimeWarping(pose).dist_pairwise(some)
-    assert (matrix >= plain - 1e-9).all()
-    assert matrix[0, 2] > plain[0, 2]
-
-
 def test_recordings_have_their_rate(pose):
     warping = DynamicTimeWarping(pose, travel_weight=1.0)
     (motion,) = rh.datasets.load_open_motions("coarse", "lean runner", "knees", 4)
