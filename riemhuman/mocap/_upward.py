@@ -76,15 +76,8 @@ def upward_axis(
 ) -> tuple[str, str]:
     """Return the axis that points up, and another one if it may be that as well, or "".
 
-    Parameters
-    ----------
-    positions : array, shape (n_frames, J, 3)
-    directions : array, shape (n_frames, 3)
-        From the ankles to the shoulders.
-    leg : float
-        Length of the legs.
-    rest_direction : array, shape (3,), optional
-        From the ankles to the shoulders in the rest pose, where that may say something.
+    Positions are (n_frames, J, 3); directions (n_frames, 3) and that in the rest pose (3,), where
+    it may say something, point from the ankles to the shoulders.
     """
     evidence = {
         axis: _evidence_for(

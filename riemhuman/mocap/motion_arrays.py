@@ -15,7 +15,6 @@ from riemhuman.checks import (
     instance,
     real_array,
     values_of,
-    weight_shares,
 )
 from riemhuman.errors import ArgumentError, warn
 from riemhuman.mocap._joint_names import model_joints
@@ -54,7 +53,6 @@ def motion_from_arrays(
     *,
     up: str | None = None,
     betas: ArrayLike | None = None,
-    weights: ArrayLike | None = None,
     model: BodyModel | None = None,
     name: str = "",
     unit: str | float | None = None,
@@ -64,7 +62,7 @@ def motion_from_arrays(
     A model of SMPL's family uses the poses directly. Another model, such as the open model,
     performs them as with `retarget`, with its own person: betas of SMPL have no meaning for it, and
     are ignored with a warning. A video shows one person, so betas that differ between frames are
-    replaced by their weighted mean, and a warning says by how much they differ.
+    replaced by their mean, and a warning says by how much they differ.
 
     Parameters
     ----------
@@ -79,8 +77,6 @@ def motion_from_arrays(
         position of the person and the floor, with a warning if it is ambiguous.
     betas : array_like, shape (B,) or (n_frames, B), optional
         Shape coefficients of the person; by default zeros.
-    weights : array_like, shape (n_frames,), optional
-        Confidence in the betas of each frame; by default equal.
     model : BodyModel, optional
         By default the open model, "coarse".
     name : str
@@ -113,7 +109,7 @@ def motion_from_arrays(
     places = check_units(vectors, places, rate, unit)
     if up is None:
         up = chosen_axis(name, smpl_upward_axes(vectors, places, VIDEO))
-    person, spread = one_person(betas, weights, len(vectors))
+    person, spread = one_person(betas, len(vectors))
     model = load_open_model("coarse") if model is None else model
     if is_smpl(model):
         warn_of_varying_betas(spread, name)
@@ -164,9 +160,7 @@ def _pose_vectors(poses: ArrayLike) -> Array:
     return vectors.reshape(n_frames, n_joints, 3)
 
 
-def one_person(
-    betas: ArrayLike | None, weights: ArrayLike | None, n_frames: int
-) -> tuple[Array, Array]:
+def one_person(betas: ArrayLike | None, n_frames: int) -> tuple[Array, Array]:
     """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
         return np.zeros(0), np.zeros(0)
@@ -179,9 +173,7 @@ def one_person(
         raise ArgumentError(
             f"betas must have shape (B,) or ({n_frames}, B), one row per frame; found {array.shape}"
         )
-    shares = weight_shares(weights, n_frames)
-    mean = shares @ array
-    return mean, np.sqrt(shares @ (array - mean) ** 2)
+    return array.mean(axis=0), array.std(axis=0)
 
 
 def warn_of_varying_betas(spread: Array, name: str) -> None:

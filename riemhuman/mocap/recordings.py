@@ -37,6 +37,7 @@ from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion
 from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.mocap.retargeting import retarget
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
+from riemhuman.representation import join_names
 
 RECORDING_ENDINGS = (
     *(".bvh", ".amc", ".trc", ".c3d"),
@@ -359,7 +360,7 @@ def _photographed_motion(
         )
     points = photographed.places
     fit = model.fit(points, betas_prior=1e-7, sequence=True)
-    person, spread = one_person(fit.betas, None, len(points))
+    person, spread = one_person(fit.betas, len(points))
     name = path.stem
     warn_of_varying_betas(spread, name)
     return ArrayMotion(("", name), frames_per_second, model, person, fit.pose, fit.trans)
@@ -421,7 +422,7 @@ def _known_people(file: Path, content: object) -> list[_Person]:
         raise FileFormatError(
             f"{file} holds no motion in a known layout, which has poses in SMPL's joint order, "
             "such as poses, or global_orient and body_pose, and a translation, such as trans; "
-            f"it holds {_fields(content)}"
+            f"it holds {join_names(sorted(_leaves(content)), _MOST_FIELDS) or 'no fields'}"
         )
     return people
 
@@ -600,19 +601,3 @@ def _choose(people: list[_Person], person: str | None, file: Path) -> _Person:
             UserWarning,
         )
     return longest
-
-
-def _fields(content: object) -> str:
-    """Return the names of fields, with the shapes of arrays, for a message."""
-    if not isinstance(content, dict):
-        return f"a {type(content).__name__}"
-    texts = []
-    for name, value in content.items():
-        if isinstance(value, np.ndarray):
-            texts.append(f"{name} {value.shape}")
-        elif isinstance(value, dict):
-            texts.append(f"{name} {{{', '.join(list(value)[:6])}}}")
-        else:
-            texts.append(f"{name} ({type(value).__name__})")
-    more = f", and {len(texts) - _MOST_FIELDS} more" if len(texts) > _MOST_FIELDS else ""
-    return (", ".join(texts[:_MOST_FIELDS]) or "nothing") + more

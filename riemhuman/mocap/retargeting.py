@@ -19,7 +19,6 @@ from riemhuman.checks import (
     flag,
     instance,
     one_of,
-    positive,
     real_array,
 )
 from riemhuman.errors import warn
@@ -28,7 +27,7 @@ from riemhuman.mocap._joint_axes import make_figure
 from riemhuman.mocap._joint_names import find_joints, model_joints
 from riemhuman.mocap._skeletons import check_bones, leg_length
 from riemhuman.mocap._units import guessed_unit, metres_in
-from riemhuman.mocap.motions import ModelMotion, pair_of_names
+from riemhuman.mocap.motions import ModelMotion
 from riemhuman.mocap.performances import Performed, RetargetingErrors, perform
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
 from riemhuman.surfaces.procrustes import AXES
@@ -37,16 +36,6 @@ from riemhuman.surfaces.procrustes import AXES
 _UNLIKE = 0.10
 _RECORDED = "recorded"
 _SCALES = ("adult", _RECORDED)
-
-
-def _recording(value: object, name: str) -> object:
-    """Check a recording, or a function that returns one."""
-    return value if callable(value) else instance(SkeletonMotion)(value, name)
-
-
-def _upward(value: str | Callable[[], str], name: str) -> object:
-    """Check an axis that points up, or a function that finds it."""
-    return value if callable(value) else choice(*AXES)(value, name)
 
 
 class RetargetedMotion(ModelMotion):
@@ -87,13 +76,6 @@ class RetargetedMotion(ModelMotion):
     """
 
     # More than eight arguments: the recording, and what readers know about its file.
-    @checked(
-        recording=_recording,
-        model=instance(BodyModel),
-        names=lambda names, _: pair_of_names(names),
-        up=_upward,
-        size=positive,
-    )
     def __init__(
         self,
         recording: SkeletonMotion | Callable[[], SkeletonMotion],
@@ -110,8 +92,6 @@ class RetargetedMotion(ModelMotion):
     ) -> None:
         performer = model if size == 1.0 else scaled_model(model, size)
         super().__init__(*names, frames_per_second, n_frames, performer)
-        if betas is not None:
-            betas = real_array(betas, "betas", (model.n_betas,), batched=False)
         self._recording = recording
         self._joints = joints
         self._up = up

@@ -24,7 +24,6 @@ from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.arrays import Array
 from riemhuman.checks import Rng, generator
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.motions._frames import Motion, frame_runs
 from riemhuman.motions.joint_metric import JointMetric
@@ -60,10 +59,6 @@ class GramHankel:
     def describe(self, motion: Motion, name: str) -> Array:
         """Return G divided by its norm, shape (r, r)."""
         rows = np.concatenate([self.currents(run) for run in frame_runs(self.space, motion, name)])
-        if len(rows) < self.n_rows:
-            raise ArgumentError(
-                f"{name} must have at least n_rows={self.n_rows} frames; found {len(rows)}"
-            )
         gram = rows @ rows.T
         n_columns = len(rows) - self.n_rows + 1
         hankel = sum(gram[k : k + self.n_rows, k : k + self.n_rows] for k in range(n_columns))

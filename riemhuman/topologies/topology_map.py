@@ -398,7 +398,7 @@ class TopologyMap:
                 f"shape {mapped.shape[:-2]}"
             )
         fit = self.model.fit(mapped, betas_prior=1e-7, sequence=True)
-        person, spread = one_person(fit.betas, None, len(mapped))
+        person, spread = one_person(fit.betas, len(mapped))
         warn_of_varying_betas(spread, name)
         return ArrayMotion(("", name), frames_per_second, self.model, person, fit.pose, fit.trans)
 

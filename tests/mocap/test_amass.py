@@ -177,6 +177,17 @@ def walking(n_frames=80, rate=40.0, leg=0.78):
     return smpl_h(n_frames, rate=rate, poses=poses.reshape(n_frames, -1), trans=trans)
 
 
+def test_either_axis_may_point_up(tmp_path, model):
+    fields = walking()
+    (motion,) = load_amass(write(tmp_path / "z.npz", fields), model)
+    assert motion.up == "z"
+    root = np.array([0.0, -0.22, 0.03])
+    fields["trans"] = (fields["trans"] + root) @ TO_Y_UP.T - root
+    fields["poses"][:, :3] = 0.0
+    (motion,) = load_amass(write(tmp_path / "y.npz", fields), model)
+    assert motion.up == "y"
+
+
 def test_the_open_model(tmp_path):
     path = write(tmp_path / "ann" / "walk_poses.npz", walking())
     model = load_open_model("coarse")

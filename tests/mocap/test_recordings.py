@@ -184,8 +184,8 @@ def test_rates(tmp_path, smpl):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.pkl", pickle.dumps({"verts": ROWS, "cam": 1.0}), r"verts \(6, 72\), cam \(float\)"),
-        ("a.pkl", pickle.dumps({"p": {"poses": ROWS}}), r"it holds p \{poses\}"),
+        ("a.pkl", pickle.dumps({"verts": ROWS, "cam": 1.0}), "it holds cam, verts"),
+        ("a.pkl", pickle.dumps({"p": {"poses": ROWS}}), "it holds poses"),
         ("a.pkl", pickled({"a": Call("os system", ("true",))}), r"asks for os\.system"),
         ("a.pkl", zlib.compress(pickle.dumps({"p": ROWS}))[:-20], "ends too early"),
         ("a.mp4", b"", r"\.bvh, .*\.glb; found '\.mp4'"),
