@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from riemhuman.arrays import Array
-from riemhuman.checks import real_array, real_number
+from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import FileFormatError
 
 SMPL_ENDING = ".smpl"
@@ -32,7 +32,7 @@ def fields_of_smpl(arrays: Mapping[str, Array]) -> dict[str, Array]:
 
     An avatar without frames stands for one frame in the rest pose.
     """
-    version = _number(arrays, "smplVersion", _SMPLX)
+    version = _number(arrays, "smplVersion", _SMPLX, minimum=0)
     if version in _BY_ANGLES:
         raise FileFormatError(
             f"holds poses of {_BY_ANGLES[version]}, 46 angles about anatomical axes, which are "
@@ -41,11 +41,9 @@ def fields_of_smpl(arrays: Mapping[str, Array]) -> dict[str, Array]:
     if version not in _PARTS:
         raise FileFormatError(f"smplVersion must be from 0 to 7; found {version}")
     count = _number(arrays, "frameCount", 1)
-    if count < 1:
-        raise FileFormatError(f"frameCount must be at least 1; found {count}")
     if count > 1 and not {"bodyPose", "bodyTranslation"} & arrays.keys():
         raise FileFormatError(f"holds neither bodyPose nor bodyTranslation, but frameCount {count}")
-    parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[int(version)].items()]
+    parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[version].items()]
     stored_rate = arrays.get("frameRate", np.array(_DEFAULT_RATE))
     value = stored_rate.item() if stored_rate.size == 1 else stored_rate
     rate = real_number(value, "frameRate", minimum=0.0, strict=True)
@@ -59,18 +57,13 @@ def fields_of_smpl(arrays: Mapping[str, Array]) -> dict[str, Array]:
     return fields
 
 
-def _number(arrays: Mapping[str, Array], name: str, default: int) -> int:
+def _number(arrays: Mapping[str, Array], name: str, default: int, minimum: int = 1) -> int:
     value = arrays.get(name, np.array(default))
-    if value.size != 1 or value.dtype.kind not in "iu":
-        raise FileFormatError(f"{name} must be a whole number; found {value.dtype} {value.shape}")
-    return int(value.item())
+    return whole_number(value.item() if value.size == 1 else value, name, minimum=minimum)
 
 
 def _frames(arrays: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array:
     """Return a part of the poses or the translations, zeros where the file has none."""
-    values = arrays.get(name)
-    if values is None:
+    if name not in arrays:
         return np.zeros(shape)
-    if values.shape != shape or values.dtype.kind not in "fiu":
-        raise FileFormatError(f"{name} must have shape {shape}; found {values.shape}")
-    return values.astype(np.float64)
+    return real_array(arrays[name], name, shape, batched=False)

@@ -101,11 +101,6 @@ def smpl_offsets() -> Array:
     return offsets
 
 
-def smpl_root() -> Array:
-    """Return the root in SMPL's rest pose of about the mean person, which translations omit."""
-    return 0.01 * np.array(_BODY_OFFSETS[0], dtype=np.float64)
-
-
 def body_skeleton(poses: Array, translations: Array, rate: float, name: str) -> SkeletonMotion:
     """Return the joints of SMPL's body, of about the mean person, in poses (T, joints, 3)."""
     n_frames = len(poses)
@@ -203,7 +198,8 @@ def _sliding(poses: Array, places: Array, rate: float, metres: float) -> float:
 def smpl_upward_axes(poses: Array, translations: Array, convention: Convention) -> tuple[str, str]:
     """Return the axis that points up, and another one if it may be that as well, or ""."""
     frames = np.unique(np.linspace(0, len(poses) - 1, _FRAMES_OF_FLOOR).astype(np.int64))
-    places = translations[frames] + smpl_root()
+    # Translations omit where the root is in the rest pose.
+    places = translations[frames] + 0.01 * np.array(_BODY_OFFSETS[0], dtype=np.float64)
     motion = body_skeleton(poses[frames], places, 1.0, "")
     joints = dict(zip(SMPL_JOINTS, range(len(SMPL_JOINTS)), strict=True))
     shoulders, ankles = (middle(motion.positions, joints, part) for part in ("shoulder", "ankle"))

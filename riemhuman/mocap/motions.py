@@ -21,7 +21,7 @@ from riemhuman.checks import (
     real_array,
     whole,
 )
-from riemhuman.checks.labels import text_or_number, texts_of
+from riemhuman.checks.labels import names_of, text_or_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, NotDefinedError, shown
 from riemhuman.io import save_glb
 from riemhuman.io.files import file_path, suffix_of
@@ -231,14 +231,6 @@ class ModelMotion(Motion, ABC):
         return frames
 
 
-def pair_of_names(names: Sequence[str]) -> tuple[str, str]:
-    """Return the names of a person and of a motion."""
-    texts = texts_of(names, "names", "the names of the person and of the motion")
-    if len(texts) != 2:
-        raise ArgumentError(f"names must be those of a person and of a motion; found {texts}")
-    return texts[0], texts[1]
-
-
 class ArrayMotion(ModelMotion):
     """A motion of a model whose poses and translations are arrays.
 
@@ -272,7 +264,7 @@ class ArrayMotion(ModelMotion):
         pose_vectors: Array,
         translations: Array,
     ) -> None:
-        subject, sequence = pair_of_names(names)
+        subject, sequence = names_of(names, "names", 2, "names, of a person and a motion")
         self._betas = real_array(betas, "betas", (model.n_betas,), batched=False)
         shape = ("n_frames", model.n_joints, 3)
         self._poses = real_array(pose_vectors, "pose_vectors", shape, batched=False)

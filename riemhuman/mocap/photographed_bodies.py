@@ -28,7 +28,8 @@ _SURELY_UP = 0.3
 # The same if all six axes are possible.
 _STANDS = 0.8
 _N_EXTREMITIES = 5
-_OPTIONAL = ("pred_cam_t", "pred_keypoints_3d", "shape_params")
+_TRANSLATION = "pred_cam_t"
+_OPTIONAL = (_TRANSLATION, "pred_keypoints_3d", "shape_params")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,8 @@ class PhotographedBodies:
     faces : array of int, shape (F, 3)
     names : tuple of str
         The name of the file of each surface.
-    keypoints : array, shape (n, K, 3), or None
-        Positions of keypoints in the same axes.
     translations : array, shape (n, 3), or None
         Positions in front of the camera, metres, in its axes: x right, y down, z forward.
-    shapes : array, shape (n, S), or None
-        Shape parameters of the method's own model, which riemhuman does not use.
     missing : tuple of str
         Fields that some file lacks.
     up : str
@@ -62,9 +59,7 @@ class PhotographedBodies:
     points: Array
     faces: Triangles
     names: tuple[str, ...]
-    keypoints: Array | None
     translations: Array | None
-    shapes: Array | None
     missing: tuple[str, ...]
     up: str = "-y"
 
@@ -149,16 +144,13 @@ def load_photographed_bodies(
     missing = tuple(
         name for name in _OPTIONAL if any(name not in arrays for arrays in arrays_of_files)
     )
-    keypoints = _joined(arrays_of_files, "pred_keypoints_3d", 3)
     surfaces = np.concatenate(points)
     up = _upward_axis(surfaces, triangles, str(files[0])) if up is None else up
     return PhotographedBodies(
         points=turn_upright(surfaces, up=up),
         faces=triangles,
         names=tuple(names),
-        keypoints=None if keypoints is None else turn_upright(keypoints, up=up),
-        translations=_joined(arrays_of_files, "pred_cam_t", 2),
-        shapes=_joined(arrays_of_files, "shape_params", 2),
+        translations=_translations(arrays_of_files),
         missing=missing,
         up=up,
     )
@@ -263,9 +255,9 @@ def _refuse_mirrored(surfaces: Array, faces: Triangles, name: str) -> None:
         )
 
 
-def _joined(arrays_of_files: list[dict[str, Array]], name: str, axes: int) -> Array | None:
-    """Return an array of all bodies, if every file has it."""
-    if any(name not in arrays for arrays in arrays_of_files):
+def _translations(arrays_of_files: list[dict[str, Array]]) -> Array | None:
+    """Return the translations of all bodies, shape (n, 3), if every file has them."""
+    if any(_TRANSLATION not in arrays for arrays in arrays_of_files):
         return None
-    parts = [np.asarray(real_array(arrays[name], name), dtype=float) for arrays in arrays_of_files]
-    return np.concatenate([part if part.ndim == axes else part[np.newaxis] for part in parts])
+    parts = [real_array(arrays[_TRANSLATION], _TRANSLATION) for arrays in arrays_of_files]
+    return np.concatenate([np.atleast_2d(part) for part in parts]).astype(float)

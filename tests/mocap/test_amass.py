@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from model_pickles import smpl_model
+from recorded_people import joint_paths
 from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import Motion, load_amass, load_open_model, load_recording
@@ -196,28 +197,19 @@ def test_the_open_model(tmp_path):
     assert {warning.filename for warning in warned} == {__file__}
     assert (motion.subject, motion.sequence, len(motion)) == ("ann", "walk", 40)
     assert motion[3].shape == (model.n_vertices, 3)
-    joints = dict(
-        zip(
-            model.joint_names,
-            np.moveaxis(model.joints(motion.betas, motion.pose_vectors, motion.translations), 1, 0),
-            strict=True,
-        )
-    )
+    joints = joint_paths(motion)
 
-    def direction(first, second):
-        bone = joints[second] - joints[first]
-        return bone / np.linalg.norm(bone, axis=1, keepdims=True)
-
-    def degrees(a, b):
+    def degrees(first, second, expected):
+        a, b = joints[second] - joints[first], expected
         return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)))
 
     poses = walking()["poses"].reshape(-1, 52, 3)[::2]
     root = Rotation.from_matrix(TO_Y_UP) * Rotation.from_rotvec(poses[:, 0])
     # In SMPL's rest pose arms point to the sides, nearly level.
     upper = root * Rotation.from_rotvec(poses[:, 16])
-    assert degrees(direction("left_shoulder", "left_elbow"), upper.apply([26, -1, -3])).max() < 5
+    assert degrees("left_shoulder", "left_elbow", upper.apply([26, -1, -3])).max() < 5
     lower = upper * Rotation.from_rotvec(poses[:, 18])
-    assert degrees(direction("left_elbow", "left_wrist"), lower.apply([25, 1, 0])).max() < 5
+    assert degrees("left_elbow", "left_wrist", lower.apply([25, 1, 0])).max() < 5
     assert motion.errors.directions.max() < 5.0
     # Walking along −y, with z up, is walking along z.
     moved = motion.translations[-1] - motion.translations[0]

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_people import recording_of, with_axes
+from recorded_people import joints_in_space, recording_of, with_axes
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import joint_motions, rotation_matrix
 from riemhuman.datasets import load_open_motions, retarget
 from riemhuman.kernels.rotations import log
 
@@ -55,11 +54,7 @@ def test_parts_that_are_held_bent_throughout_stay_bent(recording, recorded, join
 
 def in_space(model, betas, motions):
     """Return the rotations of joints in space, and their places, of two motions."""
-    rest, order = model.joints(betas), model.joint_order
-    return [
-        joint_motions(rest, rotation_matrix(motion.pose_vectors), model.parents, order)
-        for motion in motions
-    ]
+    return [joints_in_space(model, betas, motion.pose_vectors) for motion in motions]
 
 
 def performed(model, subject, sequence):

@@ -150,8 +150,7 @@ def test_legs_alone_are_performed(standing, tmp_path):
     names = [" to ".join(pair) for pair in motion.errors.bones]
     thighs = motion.errors.directions[:, names.index("left_hip to left_knee")]
     assert thighs.mean() < 4.0
-    places = dict(zip(motion.model.joint_names, np.moveaxis(motion.model.joints(
-        motion.betas, motion.pose_vectors), 1, 0), strict=True))  # fmt: skip
+    places = joint_paths(motion)
     assert np.all(places["left_wrist"][:, 1] < places["left_elbow"][:, 1])
     assert np.all(places["left_shoulder"][:, 1] > places["left_hip"][:, 1] + 0.3)
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from model_pickles import smpl_model
-from recorded_people import seven_frames
-from scipy.spatial.transform import Rotation
+from recorded_people import joints_in_space, seven_frames
 
 from riemhuman.bodies.skinning import SMPL_JOINTS
 from riemhuman.datasets import (
@@ -24,18 +23,9 @@ def knees():
 
 
 def joints_of(motion):
-    """Return the joints of a motion's body in all frames, from the model's definition."""
-    model, joints = motion.model, motion.model.joints(motion.betas)
-    rotations = Rotation.from_rotvec(motion.pose_vectors.reshape(-1, 3)).as_matrix()
-    rotations = rotations.reshape(len(motion), -1, 3, 3).copy()
-    places = np.tile(joints, (len(motion), 1, 1)) + motion.translations[:, None]
-    for joint in model.joint_order:
-        parent = model.parents[joint]
-        if parent >= 0:
-            step = rotations[:, parent] @ (joints[joint] - joints[parent])
-            places[:, joint] = places[:, parent] + step
-            rotations[:, joint] = rotations[:, parent] @ rotations[:, joint]
-    return places, rotations
+    """Return the places and the rotations of the joints of a motion's body in all frames."""
+    rotations, places = joints_in_space(motion.model, motion.betas, motion.pose_vectors)
+    return places + motion.translations[:, None], rotations
 
 
 def test_bvh(knees, tmp_path):

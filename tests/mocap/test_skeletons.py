@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from marker_files import centres, write_trc
-from recorded_people import RECORDING
+from recorded_people import RECORDING, joints_in_space
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import joint_motions, rotation_matrix
 from riemhuman.datasets import load_amc, load_open_motions, load_recording
 from riemhuman.mocap._joint_axes import mean_axes
 from riemhuman.mocap._recorded_skeletons import read_skeleton
@@ -40,12 +39,11 @@ def performed_markers(model, betas, poses, translations, path):
 
 def chest_angles(model, made, true):
     """Return the angles between the rotations of two chests in space, degrees."""
-    rest, number = model.joints(), model.joint_names.index("chest")
-    spaces = [
-        joint_motions(rest, rotation_matrix(vectors), model.parents, model.joint_order)[0]
+    number = model.joint_names.index("chest")
+    made, true = (
+        Rotation.from_matrix(joints_in_space(model, None, vectors)[0][:, number])
         for vectors in (made, true)
-    ]
-    made, true = (Rotation.from_matrix(space[:, number]) for space in spaces)
+    )
     return np.degrees((true.inv() * made).magnitude())
 
 

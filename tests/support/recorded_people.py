@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import rotation_matrix
+from riemhuman.bodies import joint_motions, rotation_matrix
 from riemhuman.datasets import ArrayMotion, SkeletonMotion, load_open_motions
 
 RECORDING = Path(__file__).parents[1] / "mocap" / "recordings" / "cmu_01_01.bvh"
@@ -72,6 +72,12 @@ def joint_paths(motion):
     positions = motion.model.joints(motion.betas, motion.pose_vectors)
     positions = positions + motion.translations[:, None]
     return dict(zip(motion.model.joint_names, np.moveaxis(positions, 1, 0), strict=True))
+
+
+def joints_in_space(model, betas, pose_vectors):
+    """Return rotations of joints in space, and their places; the root stays where it rests."""
+    rest = model.joints(betas)
+    return joint_motions(rest, rotation_matrix(pose_vectors), model.parents, model.joint_order)
 
 
 @cache
