@@ -59,11 +59,6 @@ interrupted; 141 closed output pipe
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if sys.stderr is None:  # closed by the caller
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
-    if sys.stdout is None:
-        terminal.note("standard output is closed, so that there is no place for results")
-        return _NOT_DONE
     terminal.tolerate_ascii()
     try:
         try:
@@ -121,9 +116,7 @@ def _run(words: Sequence[str]) -> int:
                 f"unexpected {type(error).__name__}: {error}; --debug shows the traceback"
             )
         return _NOT_DONE
-    is_closed = sys.__stdout__ is None  # by a caller who wants nothing but files
-    if not (is_closed and answer.written and options.written):
-        sys.stdout.write(f"{_text(answer, options)}\n")
+    sys.stdout.write(f"{_text(answer, options)}\n")
     return _NOT_TRUSTED if unconverged or not answer.trusted else _DONE
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 _WRONG_WORD = re.compile(r"(?:unrecognized arguments: .*(?=--)|invalid choice: ')([^\s'=]+)")
 
 _HELP_WIDTH = 92  # letters
-_LONGEST_WORD = 600  # letters; paths may have hundreds
 UNITS = ("metres", "centimetres", "millimetres", "inches")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MESH_ENDINGS = (".ply", ".obj", ".off")
@@ -378,15 +377,8 @@ _DEFAULTS = dict.fromkeys(("any_scale", "align", "force", "has_figure"), False)
 
 def one_line(text: str) -> str:
     """Return a text in one line, with codes for what could make a terminal do something."""
-    return " ".join(_harmless(word) for word in text.split())
-
-
-def _harmless(word: str) -> str:
-    """Return a word with codes for control characters; the middle of a very long one left out."""
-    if len(word) > _LONGEST_WORD:
-        part = _LONGEST_WORD // 2
-        word = f"{word[:part]}…{word[-part:]}"
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in word)
+    line = " ".join(text.split())
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
 
 
 class Parser(argparse.ArgumentParser):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
-from riemhuman.checks import checked, choice, real, real_array
+from riemhuman.checks import choice, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only, triangle_sides
 
@@ -97,8 +97,7 @@ class Seams:
         return np.asarray(points)[..., self.joined_vertices, :]
 
 
-@checked(tolerance=real(minimum=0.0))
-def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANCE) -> Seams:
+def find_seams(points: ArrayLike, faces: ArrayLike) -> Seams:
     """Find the seams of a mesh: pairs of border edges that coincide and run in opposite directions.
 
     Vertices that merely touch, such as those of two hands, are not on a border, so they are not
@@ -110,10 +109,6 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     points : array_like, shape (..., V, 3)
         One surface, or several with the same triangles; corners must coincide in all of them.
     faces : array_like, shape (F, 3)
-    tolerance : float
-        Largest distance between corners that coincide, as a share of the median length of the
-        border edges. In the first surface, most corners of a seam must be this near to each other;
-        in all surfaces, all corners must be within three times this distance.
 
     Examples
     --------
@@ -126,13 +121,13 @@ def find_seams(points: ArrayLike, faces: ArrayLike, tolerance: float = _TOLERANC
     if not len(surfaces):
         raise ArgumentError(f"points must hold at least one surface; found shape {points.shape}")
     _, triangles = check_mesh(surfaces[0], faces)
-    pairs = _opposite_borders(surfaces[0], _border_edges(triangles), tolerance)
-    pairs = pairs[_is_coincident(surfaces[0], pairs, tolerance)]
+    pairs = _opposite_borders(surfaces[0], _border_edges(triangles))
+    pairs = pairs[_is_coincident(surfaces[0], pairs)]
     if len(pairs):
-        gaps = _relative_gaps(surfaces[0], pairs, tolerance)
+        gaps = _relative_gaps(surfaces[0], pairs)
         pairs = pairs[_medians(gaps, _chains(pairs, points.shape[-2])) <= 1.0]
     for surface in surfaces[1:]:
-        pairs = pairs[_is_coincident(surface, pairs, tolerance)]
+        pairs = pairs[_is_coincident(surface, pairs)]
     return _joined(triangles, points.shape[-2], pairs)
 
 
@@ -140,7 +135,7 @@ def common_seams(seams: Seams, points: Array, faces: Triangles) -> Seams:
     """Return the seams that coincide in other surfaces, too, shape (..., V, 3)."""
     pairs = seams.edge_pairs
     for surface in points.reshape(-1, *points.shape[-2:]):
-        pairs = pairs[_is_coincident(surface, pairs, _TOLERANCE)]
+        pairs = pairs[_is_coincident(surface, pairs)]
     if len(pairs) == len(seams.edge_pairs):
         return seams
     return _joined(faces, points.shape[-2], pairs)
@@ -160,13 +155,13 @@ def _border_edges(faces: Triangles) -> Integers:
     return edges
 
 
-def _opposite_borders(points: Array, edges: Integers, tolerance: float) -> Integers:
+def _opposite_borders(points: Array, edges: Integers) -> Integers:
     """Return pairs of border edges that about coincide in opposite directions, shape (P, 2, 2)."""
     exact, is_other = _exactly_opposite(points, edges)
     # Most seams coincide to the last digit, and a search among neighbours takes longer.
     is_other[exact] = False
     rest = np.flatnonzero(is_other)
-    near = rest[_nearly_opposite(points, edges[rest], tolerance)]
+    near = rest[_nearly_opposite(points, edges[rest])]
     first, second = np.concatenate([exact, near]).T
     return np.stack([edges[first], edges[second, ::-1]], axis=1)
 
@@ -197,7 +192,7 @@ def _exactly_opposite(points: Array, edges: Integers) -> tuple[Integers, Boolean
     return np.stack([first, second], axis=1)[first < second], is_other
 
 
-def _nearly_opposite(points: Array, edges: Integers, tolerance: float) -> Integers:
+def _nearly_opposite(points: Array, edges: Integers) -> Integers:
     """Return the numbers of edges whose ends are near each other, swapped, shape (P, 2)."""
     from scipy.spatial import cKDTree  # takes long
 
@@ -205,7 +200,7 @@ def _nearly_opposite(points: Array, edges: Integers, tolerance: float) -> Intege
         return np.zeros((0, 2), dtype=np.int64)
     along = points[edges].reshape(-1, 6)
     back = points[edges[:, ::-1]].reshape(-1, 6)
-    limit = 2.0 * _SLACK * tolerance * _usual_length(points, edges) + np.finfo(float).tiny
+    limit = 2.0 * _SLACK * _TOLERANCE * _usual_length(points, edges) + np.finfo(float).tiny
     count = min(_MOST_SHEETS, len(edges))
     gaps, partners = cKDTree(back).query(along, k=count, distance_upper_bound=limit)
     first = np.repeat(np.arange(len(edges)), count)
@@ -219,12 +214,12 @@ def _nearly_opposite(points: Array, edges: Integers, tolerance: float) -> Intege
     return np.stack([first[is_nearest], second[is_nearest]], axis=1)
 
 
-def _is_coincident(points: Array, pairs: Integers, tolerance: float) -> Booleans:
+def _is_coincident(points: Array, pairs: Integers) -> Booleans:
     """Return which pairs of edges coincide in a surface, up to the slack."""
-    return _relative_gaps(points, pairs, tolerance) <= _SLACK
+    return _relative_gaps(points, pairs) <= _SLACK
 
 
-def _relative_gaps(points: Array, pairs: Integers, tolerance: float) -> Array:
+def _relative_gaps(points: Array, pairs: Integers) -> Array:
     """Return the distances between the corners of pairs of edges, in units of the largest ones."""
     if not len(pairs):
         return np.zeros(0)
@@ -234,7 +229,7 @@ def _relative_gaps(points: Array, pairs: Integers, tolerance: float) -> Array:
     second_lengths = np.linalg.norm(second_edges[:, 1] - second_edges[:, 0], axis=1)
     shorter = np.minimum(first_lengths, second_lengths)
     usual = _usual_length(points, pairs.reshape(-1, 2))
-    largest = np.minimum(tolerance * usual, _LARGEST_GAP * shorter)
+    largest = np.minimum(_TOLERANCE * usual, _LARGEST_GAP * shorter)
     relative: Array = gaps / np.maximum(largest, np.finfo(float).tiny)
     return relative
 

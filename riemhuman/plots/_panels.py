@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 from markupsafe import Markup
 
 from riemhuman.arrays import Image
 
 
-class Panel(Protocol):
+class Panel(ABC):
     """Something drawn on the bodies of a page, with controls beside them, see `Viewer`."""
 
-    @property
-    def name(self) -> str:
-        """The name of its class in ``PANELS`` of the script."""
+    name: str
+    """The name of its class in ``PANELS`` of the script."""
 
+    @abstractmethod
     def data(self) -> dict[str, object]:
         """Return what the script needs, in types that JSON can hold."""
 
+    @abstractmethod
     def html(self, identifier: str) -> Markup:
         """Return the controls, whose identifiers begin with that of the viewer."""
 
@@ -27,3 +28,4 @@ class Panel(Protocol):
 
         None if it is that of the bodies themselves.
         """
+        return None

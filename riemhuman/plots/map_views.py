@@ -9,10 +9,11 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import Array, Image, Integers
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import real_array, values_of
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
+from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import class_colors, hexadecimal
 from riemhuman.plots.maps import free_places, named_classes
@@ -29,7 +30,7 @@ _UNITS_PER_INCH = 20.0
 
 
 @dataclass(frozen=True)
-class MapPanel:
+class MapPanel(Panel):
     """Points of a map beside the body that is pointed at.
 
     Parameters
@@ -71,10 +72,6 @@ class MapPanel:
             names=self._named(places, colors),
             note=self.note,
         )
-
-    def picture(self, height: int) -> Image | None:
-        """Return nothing: a picture of some bodies stands in."""
-        return None
 
     def _colors(self) -> list[str]:
         """Return the colours of items, those of their classes."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from riemhuman.arrays import Array, Booleans, Image, Integers, Points, Triangles
+from riemhuman.arrays import Array, Booleans, Integers, Points, Triangles
 from riemhuman.checks import checked, choice, instance, mask, real_array
 from riemhuman.checks.labels import text
 from riemhuman.kernels.surface import vertex_normals
@@ -26,6 +26,7 @@ from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots._measurement_groups import Lines, MeasurementGroup, grouped, pictured
 from riemhuman.plots._packing import packed_points
+from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.figures import new_figure, plain
 from riemhuman.plots.rendering import render
@@ -68,7 +69,7 @@ class _Row:
 
 
 @dataclass(frozen=True)
-class MeasurementPanel:
+class MeasurementPanel(Panel):
     """A list of measurements of one or two bodies of a page.
 
     Parameters
@@ -98,10 +99,6 @@ class MeasurementPanel:
     def html(self, identifier: str) -> Markup:
         """Return the list."""
         return fill("measurement_list.html", groups=self.groups, visits=self.visits)
-
-    def picture(self, height: int) -> Image | None:
-        """Return nothing: a picture of the bodies themselves stands in."""
-        return None
 
 
 def _packed_lines(lines: Lines) -> dict[str, object]:

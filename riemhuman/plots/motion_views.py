@@ -9,12 +9,13 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike
 
-from riemhuman.arrays import Array, Image
+from riemhuman.arrays import Array
 from riemhuman.checks import checked, instance, real_array, values_of
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
 from riemhuman.mocap.motions import ModelMotion, Motion
 from riemhuman.motions import Warp
+from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.standing import track_of
 from riemhuman.plots.viewed_bodies import ViewedBody
@@ -24,7 +25,7 @@ _MOST_POINTS = 400  # of the drawn curve
 
 
 @dataclass(frozen=True)
-class WarpPanel:
+class WarpPanel(Panel):
     """Which times of two motions correspond, as a curve with the moment that is shown.
 
     Parameters
@@ -59,10 +60,6 @@ class WarpPanel:
     def html(self, identifier: str) -> Markup:
         """Return an empty diagram, which the script fills."""
         return fill("warp.html", names=self.names)
-
-    def picture(self, height: int) -> Image | None:
-        """Return nothing: a picture of the bodies themselves stands in."""
-        return None
 
 
 @checked(warp=instance(Warp, "a Warp, such as DynamicTimeWarping(...).warp returns"), note=text)

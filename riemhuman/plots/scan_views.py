@@ -16,18 +16,19 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Image, Integers, Points, Values
-from riemhuman.checks import checked, instance, positive
+from riemhuman.checks import checked, instance
 from riemhuman.checks.labels import text
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
+from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
 from riemhuman.plots.body_plots import draw_bar
 from riemhuman.plots.figures import SIGNED_COLORS, SKIN, hexadecimal, new_figure, value_colors
 from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.windows import View, Window, a_height, a_view, window_around
+from riemhuman.plots.windows import View, Window, a_height, window_around
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 from riemhuman.surfaces.measures import share_of_surface
 
@@ -62,7 +63,7 @@ _NEIGHBOUR = 7
 
 
 @dataclass(frozen=True)
-class ScanPanel:
+class ScanPanel(Panel):
     """A scan over the body of a page, with sliders for what is seen of both.
 
     Parameters
@@ -288,10 +289,10 @@ def colour_end(gaps: Sequence[Array], gap: ReadableUnit) -> float:
 
 
 def scan_pictures(
-    over: ScanOverBody, limit: float, gap: ReadableUnit, height: int, view: View | None = None
+    over: ScanOverBody, limit: float, gap: ReadableUnit, height: int
 ) -> tuple[Mapping[str, Image], Window]:
     """Return pictures of the scan, the body and the distances, of one window and one light."""
-    view = View() if view is None else view
+    view = View()
     foreground = over.chosen(~over.background)
     points, faces = foreground.scan_points, foreground.scan_faces
     window = window_around(np.concatenate([over.points, points]), view)
@@ -310,20 +311,8 @@ def scan_pictures(
     return {"scan": scan, **bodies}, window
 
 
-@checked(
-    over=instance(ScanOverBody, "a scan over its body"),
-    view=a_view,
-    limit=positive,
-    height=a_height,
-)
-def plot_scan(
-    over: ScanOverBody,
-    *,
-    view: View | None = None,
-    limit: float | None = None,
-    height: int = 1440,
-    system: str = "cm",
-) -> Figure:
+@checked(over=instance(ScanOverBody, "a scan over its body"), height=a_height)
+def plot_scan(over: ScanOverBody, *, height: int = 1440, system: str = "cm") -> Figure:
     """Draw a scan, its body and their distances side by side, from one viewpoint.
 
     Parts of the body that the scan does not show are blue-grey. Distances are means around each
@@ -333,10 +322,6 @@ def plot_scan(
     ----------
     over : ScanOverBody
         See `riemhuman.registration.lay_over_body`.
-    view : View, optional
-    limit : float, optional
-        End of the colour scale, in the unit of the distances; by default a round number of about
-        three times the median.
     height : int
         Pixels of the bodies; by default 300 an inch.
     system : {"cm", "in"}
@@ -349,12 +334,11 @@ def plot_scan(
     >>> over = rh.registration.lay_over_body(scan.surface, bodies[0], bodies.template.faces)
     >>> figure = rh.plots.plot_scan(over)
     """
-    gap = gap_unit(system)
-    end = colour_end([_gaps(over)], gap) if limit is None else limit
-    pictures, window = scan_pictures(over, end, gap, height, view)
+    gap, gaps = gap_unit(system), _gaps(over)
+    end = colour_end([gaps], gap)
+    pictures, window = scan_pictures(over, end, gap, height)
     figure = new_figure(3 * 4.6 * window.width / window.height + 1.2, 5.2)
     axes = figure.subplots(1, 3)
-    gaps = _gaps(over)
     median = f"{gap.text(np.median(gaps))} {gap.name}" if len(gaps) else ""
     titles = {
         "scan": f"scan, {over.n_points:,} points",

@@ -20,9 +20,7 @@ from riemhuman.checks import (
     check_instance,
     checked,
     flag,
-    having,
     instance,
-    integer_array,
     items_of,
     positive,
     real_array,
@@ -122,8 +120,7 @@ def viewer_script() -> str:
     description=text,
     seconds=positive,
     frames_per_second=positive,
-    parts=instance(Mapping, "a mapping of names to triangles"),
-    panel=having("a Panel", "html", "picture"),
+    panel=instance(Panel),
 )
 @dataclass(frozen=True)
 class Viewer:
@@ -142,9 +139,6 @@ class Viewer:
     frames_per_second : float, optional
         Rate of recordings: the page then shows seconds and frame numbers, and plays them in real
         time at speed 1. Without it, paths are shown from t = 0 to 1.
-    parts : mapping of str to array of int, optional
-        Triangles of each part of the body, whose name is shown next to the pointer; by default
-        those of `MeasurementSet.parts` if the triangles are those of the open body model.
     panel : Panel, optional
         Something else drawn on the bodies, such as a scan, with controls next to them.
 
@@ -160,7 +154,6 @@ class Viewer:
     description: str = ""
     seconds: float = _SECONDS
     frames_per_second: float | None = None
-    parts: Mapping[str, Integers] | None = None
     panel: Panel | None = None
 
     def __post_init__(self) -> None:
@@ -183,8 +176,6 @@ class Viewer:
             for body in bodies:
                 if body.values is not None:
                     surface_values(body.values, len(surfaces[0]), len(self.faces))
-        if self.parts is not None:
-            _numbered_parts(self.parts, len(self.faces))
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -221,7 +212,7 @@ class Viewer:
         eyes = eyes_of(self.faces)
         if eyes is not None:
             data["eyes"] = eyes.record()
-        parts = _parts_of(self.faces) if self.parts is None else self.parts
+        parts = _parts_of(self.faces)
         if parts:
             data["parts"] = _numbered_parts(parts, len(self.faces))
         if self.panel is not None:
@@ -332,18 +323,9 @@ def _parts_of(faces: Triangles) -> Mapping[str, Integers]:
 
 def _numbered_parts(parts: Mapping[str, Integers], n_faces: int) -> JSONRecord:
     """Return the names of parts, and for each triangle the number of its part, or 255."""
-    if len(parts) > _NO_PART:
-        raise ArgumentError(f"at most {_NO_PART} parts can be named; found {len(parts)}")
     numbers = np.full(n_faces, _NO_PART, dtype=np.uint8)
-    for number, (name, triangles) in enumerate(parts.items()):
-        text(name, "parts")
-        members = integer_array(triangles, f"parts[{name!r}]", ("n_triangles",))
-        if members.size and not 0 <= members.min() <= members.max() < n_faces:
-            raise ArgumentError(
-                f"part {name!r} must hold triangles from 0 to {n_faces - 1}; "
-                f"found {members.min()} to {members.max()}"
-            )
-        numbers[members] = number
+    for number, triangles in enumerate(parts.values()):
+        numbers[triangles] = number
     return {"names": list(parts), "numbers": deflated(numbers)}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from functools import singledispatch
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -69,18 +68,15 @@ def view(shown: object, faces: ArrayLike | None = None) -> Viewer:
 def _(shown: Bodies, faces: ArrayLike | None = None) -> Viewer:
     some = shown[:_MOST_BODIES]
     title = "Bodies" if len(shown) == len(some) else f"{len(some)} of {len(shown)} bodies"
-    triangles = shown.template.faces if faces is None else faces
-    return view_bodies(some.points, triangles, [str(name) for name in some.ids], title=title)
+    return view_bodies(
+        some.points, shown.template.faces, [str(name) for name in some.ids], title=title
+    )
 
 
 @view.register
 def _(shown: Motion, faces: ArrayLike | None = None) -> Viewer:
-    return view_path(
-        shown,
-        faces,
-        title=shown.sequence or "Motion",
-        frames_per_second=shown.frames_per_second,
-    )
+    title = shown.sequence or "Motion"
+    return view_path(shown, title=title, frames_per_second=shown.frames_per_second)
 
 
 @view.register
@@ -114,13 +110,13 @@ def _(shown: TangentPCA, faces: ArrayLike | None = None) -> Viewer:
 
 @view.register
 def _(shown: Template, faces: ArrayLike | None = None) -> Viewer:
-    return view_bodies(shown.vertices, shown.faces if faces is None else faces, title="Template")
+    return view_bodies(shown.vertices, shown.faces, title="Template")
 
 
 @view.register
 def _(shown: BodyModel, faces: ArrayLike | None = None) -> Viewer:
     rest = shown(np.zeros(shown.n_betas))
-    return view_bodies(rest, shown.faces if faces is None else faces, title="Body model")
+    return view_bodies(rest, shown.faces, title="Body model")
 
 
 @view.register(str)
@@ -128,11 +124,8 @@ def _(shown: BodyModel, faces: ArrayLike | None = None) -> Viewer:
 def _(shown: str | os.PathLike[str], faces: ArrayLike | None = None) -> Viewer:
     file = file_path(shown)
     if file.suffix.lower() in RECORDING_ENDINGS:
-        return view(load_recording(file), faces)
-    vertices, triangles = load_mesh(file)
-    return view_bodies(
-        vertices, triangles if faces is None else faces, [Path(file).stem], title=file.name
-    )
+        return view(load_recording(file))
+    return view_bodies(*load_mesh(file), [file.stem], title=file.name)
 
 
 def _check_faces(faces: ArrayLike | None, name: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from riemhuman.arrays import Array, Integers, JSONRecord, JSONValue, Points, Triangles
+from riemhuman.arrays import Array, JSONRecord, JSONValue, Points, Triangles
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements import (
     Measurements,
@@ -44,8 +44,6 @@ from riemhuman.surfaces import Template
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from riemhuman.datasets import Bodies
-    from riemhuman.plots import Viewer
 
 _METHODS = {"t-SNE": "t-sne", "MDS": "mds"}
 _TITLES = {method: title for title, method in _METHODS.items()}
@@ -166,31 +164,18 @@ def _map(report: Report, task: Task, method: str, positions: Array) -> JSONRecor
     if bodies.points.size <= _MOST_COORDINATES:
         note = about["loss"] or _NEAR
         title = f"{_TITLES[method]} map by the {task.metric}"
-        page = report.output.view(
-            name, _map_page, bodies, positions, labels, names, items, note, title
+        viewer = view_map(
+            positions,
+            labels,
+            names,
+            points=bodies.points,
+            faces=bodies.template.faces,
+            item_names=items,
+            note=f"{note[:1].upper()}{note[1:]}.",
+            title=title,
         )
+        page = report.output.view(name, viewer)
     return about | {"image": image, "page": page}
-
-
-def _map_page(
-    bodies: Bodies,
-    positions: Array,
-    labels: Integers,
-    names: Sequence[str] | None,
-    items: Sequence[str],
-    note: str,
-    title: str,
-) -> Viewer:
-    return view_map(
-        positions,
-        labels,
-        names,
-        points=bodies.points,
-        faces=bodies.template.faces,
-        item_names=items,
-        note=f"{note[:1].upper()}{note[1:]}.",
-        title=title,
-    )
 
 
 def _maps(report: Report) -> Step:

@@ -24,7 +24,7 @@ from riemhuman.io.text_tables import csv_text
 from riemhuman.measurements.readable_units import gap_unit
 from riemhuman.plots.figures import figure_files, new_figure
 from riemhuman.plots.viewer import Viewer, page_scripts, page_styles, web_file, web_templates
-from riemhuman.report._storage import Computed, ResultStore
+from riemhuman.report._storage import Progress
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image
 # The width and the height in the view box of an SVG file, behind its corner.
@@ -46,9 +46,8 @@ def fill(macro: str, **values: object) -> str:
     return str(getattr(template("sections.html").module, macro)(**values))
 
 
-# Functions that draw into axes, or return a figure, and that make a page, from any arguments.
+# Functions that draw into axes, or return a figure, from any arguments.
 Drawing: TypeAlias = Callable[..., object]  # type: ignore[explicit-any]
-ViewMaker: TypeAlias = Callable[..., Viewer]  # type: ignore[explicit-any]
 
 
 @dataclass(frozen=True)
@@ -171,21 +170,13 @@ def _smaller(svg: str) -> str:
     return _PICTURE.sub(webp, svg)
 
 
-def _described(arguments: Sequence[object]) -> list[object]:
-    """Return what the result of a function depends on, except the bodies of the report."""
-    return [
-        None if hasattr(argument, "points") else getattr(argument, "fingerprint", argument)
-        for argument in arguments
-    ]
-
-
 @dataclass(frozen=True)
 class Output:
-    """Writes the figures and tables of a report when its sections request them."""
+    """Writes the figures, views and tables of a report when its sections request them."""
 
     folder: Path
-    figures: ResultStore
     dots_an_inch: int
+    progress: Progress
 
     def figure(
         self,
@@ -195,51 +186,30 @@ class Output:
         size: tuple[float, float] | None = None,
         **settings: object,
     ) -> Image:
-        """Return a figure, drawn unless the store has one with the same arguments."""
-        # With a size in inches, `draw` fills the axes `ax`; else it returns a figure. Arguments
-        # are what JSON and fingerprints can describe, and the bodies of the report.
-
-        def compute() -> Computed:
+        """Return a figure: with a size in inches, `draw` fills the axes `ax`."""
+        with self.progress(f"Figure {name}"):
             if size is None:
                 figure = draw(*arguments, **settings)
             else:
                 figure = new_figure(*size)
                 draw(*arguments, **settings, ax=figure.subplots())
             svg, png = figure_files(figure, self.dots_an_inch)
-            files = {"svg": svg.encode(), "png": png, "page": _smaller(svg).encode()}
-            return {key: np.frombuffer(data, np.uint8) for key, data in files.items()}, {}
-
-        inputs = {
-            "draw": draw.__name__,
-            "arguments": _described(arguments),
-            "size": size,
-            **settings,
-            "dots_an_inch": self.dots_an_inch,
-        }
-        step = self.figures.step(name, compute, f"Figure {name}", **inputs)
-        for ending in ("svg", "png"):
-            file = self.folder / "figures" / f"{name}.{ending}"
-            write_bytes(file, step.arrays[ending].tobytes())
-        svg = step.arrays["page"].tobytes().decode()
-        size_of_svg = _SIZE.search(svg)
+        write_text(self.folder / "figures" / f"{name}.svg", svg)
+        write_bytes(self.folder / "figures" / f"{name}.png", png)
+        shown = _smaller(svg)
+        size_of_svg = _SIZE.search(shown)
         if size_of_svg is None:
             raise FileFormatError(f"the figure {name} is an SVG file without a view box")
         # Pictures of bodies within the SVG are base64 already; twice would add a third.
-        quoted = _UNSAFE.sub(lambda characters: _quoted(characters[0]), svg)
-        source = f"data:image/svg+xml,{quoted}"
+        quoted = _UNSAFE.sub(lambda characters: _quoted(characters[0]), shown)
         width = round(float(size_of_svg["width"]))
         height = round(float(size_of_svg["height"]))
-        return Image(source, width, height, name)
+        return Image(f"data:image/svg+xml,{quoted}", width, height, name)
 
-    def view(self, name: str, make: ViewMaker, *arguments: object) -> str:
-        """Return the address of a page of bodies, written unless the store has one."""
-
-        def compute() -> Computed:
-            return {"page": np.frombuffer(make(*arguments).page().encode(), np.uint8)}, {}
-
-        inputs = {"make": make.__name__, "arguments": _described(arguments)}
-        step = self.figures.step(f"view-{name}", compute, f"Page {name}", **inputs)
-        write_bytes(self.folder / "views" / f"{name}.html", step.arrays["page"].tobytes())
+    def view(self, name: str, viewer: Viewer) -> str:
+        """Return the address of a page of bodies, which is written."""
+        with self.progress(f"Page {name}"):
+            viewer.save(self.folder / "views" / f"{name}.html")
         return f"views/{name}.html"
 
     def table(

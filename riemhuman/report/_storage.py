@@ -23,7 +23,7 @@ from riemhuman.io.outputs import absolute
 
 _MARKER = "provenance.json"
 _MADE_BY = "riemhuman report"
-_SUBFOLDERS = ("figures", "tables", "views", "results", "results/figures")
+_SUBFOLDERS = ("figures", "tables", "views", "results")
 _LONGEST_RECORD = 2**23  # characters
 
 Progress = Callable[[str], AbstractContextManager[object]]

@@ -131,9 +131,8 @@ def make_report(
     digest = fingerprint(bodies)
     common = {**_identity(), "bodies": digest}
     store = ResultStore(folder / "results", common, progress)
-    figures = ResultStore(folder / "results" / "figures", common, progress)
     plan = QUICK if quick else Plan()
-    files = Output(folder, figures, plan.dots_an_inch)
+    files = Output(folder, plan.dots_an_inch, progress)
     report = Report(bodies, plan, store, files, compared, basis, units)
     sections += _sections_of(report)
     steps = _rows_of_steps(store)
@@ -192,7 +191,7 @@ def _page_text(report: Report, sections: Sequence[Section], *, quick: bool) -> s
 
 
 def _rows_of_steps(store: ResultStore) -> list[JSONRecord]:
-    """Return the steps of the experiments; figures, which have a store of their own, are none."""
+    """Return the steps of the experiments."""
     return [
         {
             "title": step.title,

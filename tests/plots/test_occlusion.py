@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from build_occlusion import open_shares
 
 import riemhuman as rh
 from riemhuman.plots import view_bodies
-from riemhuman.plots._occlusion import _stored, open_shares, shade_of, topology_name
+from riemhuman.plots._occlusion import _stored, shade_of, topology_name
 
 MODEL = rh.datasets.load_open_model("coarse")
 

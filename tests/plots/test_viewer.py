@@ -9,7 +9,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from cases import sphere_template, surfaces
-from page_data import data_of, inflated, unpacked
+from page_data import data_of, unpacked
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -61,16 +61,8 @@ def test_values_belong_to_triangles_or_vertices():
         Viewer(TEMPLATE.faces, {"": [ViewedBody("one", PATH[:1], values=np.ones(41))]})
 
 
-def test_parts_are_those_given_or_of_the_open_model():
+def test_parts_are_those_of_the_open_model():
     assert "parts" not in data_of(view_bodies(PATH[0], TEMPLATE.faces))
-    halves = {"left": np.arange(10), "right": np.arange(10, TEMPLATE.n_faces - 1)}
-    one = {"": [ViewedBody("one", PATH[:1])]}
-    parts = data_of(Viewer(TEMPLATE.faces, one, parts=halves))["parts"]
-    assert parts["names"] == ["left", "right"]
-    numbers = inflated(parts["numbers"], np.uint8)
-    assert numbers.tolist() == [0] * 10 + [1] * (TEMPLATE.n_faces - 11) + [255]
-    with pytest.raises(ArgumentError, match="part 'left' must hold triangles from 0"):
-        Viewer(TEMPLATE.faces, one, parts={"left": [TEMPLATE.n_faces]}).page()
     bodies = rh.datasets.load_open_bodies("coarse")
     parts = data_of(view_bodies(bodies[0], bodies.template.faces))["parts"]
     assert {"head", "left arm", "right leg"} <= set(parts["names"])
