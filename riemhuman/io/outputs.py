@@ -90,7 +90,7 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
 
     A process that is killed leaves the earlier folder, or the new one.
     """
-    path = absolute(path)
+    path = Path(os.path.abspath(path))
     with _temporary_folder(path) as temporary, convert_errors(path):
         try:
             yield temporary
@@ -153,15 +153,9 @@ def _check_content(path: Path, content: FolderContent | None) -> bool:
     return bool(entries)
 
 
-def absolute(path: Path) -> Path:
-    """Return an absolute path; raise an error if the working folder exists no longer."""
-    with convert_errors(path, "cannot be written: the working folder exists no longer"):
-        return Path(os.path.abspath(path))
-
-
 def check_parent(path: Path) -> None:
     """Raise an error unless a file or folder can be made at a path."""
-    parent = absolute(path).parent
+    parent = Path(os.path.abspath(path)).parent
     if not parent.is_dir():
         if parent.exists():
             raise FileError(f"{path} cannot be written: {parent} is a file, not a folder")

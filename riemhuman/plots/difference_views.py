@@ -101,7 +101,7 @@ def view_difference(
     >>> viewer.save("difference.html")
     """
     gap = gap_unit(system)
-    titles = _two_names(names)
+    titles = names_of(names, "names", 2, "bodies")
     difference = _difference(point_a, point_b, faces, measurements, titles, system)
     outside = gap.scale * difference.displacements
     density = _density(difference, metric)
@@ -168,7 +168,7 @@ def plot_difference(
     >>> figure = rh.plots.plot_difference(bodies[0], bodies[10], bodies.template.faces)
     """
     gap = gap_unit(system)
-    titles = _two_names(names)
+    titles = names_of(names, "names", 2, "bodies")
     difference = _difference(point_a, point_b, faces, measurements, titles)
     outside = gap.scale * difference.displacements
     values = np.stack([np.zeros_like(outside), outside])  # the colour of 0 is that of skin
@@ -187,12 +187,7 @@ def plot_difference(
     return figure
 
 
-def _two_names(names: Sequence[str]) -> tuple[str, str]:
-    first, second = names_of(names, "names", 2, "bodies")
-    return first, second
-
-
-def _description(difference: _Difference, names: tuple[str, str], gap: ReadableUnit) -> str:
+def _description(difference: _Difference, names: tuple[str, ...], gap: ReadableUnit) -> str:
     is_seen = np.isfinite(difference.displacements)
     if not is_seen.any():
         return "No part of the surface was seen in both scans."
@@ -229,7 +224,7 @@ def _difference(
     point_b: object,
     faces: ArrayLike | None,
     measurements: Measurements | None,
-    names: tuple[str, str],
+    names: tuple[str, ...],
     system: str | None = None,
 ) -> _Difference:
     """Return two bodies in one pose and, if units are given, the list of their measurements."""
@@ -262,7 +257,7 @@ def _difference(
 def _of_comparison(
     compared: VisitComparison,
     measurements: Measurements,
-    names: tuple[str, str],
+    names: tuple[str, ...],
     system: str | None,
 ) -> _Difference:
     surfaces = (compared.points_before, compared.points_after)

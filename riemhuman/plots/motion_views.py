@@ -41,7 +41,7 @@ class WarpPanel(Panel):
     first: Array
     second: Array
     lasts: tuple[int, int]
-    names: tuple[str, str]
+    names: tuple[str, ...]
     frames_per_second: float | None
     name: str = "warp"
 
@@ -112,7 +112,8 @@ def view_motions(
         faces = first.faces
     lasts = (len(motions[0]) - 1, len(motions[1]) - 1)
     _check_warp(warp, lasts)
-    labels = _names(first, second) if names is None else _two_names(names)
+    given_names = _names(first, second) if names is None else names
+    labels = names_of(given_names, "names", 2, "motions")
     moments = np.linspace(warp.first[0], warp.first[-1], len(motions[0]))
     retimed = [moments, warp(moments)]
     bodies = [
@@ -156,11 +157,6 @@ def _check_warp(warp: Warp, lasts: tuple[int, int]) -> None:
                 f"warp must hold times of the {name} motion from 0 to {last}; "
                 f"found {np.min(times):g} to {np.max(times):g}"
             )
-
-
-def _two_names(names: Sequence[str]) -> tuple[str, str]:
-    first, second = names_of(names, "names", 2, "motions")
-    return first, second
 
 
 def _names(first: Motion | ArrayLike, second: Motion | ArrayLike) -> tuple[str, str]:

@@ -19,7 +19,6 @@ from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, is_of_system, write_text
 from riemhuman.io.fingerprint import describe
-from riemhuman.io.outputs import absolute
 
 _MARKER = "provenance.json"
 _MADE_BY = "riemhuman report"
@@ -41,7 +40,6 @@ def a_progress(progress: object, name: str) -> object:
 def check_folder(path: str | os.PathLike[str]) -> Path:
     """Return the folder of a report; raise an error if it holds anything else. Write nothing."""
     folder = file_path(path, "output", "folder")
-    absolute(folder)
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
     marker = folder / _MARKER

@@ -197,12 +197,6 @@ def test_pictures_of_bodies_need_no_matplotlib(run, scans, tmp_path, monkeypatch
     assert (tmp_path / "two.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow
-def test_view_writes_films(run, scans, tmp_path):
-    run("view", scans / "body_0.ply", "-o", tmp_path / "turn.gif")
-    assert (tmp_path / "turn.gif").read_bytes().startswith(b"GIF89a")
-
-
 def test_info_says_which_fields_of_a_recording_are_used(run, tmp_path):
     arrays = {"poses": np.zeros((4, 72)), "trans": np.zeros((4, 3))}
     arrays |= {"expression": np.zeros((4, 9)), "fps": np.array(30.0)}

@@ -4,14 +4,12 @@ import errno
 import os
 import re
 import stat
-import sys
 from pathlib import Path
 
 import pytest
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.files import write_text
-from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.outputs import (
     FolderContent,
     atomic_folder,
@@ -211,26 +209,6 @@ def test_files_of_several_folders_appear_together(tmp_path):
     write()
     assert all(place.read_text() == name for name, place in places.items())
     assert not list(tmp_path.rglob(".*"))
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps working folders")
-def test_working_folders_that_are_gone(tmp_path, monkeypatch):
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    monkeypatch.chdir(gone)
-    gone.rmdir()
-    message = "out.* cannot be .*: "
-    with pytest.raises(FileError, match=f"{message}the working folder exists no longer"):
-        check_output_file(Path("out.npz"), [".npz"], force=False)
-    with pytest.raises(FileError, match=f"{message}the working folder exists no longer"):
-        check_output_folder(Path("out"), CONTENT, force=False)
-    with (
-        pytest.raises(FileError, match=f"{message}the working folder exists no longer"),
-        atomic_folder(Path("out")),
-    ):
-        pass
-    with pytest.raises(FileError, match=f"{message}.*No such file"):
-        JobFolder("out")
 
 
 def test_errors_within_a_folder_name_its_place(tmp_path):

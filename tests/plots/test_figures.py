@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from riemhuman.plots.figures import (
-    class_colors,
     figure_files,
     figure_style,
     new_figure,
@@ -47,15 +46,6 @@ def test_ink_follows_the_theme():
     assert "#1d2025" not in body
     assert "#4e82b4" in body
     assert "#000000" not in body
-
-
-@pytest.mark.parametrize("n_classes", [2, 10, 25])
-def test_classes_are_told_apart_on_either_ground(n_classes):
-    colors = class_colors(n_classes)
-    assert len(np.unique(colors, axis=0)) == n_classes
-    light = colors @ [0.2126, 0.7152, 0.0722]
-    assert (light > 0.2).all()
-    assert (light < 0.75).all()
 
 
 def test_values_run_from_skin_to_red_and_stop_there():

@@ -45,15 +45,6 @@ def test_values_become_colours_of_vertices():
     assert (colors[far] == [0xD4, 0xC8, 0xBB]).all()
 
 
-def test_values_may_be_those_of_vertices():
-    heights = PATH[0, :, 1] - PATH[0, :, 1].min()
-    record = body_record(ViewedBody("one", PATH[:1], values=heights), TEMPLATE.faces)
-    np.testing.assert_allclose(inflated(record["values"], "<f4"), heights, rtol=1e-6)
-    colors = inflated(record["colors"], np.uint8).reshape(-1, 3)
-    assert colors[heights.argmin()].tolist() == [0xD4, 0xC8, 0xBB]
-    assert colors[heights.argmax()].tolist() == [0x8C, 0x1D, 0x3F]
-
-
 def test_negative_values_keep_their_sign():
     values = np.where(AT_FIVE, -2.0, 1.0)
     signed, plain = (
