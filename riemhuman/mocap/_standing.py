@@ -46,10 +46,6 @@ class Performance(NamedTuple):
     rotations: Array
     positions: Array
 
-    def run(self, frames: Run) -> Performance:
-        """Return consecutive frames."""
-        return Performance(self.rotations[frames], self.positions[frames])
-
 
 def stand(source: RecordedSkeleton, figure: Figure, rotations: Array, scale: float) -> Performance:
     """Return the performance with the body moved with its standing feet, and feet to the floor."""
@@ -148,9 +144,7 @@ def _footholds(
     if grounded.any():
         floor = np.median(heights[grounded])
     else:
-        (lowest,) = _joined(
-            lambda frames: (_lowest_points(figure, surface, performance.run(frames)),), len(ankles)
-        )
+        lowest = _lowest_points(figure, surface, performance)
         floor = np.percentile(lowest[source.is_valid], _LOWEST_FRAMES)
     targets, above = ankles - [0.0, floor, 0.0], heights - floor
     apart = np.sign(above) * np.maximum(np.abs(above) - _TOUCHING, 0.0)

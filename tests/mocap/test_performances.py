@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from marker_files import CENTRES, centres, write_trc
-from recorded_people import RECORDING, joint_paths, joints_in_space
+from recorded_people import RECORDING, joint_paths, joints_in_space, recording_of
 
 from riemhuman.datasets import (
     load_bvh,
@@ -79,6 +79,15 @@ def test_bodies_far_from_recordings_are_warned_of(kind, tmp_path):
     with pytest.warns(UserWarning, match=f"the body differs from the recording.*{sides}") as warned:
         motion.errors  # noqa: B018
     assert {warning.filename for warning in warned} == {__file__}
+
+
+def test_people_who_stand_on_tiptoe_are_told(model):
+    poses = np.zeros((12, model.n_joints, 3))
+    ankles = [model.joint_names.index(f"{side}_ankle") for side in ("left", "right")]
+    poses[:, ankles, 0] = np.radians(50.0)
+    recording = recording_of(model, np.zeros(model.n_betas), poses, np.zeros((12, 3)))
+    with pytest.warns(UserWarning, match="feet that stand still point down by (4|5). degrees"):
+        retarget(recording, model).errors  # noqa: B018
 
 
 def punching_file(folder):

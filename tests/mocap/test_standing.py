@@ -93,7 +93,6 @@ def test_people_crawl_on_the_floor(model, betas):
     poses = crawling_poses(model)
     person = load_open_motions("coarse", "lean runner", "knees", 30)[0].betas
     translations = np.zeros((len(poses), 3))
-    recording = recording_of(model, person, poses, translations)
     lows = model(person, poses, translations)[..., 1].min(axis=1)
     translations[:, 1] = -lows
     translations[:, 2] = np.linspace(0.0, 1.0, len(poses))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
@@ -16,12 +17,6 @@ def knees():
 @pytest.fixture(scope="module")
 def metric(knees):
     return JointMetric(rh.AlignedSurfaces(knees[0].template), knees[0].model)
-
-
-def rotated(body, degrees):
-    angle = np.radians(degrees)
-    turn = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
-    return body @ np.array(turn).T
 
 
 def test_distances_are_those_of_joints(metric, knees):
@@ -40,7 +35,8 @@ def test_distances_are_those_of_joints(metric, knees):
 @pytest.mark.parametrize("degrees", [30.0, 170.0, -90.0])
 def test_places_and_headings_do_not_count(degrees, metric, knees):
     body, other = knees[0][5], knees[1][9]
-    moved = rotated(body, degrees) + [3.0, 0.2, -1.0]
+    turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+    moved = body @ turn.T + [3.0, 0.2, -1.0]
     assert metric.dist(body, moved) == pytest.approx(0.0, abs=1e-6)
     assert metric.dist(moved, other) == pytest.approx(float(metric.dist(body, other)), rel=1e-6)
 
