@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -384,10 +385,8 @@ def _npz_facts(file: Path) -> JSONRecord:
     from riemhuman.mocap.recordings import POSE_FIELDS
 
     if names & POSE_FIELDS:
-        try:
+        with suppress(FileFormatError):  # arrays of other programs, under one of these names
             return _recording_facts(file)
-        except FileFormatError:  # arrays of other programs, under one of these names
-            return _array_facts(file)
     return _array_facts(file)
 
 

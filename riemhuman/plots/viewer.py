@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from riemhuman.arrays import Image, Integers, JSONRecord, Points, Triangles
 from riemhuman.checks import (
-    check_instance,
     checked,
     flag,
     instance,
@@ -163,9 +162,6 @@ class Viewer:
         }
         if not (choices and all(choices.values())):
             raise ArgumentError("choices must hold at least one body, and none may be empty")
-        for name, choice in choices.items():
-            for number, body in enumerate(choice):
-                check_instance(body, f"choices[{name!r}][{number}]", ViewedBody, "a ViewedBody")
         object.__setattr__(self, "choices", choices)
         surfaces = [body.frames[0] for bodies in self.choices.values() for body in bodies]
         sizes = {len(surface) for surface in surfaces}

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import TypeAlias
 from urllib.parse import quote
@@ -33,6 +34,14 @@ _SIZE = re.compile(r'viewBox="[\d.-]+ [\d.-]+ (?P<width>[\d.]+) (?P<height>[\d.]
 _PICTURE = re.compile(r"data:image/png;base64,([\w+/=\s]{4000,})")
 _QUALITY = 88  # per cent, of WebP
 _quoted = cache(quote)  # the same characters come thousands of times
+
+
+@cache
+def library_version() -> str:
+    try:
+        return metadata.version("riemhuman")
+    except metadata.PackageNotFoundError:
+        return "from its source folder"
 
 
 def template(name: str) -> jinja2.Template:

@@ -6,8 +6,6 @@ import os
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib import metadata
 from pathlib import Path
 from urllib.parse import quote
 
@@ -18,21 +16,13 @@ from riemhuman.errors import FileError
 from riemhuman.io.files import file_path, write_text
 from riemhuman.plots.rendering import image_source
 from riemhuman.plots.viewer import web_file
-from riemhuman.report._page import template
+from riemhuman.report._page import library_version, template
 from riemhuman.report._sheet_content import NOTHING, Content, row_text
 from riemhuman.report.printing import print_page
 from riemhuman.report.sheet_values import SheetSubject, SheetValues
 
 _THUMBNAIL = 150  # pixels
 _LOGO = (900, 300)  # pixels at most, three times what the page shows
-
-
-@cache
-def _library_version() -> str:
-    try:
-        return metadata.version("riemhuman")
-    except metadata.PackageNotFoundError:
-        return "from its source folder"
 
 
 def save_pdf(content: Content, file: Path, browser: str) -> None:
@@ -60,7 +50,7 @@ def sheet_page(content: Content, *, printed: bool = False, index: str = "") -> s
     return template("sheet.html").render(
         **vars(content),
         css=web_file("report", "sheet.css"),
-        version=_library_version(),
+        version=library_version(),
         printed=printed,
         index=index,
     )
@@ -170,7 +160,7 @@ def index_page(
         tables=tables,
         titles=list(INDEX_NUMBERS.values()),
         css=web_file("report", "sheet.css"),
-        version=_library_version(),
+        version=library_version(),
         has_sex=any(entry.sex for entry in entries),
         has_visits=any(entry.visit for entry in entries),
         has_changes=any(entry.changed for entry in entries),

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.arrays import JSONRecord, JSONValue, Values
-from riemhuman.checks import refuse_type
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, is_of_system, write_text
@@ -27,14 +26,6 @@ _LONGEST_RECORD = 2**23  # characters
 
 Progress = Callable[[str], AbstractContextManager[object]]
 Computed = tuple[Mapping[str, Values], Mapping[str, JSONValue]]
-
-
-def a_progress(progress: object, name: str) -> object:
-    """Check what makes context managers, as `nullcontext` does, from the names of tasks."""
-    is_other_class = isinstance(progress, type) and not hasattr(progress, "__enter__")
-    if is_other_class or not callable(progress):
-        refuse_type(progress, name, "a function from the name of a task to a context manager")
-    return progress
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:

@@ -30,7 +30,7 @@ from riemhuman.report._body_sections import (
     retrieval_section,
     sweep_section,
 )
-from riemhuman.report._page import Output, Section, fill, page
+from riemhuman.report._page import Output, Section, fill, library_version, page
 from riemhuman.report._path_sections import (
     comparison_section,
     difference_section,
@@ -41,7 +41,6 @@ from riemhuman.report._report import QUICK, Plan, Report, readable
 from riemhuman.report._storage import (
     Progress,
     ResultStore,
-    a_progress,
     check_folder,
     fingerprint,
     open_folder,
@@ -75,7 +74,6 @@ _SECTIONS = (
     basis=a_basis,
     quick=flag,
     units=choice(*READABLE_UNITS),
-    progress=a_progress,
 )
 def make_report(
     output: str | os.PathLike[str],
@@ -184,7 +182,7 @@ def _page_text(report: Report, sections: Sequence[Section], *, quick: bool) -> s
     for name, number in _sizes(report).items():
         facts.append((f"{number:,}", _ONE.get(name, name) if number == 1 else name))
     end = (
-        f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
+        f"Made with riemhuman {library_version()}, {_now()}. "
         "Bodies in 3-D are drawn by three.js (MIT licence)."
     )
     return page(_TITLE, lead, facts, sections, end)
@@ -240,13 +238,8 @@ def _now() -> str:
 @cache
 def _versions() -> dict[str, str]:
     """Return the versions of Python, of this library and of its dependencies."""
-    versions = {"python": platform.python_version()}
-    for package in ("riemhuman", *_PACKAGES):
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            versions[package] = "from its source folder"
-    return versions
+    versions = {"python": platform.python_version(), "riemhuman": library_version()}
+    return versions | {package: metadata.version(package) for package in _PACKAGES}
 
 
 @cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
@@ -85,10 +86,6 @@ def scan_section(
         Addresses of the pages of scans over their bodies, by names of scans.
     units : {"cm", "in"}
     """
-
-    def gap(metres: float) -> str:
-        return readable_gap(metres, units)
-
     unit = gap_unit(units)
     gaps = [np.abs(record.arrays["shown_distances"]) for record in records if record.arrays]
     limit = colour_end(gaps, unit)
@@ -101,7 +98,7 @@ def scan_section(
         n_partial=sum(_badge(record)[0] == "partial" for record in records),
         n_trusted=sum(record.trusted for record in records),
         colors=SIGNED_COLORS,
-        gap=gap,
+        gap=partial(readable_gap, system=units),
         limit=f"{limit:g} {unit.name}",
     )
     return Section("scans", "Scans and their bodies", "Scans", html)

@@ -21,7 +21,7 @@ from riemhuman.report._sheet_content import Content, content_of
 from riemhuman.report._sheet_page import Entry, index_page, logo_source, save_pdf, sheet_page
 from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
-from riemhuman.report._storage import Progress, a_progress
+from riemhuman.report._storage import Progress
 from riemhuman.report.printing import find_browser
 from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
 from riemhuman.report.sheets import a_stature
@@ -42,7 +42,6 @@ _MOST_BROWSERS = 4
     stature=a_stature,
     units=choice(*READABLE_UNITS),
     replace_output=flag,
-    progress=a_progress,
 )
 def make_sheets(
     bodies: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],

@@ -11,7 +11,6 @@ from riemhuman.plots import contributions, view_bodies
 from riemhuman.plots.body_plots import per_area, plot_body, plot_path
 from riemhuman.plots.figures import colour_limit
 from riemhuman.plots.rendering import vertex_values
-from riemhuman.surfaces import Template
 
 TEMPLATE = sphere_template()
 PATH = surfaces(TEMPLATE, 5, size=0.1)
@@ -91,18 +90,8 @@ def test_one_triangle_does_not_rule_the_scale():
     assert colour_limit(np.array([0.0] * 999 + [2.0])) == 2.0
 
 
-def as_pyvista(vertices, faces):
-    pyvista = pytest.importorskip("pyvista")
-    return pyvista.PolyData(vertices, np.column_stack([np.full(len(faces), 3), faces]))
-
-
-def as_meshio(vertices, faces):
-    return pytest.importorskip("meshio").Mesh(vertices, [("triangle", faces)])
-
-
-@pytest.mark.parametrize("made", [to_trimesh, as_pyvista, as_meshio, Template])
-def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
-    meshes = [made(surface, TEMPLATE.faces) for surface in PATH[:2]]
+def test_meshes_of_other_packages_are_drawn_as_their_arrays():
+    meshes = [to_trimesh(surface, TEMPLATE.faces) for surface in PATH[:2]]
     for drawn, expected in (
         (plot_body(meshes[0], height=40), plot_body(PATH[0], TEMPLATE.faces, height=40)),
         (plot_path(meshes, height=40), plot_path(PATH[:2], TEMPLATE.faces, height=40)),
@@ -112,7 +101,7 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays(made):
     pages = [view_bodies(meshes), view_bodies(PATH[:2], TEMPLATE.faces)]
     assert [len(choice) for page in pages for choice in page.choices.values()] == [2, 2]
     with pytest.raises(ArgumentError, match="the same triangles"):
-        plot_path([meshes[0], made(PATH[1], TEMPLATE.faces[::-1])])
+        plot_path([meshes[0], to_trimesh(PATH[1], TEMPLATE.faces[::-1])])
     with pytest.raises(ArgumentTypeError, match="vertices and faces"):
         plot_body(PATH[0])
 
