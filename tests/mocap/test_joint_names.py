@@ -142,6 +142,15 @@ def test_names_of_studios(model):
         assert find_joints(names, model.parents) == expected, names[0]
 
 
+def test_collars_are_above_shoulders(model):
+    names = list(renamed(model.joint_names, "Mixamo"))
+    collar, neck = (model.joint_names.index(name) for name in ("left_collar", "neck"))
+    names[collar], names[neck] = "Extra", names[collar]
+    found = find_joints(names, model.parents)
+    assert "left_collar" not in found
+    assert "right_collar" in found
+
+
 @pytest.mark.parametrize("order", ["as it is", "right first"])
 def test_joints_without_names_are_found_by_the_shape(model, person, frames, order):
     betas, recording = person

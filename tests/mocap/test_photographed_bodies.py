@@ -28,6 +28,8 @@ def test_bodies_are_turned_upright_and_say_what_is_missing(bodies, photograph, t
     np.testing.assert_allclose(found.points, bodies.points[:2], atol=1e-6)
     assert found.missing == ("pred_keypoints_3d", "shape_params")
     assert found.translations.shape == (2, 3)
+    # In front of a camera whose y points down.
+    np.testing.assert_allclose(found.places, found.points + TURNED)
 
 
 def test_faces_come_from_a_mesh(bodies, photograph, tmp_path):

@@ -238,7 +238,7 @@ def test_avatars_of_smpl_files(smpl, tmp_path):
     path = avatar(tmp_path / "still.smpl", **dict.fromkeys(still))
     (body,) = load_recording(path, smpl, up="y")[:]
     np.testing.assert_allclose(body, smpl(BETAS), atol=1e-6)
-    for version, joints in ((0, 24), (1, 22)):
+    for version, joints in ((0, 24), (1, 22), (3, 22), (6, 24), (7, 22)):
         path = avatar(
             tmp_path / "other.smpl", smplVersion=np.int32(version), bodyPose=POSES[:, :joints]
         )
@@ -254,6 +254,7 @@ def test_avatars_of_smpl_files(smpl, tmp_path):
         ({"smplVersion": np.int32(9)}, "must be from 0 to 7; found 9"),
         ({"bodyPose": POSES}, r"bodyPose must have shape \(6, 22, 3\); found \(6, 24, 3\)"),
         ({"frameCount": np.array([1, 2])}, "frameCount must be a whole number"),
+        ({"frameCount": np.int32(0)}, "frameCount must be a whole number of at least 1"),
         ({"frameRate": np.float32(-1.0)}, "frameRate"),
         (
             {"frameCount": np.int32(2**31 - 1), "bodyPose": None, "bodyTranslation": None},
