@@ -43,13 +43,15 @@ def fields_of_smpl(arrays: Mapping[str, Array]) -> dict[str, Array]:
     count = _number(arrays, "frameCount", 1)
     if count > 1 and not {"bodyPose", "bodyTranslation"} & arrays.keys():
         raise FileFormatError(f"holds neither bodyPose nor bodyTranslation, but frameCount {count}")
+    # First, as a part of the poses that is missing takes the memory of all frames.
+    translations = _frames(arrays, "bodyTranslation", (count, 3))
     parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[version].items()]
     stored_rate = arrays.get("frameRate", np.array(_DEFAULT_RATE))
     value = stored_rate.item() if stored_rate.size == 1 else stored_rate
     rate = real_number(value, "frameRate", minimum=0.0, strict=True)
     fields = {
         "poses": np.concatenate(parts, axis=1),
-        "trans": _frames(arrays, "bodyTranslation", (count, 3)),
+        "trans": translations,
         "fps": np.array(rate),
     }
     if "shapeParameters" in arrays:
