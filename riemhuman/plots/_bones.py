@@ -43,13 +43,7 @@ class Extent:
 def bone_record(motion: ModelMotion, translations: Array, extent: Extent) -> dict[str, object]:
     """Return what the page needs to pose a body: at most 0.1 mm and 1e-4 radians are rounded.
 
-    Parameters
-    ----------
-    motion : ModelMotion
-    translations : array, shape (n_times, 3)
-        Where the motion is shown.
-    extent : Extent
-        See `extent_of`.
+    The motion is shown at the translations, shape (n_times, 3); its extent is that of `extent_of`.
     """
     surface = np.asarray(motion.model(motion.betas), dtype=np.float64)
     starts, joints, weights = _influences(motion.model.weights)

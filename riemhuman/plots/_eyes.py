@@ -31,12 +31,8 @@ _AROUND = 20  # vertices of a ring
 class Eyes:
     """Both eyes of bodies with certain triangles.
 
-    Parameters
-    ----------
-    sockets : array of int, shape (2, n)
-        Vertices of the body in both sockets.
-    weights : array, shape (2, 4, n)
-        The centre and three half axes of each eye, as combinations of those vertices.
+    `sockets` (2, n) are vertices of the body in both sockets; `weights` (2, 4, n) give the centre
+    and three half axes of each eye as combinations of those vertices.
     """
 
     sockets: Array
@@ -60,11 +56,7 @@ class Eyes:
     def socket_colors(self, corners: Array, faces: Triangles) -> Array:
         """Return the mean colours of the sockets for the triangles of both eyes, (F, 3, 3).
 
-        Parameters
-        ----------
-        corners : array, shape (n_faces, 3, 3)
-            Colours of the corners of the body's triangles.
-        faces : array of int, shape (n_faces, 3)
+        `corners` (n_faces, 3, 3) are the colours of the corners of the body's triangles.
         """
         means = [corners[np.isin(faces, socket)].mean(axis=0) for socket in self.sockets]
         socket_means = np.repeat(means, len(eyeball()[1]), axis=0)

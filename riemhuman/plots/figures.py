@@ -247,16 +247,8 @@ def value_colors(
 ) -> Array:
     """Return colours of values, from 0 or, if some are negative, about 0; the scale has an end.
 
-    Unknown values, which are NaN, are grey.
-
-    Parameters
-    ----------
-    values : array, shape (...)
-    largest : float, optional
-        Value of the last colour, also of larger ones; its negative has the first colour of a
-        scale with a sign. By default, the largest size of a value.
-    signed : bool, optional
-        Whether the scale has a sign; by default, whether a value is negative.
+    Unknown values, which are NaN, are grey. The last colour is that of `largest` and of larger
+    values, by default of the largest size; its negative has the first colour of a signed scale.
     """
     values = np.asarray(values, dtype=np.float64)
     known = np.isfinite(values)

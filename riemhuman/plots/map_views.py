@@ -33,15 +33,7 @@ _UNITS_PER_INCH = 20.0
 class MapPanel(Panel):
     """Points of a map beside the body that is pointed at.
 
-    Parameters
-    ----------
-    positions : array, shape (n, 2)
-    labels : array of int, shape (n,)
-    names : sequence of str
-        Names of the classes.
-    item_names : sequence of str, length n
-    note : str
-        What distances on the map mean.
+    `positions` are (n, 2) and `labels` (n,); `note` says what distances on the map mean.
     """
 
     positions: Array

@@ -197,15 +197,10 @@ def _with_signs(positions: Array) -> Array:
 
 
 def neighbours_kept(distances: ArrayLike, positions: ArrayLike) -> tuple[float, int, float]:
-    """Return which share of each item's nearest neighbours are its nearest on a map.
+    """Return which share of each item's nearest neighbours are its nearest on a map, (n, 2).
 
-    Also their number, and the share that positions by chance would have; where distances are equal,
-    neighbours are kept by chance.
-
-    Parameters
-    ----------
-    distances : array_like, shape (n, n)
-    positions : array_like, shape (n, 2)
+    Also their number, and the share that positions by chance would have; where distances (n, n) are
+    equal, neighbours are kept by chance.
     """
     matrix = distance_matrix(distances, "distances")
     places = real_array(positions, "positions", (len(matrix), "n_axes"), batched=False)

@@ -72,17 +72,8 @@ class _Row:
 class MeasurementPanel(Panel):
     """A list of measurements of one or two bodies of a page.
 
-    Parameters
-    ----------
-    groups : dict of str to list
-        Rows of each group.
-    lines : sequence of mapping of str to sequence of array
-        Lines of each body by the names of measurements.
-    surfaces : sequence of array, shape (V, 3)
-        The bodies.
-    faces : array of int, shape (F, 3)
-    visits : tuple of str
-        Names of two visits; empty for one body.
+    Rows are grouped by titles, and lines of each body named by measurements; `surfaces` are
+    (V, 3), and `visits` are the names of two visits, or empty.
     """
 
     groups: dict[str, list[_Row]]
@@ -115,19 +106,9 @@ def measurement_panel(
     names: tuple[str, ...] = (),
     system: str = "cm",
 ) -> MeasurementPanel:
-    """Return the list of measurements of one body, or of two with their change.
+    """Return the list of measurements of one body, or of two with their change and their names.
 
-    Parameters
-    ----------
-    measurements : Measurements
-    surfaces : sequence of array, shape (V, 3)
-        The bodies in the standard pose, or as they stand.
-    measured : BodySizes or VisitComparison
-        Values of the body, or of both.
-    names : tuple of str
-        Names of two bodies.
-    system : {"cm", "in"}
-        Units, see `readable_unit`.
+    The bodies are in the standard pose or as they stand; for `system`, see `readable_unit`.
     """
     lines = [measurements.lines(surface, axes="space") for surface in surfaces]
     every = measurements.definitions.measurements

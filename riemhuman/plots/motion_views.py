@@ -28,14 +28,7 @@ _MOST_POINTS = 400  # of the drawn curve
 class WarpPanel(Panel):
     """Which times of two motions correspond, as a curve with the moment that is shown.
 
-    Parameters
-    ----------
-    first, second : array, shape (n,)
-        Corresponding times, counted in frames from 0.
-    lasts : (int, int)
-        Numbers of the last frames of both motions.
-    names : (str, str)
-    frames_per_second : float, optional
+    `first` and `second` (n,) are corresponding times in frames from 0, `lasts` the last frames.
     """
 
     first: Array

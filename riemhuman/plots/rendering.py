@@ -189,14 +189,9 @@ def _corner_colors(colors: Array, n_vertices: int, faces: Triangles) -> Array:
 
 
 def surface_values(values: ArrayLike, n_vertices: int, n_faces: int) -> Array:
-    """Return real values of triangles, or of vertices, checked; their number tells which.
+    """Return real values (..., F) of triangles, or (..., V) of vertices, checked.
 
-    NaN stands for values that are not known.
-
-    Parameters
-    ----------
-    values : array_like, shape (..., F) or (..., V)
-    n_vertices, n_faces : int
+    Their number tells which; NaN stands for values that are not known.
     """
     numbers = values_of(values, "values")
     shape = numbers.shape

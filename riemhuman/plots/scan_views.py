@@ -66,16 +66,8 @@ _NEIGHBOUR = 7
 class ScanPanel(Panel):
     """A scan over the body of a page, with sliders for what is seen of both.
 
-    Parameters
-    ----------
-    over : ScanOverBody
-        As it is drawn: with few enough points.
-    counts : array of int, shape (n_bars,)
-        Numbers of points by their distance, from minus the limit to the limit.
-    limit : float
-        End of the colour scale, in the unit.
-    unit : ReadableUnit
-        Unit of the distances that the page shows.
+    `over` has few enough points to be drawn; `counts` (n_bars,) are numbers of points by their
+    distance, from minus the limit to the limit, the end of the colour scale in the unit.
     """
 
     over: ScanOverBody
@@ -141,10 +133,6 @@ def local_means(over: ScanOverBody) -> Array:
     """Return the mean distance of the scan around each vertex of its body, shape (V,), metres.
 
     It is NaN where the scan has too few points.
-
-    Parameters
-    ----------
-    over : ScanOverBody
     """
     foreground = over.chosen(~over.background)
     feet = foreground.scan_points - foreground.distances[:, np.newaxis] * foreground.normals
@@ -274,14 +262,7 @@ def _around(over: ScanOverBody) -> ScanOverBody:
 
 
 def colour_end(gaps: Sequence[Array], gap: ReadableUnit) -> float:
-    """Return a round end of the colour scale of one or several scans, in the unit.
-
-    Parameters
-    ----------
-    gaps : sequence of array
-        Sizes of the distances of each scan from its body, metres.
-    gap : ReadableUnit
-    """
+    """Return a round end of the colour scale of scans with these gaps in metres, in the unit."""
     medians = [float(np.median(of_scan)) for of_scan in gaps if len(of_scan)]
     most = _MEDIANS * gap.scale * float(np.median(medians)) if medians else 0.0
     ends = _ENDS[gap.name]

@@ -88,11 +88,5 @@ def track_of(frames: Points | ModelMotion, frames_per_second: float | None) -> A
 
 
 def ground_height(lowest: Array) -> float:
-    """Return the height of the ground on which a recorded body stands.
-
-    Parameters
-    ----------
-    lowest : array, shape (n_times,)
-        Height of the lowest vertex of each frame.
-    """
+    """Return the height of a recorded body's ground, from the lowest vertex of each frame."""
     return float(np.quantile(lowest, _BELOW_GROUND, method="lower"))

@@ -35,12 +35,8 @@ _AS_LARGE_AS_BODIES = 0.2  # metres
 class ComponentChanges:
     """What principal components change about a body, of which the page mixes any amounts.
 
-    Parameters
-    ----------
-    linear, quadratic : array, shape (K, V, 3)
-        Displacement per standard deviation of each component, and per its square, metres.
-    shares : array, shape (K,)
-        Share of the variance of each component.
+    `linear` and `quadratic` (K, V, 3) are displacements per standard deviation of each component
+    and per its square, metres; `shares` (K,) are those of the variance.
     """
 
     linear: Array

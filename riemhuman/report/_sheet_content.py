@@ -186,16 +186,7 @@ class Content:
 def content_of(
     definitions: MeasurementSet, subject: SheetSubject, values: SheetValues, units: str
 ) -> Content:
-    """Return the words and drawings of a sheet of a body, and of what is known about it.
-
-    Parameters
-    ----------
-    definitions : MeasurementSet
-        The measurements of the body, with its triangles and landmarks.
-    subject : SheetSubject
-    values : SheetValues
-    units : {"cm", "in"}
-    """
+    """Return the words and drawings of a sheet of a body, and of what is known about it."""
     faces = definitions.faces
     scan, body = body_pictures(subject, faces, front_facing(_across(definitions, subject)))
     pictures = []

@@ -37,15 +37,9 @@ def save_pdf(content: Content, file: Path, browser: str) -> None:
 
 
 def sheet_page(content: Content, *, printed: bool = False, index: str = "") -> str:
-    """Return the page of a sheet.
+    """Return the page of a sheet; for printing, with all its tables unfolded.
 
-    Parameters
-    ----------
-    content : Content
-    printed : bool
-        Whether it is made for printing, with all its tables unfolded.
-    index : str
-        Address of the page of all people, if there is one.
+    `index` is the address of the page of all people, if there is one.
     """
     return template("sheet.html").render(
         **vars(content),

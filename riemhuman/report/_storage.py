@@ -22,7 +22,6 @@ from riemhuman.io.fingerprint import describe
 _MARKER = "provenance.json"
 _MADE_BY = "riemhuman report"
 _SUBFOLDERS = ("figures", "tables", "views", "results")
-_LONGEST_RECORD = 2**23  # characters
 
 Progress = Callable[[str], AbstractContextManager[object]]
 Computed = tuple[Mapping[str, Values], Mapping[str, JSONValue]]
@@ -118,8 +117,7 @@ def _read(file: Path, key: str) -> tuple[JSONRecord, dict[str, Values]] | None:
     """Return the header and the arrays of a step, or None if the file holds another or none."""
     try:
         arrays = load_arrays(file, ["about"])
-        # Parsed JSON takes far more memory than its text, which itself was compressed.
-        header = json.loads(str(arrays.pop("about"))[:_LONGEST_RECORD])
+        header = json.loads(str(arrays.pop("about")))
         return (header, arrays) if header["fingerprint"] == key else None
     except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):
         return None

@@ -79,12 +79,7 @@ def scan_section(
 ) -> Section:
     """Return the section of a page that shows registered scans in the order of their records.
 
-    Parameters
-    ----------
-    records : sequence of ScanRecord
-    views : mapping of str to str, optional
-        Addresses of the pages of scans over their bodies, by names of scans.
-    units : {"cm", "in"}
+    `views` are the addresses of the pages of scans over their bodies, by names of scans.
     """
     unit = gap_unit(units)
     gaps = [np.abs(record.arrays["shown_distances"]) for record in records if record.arrays]
