@@ -89,7 +89,7 @@ def make_report(
 
     The folder contains ``index.html``, a page that needs no network connection, the figures as SVG
     and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``. A new run
-    computes only what has changed, and an interrupted run continues.
+    draws all figures, but computes only results that have changed; an interrupted run continues.
 
     Parameters
     ----------
