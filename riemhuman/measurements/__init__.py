@@ -15,7 +15,7 @@ from riemhuman.measurements.definitions import (
 )
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
-from riemhuman.measurements.measuring import BodySizes, Measurements, in_standard_pose
+from riemhuman.measurements.measuring import BodySizes, Measurements
 from riemhuman.measurements.nearest_bodies import NearestBody, nearest_body
 from riemhuman.measurements.people import (
     PersonDistance,
@@ -31,6 +31,7 @@ from riemhuman.measurements.predicted_measurements import (
 )
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.measurements.same_person import person_in_standard_pose
+from riemhuman.measurements.standard_pose import in_standard_pose
 from riemhuman.measurements.uncertainty import noise_of_measurements, pose_distance
 from riemhuman.measurements.visits import VisitComparison, compare_visits
 

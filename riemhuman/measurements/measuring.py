@@ -1,4 +1,4 @@
-"""Values of measurements of bodies, with names, units and derivatives; the standard pose."""
+"""Values of measurements of bodies, with names, units and derivatives."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike
-from riemhuman.bodies import BodyModel, joints_between
+from riemhuman.bodies import BodyModel
 from riemhuman.checks import (
     check_resolution,
     checked,
     choice,
     flag,
-    instance,
     mask,
     real_array,
     real_number,
@@ -32,8 +30,8 @@ from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.measurements.definitions import Measurement, nearest_name
 from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
+from riemhuman.measurements.standard_pose import in_standard_pose
 from riemhuman.optional import import_optional
-from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template, check_body_sizes
 
 if TYPE_CHECKING:
@@ -50,15 +48,6 @@ _VERTICES = 20_000
 _THREADED = 64
 # Largest share of a measurement, by its derivatives, that may depend on unseen vertices.
 _MOST_UNSEEN = 0.05
-# Weight of the coefficients of hand poses in the fit, square metres. Fists are fitted, too: with
-# relaxed hands, they would rotate the wrists.
-_HANDS_PRIOR = 1e-6
-# How far from a joint its rotation changes the flesh, metres, and the rotation, radians, at which
-# half of what a body differs from its fit belongs to the pose. Smaller angles repeat better, but
-# people's values lose some of their spread.
-_REACH_OF_JOINTS, _HALF_TRUSTED = 0.15, 1.0
-# Uneven bends of a spine, root of the sum of their squares in radians, that poses can have.
-_BENDS_OF_POSES = np.radians(7.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -416,99 +405,6 @@ def values_and_slopes(
     bodies = LandmarkedBodies(definitions, surfaces, axes)
     pairs = [measurement.value_and_slopes(bodies) for measurement in definitions.measurements]
     return np.stack([value for value, _ in pairs], axis=-1), [slopes for _, slopes in pairs]
-
-
-@checked(definitions=instance(MeasurementSet))
-def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
-    """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
-
-    The body model is fitted to each body, hands included. `riemhuman.solvers.ShapeTransfer` then
-    transfers the difference between the body and its fit to the fitted person in the standard pose,
-    with relaxed hands: triangles stretch by the same amounts, along axes that rotate with them.
-    Near joints that bend far from the standard pose, less of the difference is transferred. On five
-    sets of simulated people whose flesh moves with the pose, this lowers the variation of the
-    median measurement over poses by 15 to 29 per cent, at slopes of 0.97 to 1.00 against the value
-    of the same person made in the standard pose; on real people it was not measured. If
-    the fit bends the spine unevenly, forward and back, these bends are kept: they belong to the
-    shape of the person, though the model explains them as posture.
-
-    Parameters
-    ----------
-    definitions : MeasurementSet
-        Measurements of a body model, with the standard pose.
-    points : array, shape (..., V, 3)
-        Bodies, metres.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> measurements = rh.measurements.Measurements(bodies.model)
-    >>> straight = rh.measurements.in_standard_pose(measurements.definitions, bodies[3])
-    >>> straight.shape
-    (1202, 3)
-    """
-    model = definitions.model
-    if model is None:
-        raise ArgumentError(
-            'pose="standard" needs a body model, whose fit removes the pose; found a surface'
-        )
-    points = real_array(points, "points", (definitions.n_vertices, 3))
-    hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
-    fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
-    transfer = ShapeTransfer()
-    straight = np.empty_like(points)
-    for index in np.ndindex(points.shape[:-2]):
-        hands = None if fit.hands is None else fit.hands[index]
-        fitted = model(fit.betas[index], fit.pose[index], fit.trans[index], hands)
-        target = model(fit.betas[index], _standard_pose_of(definitions, fit.pose[index]))
-        detail = points[index] - fitted
-        detail *= _shares_of_person(definitions, fit.pose[index])[:, np.newaxis]
-        straight[index] = transfer.solve(definitions.space, fitted, fitted + detail, target)
-    return straight
-
-
-def _shares_of_person(definitions: MeasurementSet, fitted: Array) -> Array:
-    """Return how much of what a body differs from its fit belongs to the person, shape (V,).
-
-    The rest belongs to the pose: flesh moves where joints bend, in ways that the model lacks.
-    """
-    model = definitions.model
-    assert model is not None
-    bends = Rotation.from_rotvec(definitions.standard_pose_vector).inv()
-    angles = (bends * Rotation.from_rotvec(fitted)).magnitude()
-    has_parent = model.parents >= 0
-    angles[~has_parent] = 0.0
-    gaps = np.linalg.norm(model.template.vertices[:, np.newaxis] - model.joints(), axis=-1)
-    nearness = np.exp(-0.5 * (gaps / _REACH_OF_JOINTS) ** 2)
-    # A hand beside the hip does not change when the hip bends.
-    follows = model.weights + np.where(has_parent, model.weights[:, model.parents], 0.0)
-    nearness *= np.minimum(2.0 * follows, 1.0)
-    squared_bends = np.sum((nearness * angles) ** 2, axis=1)
-    shares: Array = _HALF_TRUSTED**2 / (_HALF_TRUSTED**2 + squared_bends)
-    return shares
-
-
-def _standard_pose_of(definitions: MeasurementSet, fitted: Array) -> Array:
-    """Return the standard pose, with the uneven bends of a fitted spine between upright ends."""
-    pose = definitions.standard_pose_vector.copy()
-    assert definitions.model is not None
-    names = definitions.model.joint_names
-    left = definitions.axes[:, 0]
-    frame = [names.index(name) for name in definitions.frame if name in names]
-    spine = joints_between(definitions.model.parents, *frame[:2])[1:-1] if len(frame) == 4 else []
-    if not spine:
-        return pose
-    bends = fitted[spine] @ left
-    bends -= bends.mean()
-    # The shrinkage of James and Stein: no bends remain where poses explain them.
-    bends *= max(0.0, 1.0 - _BENDS_OF_POSES**2 / max(bends @ bends, np.finfo(float).tiny))
-    # The trunk as a whole is upright, and the legs stand as in the standard pose.
-    tilt = -np.mean(np.cumsum([0.0, *bends])) * left
-    pose[spine] += bends[:, np.newaxis] * left
-    pose[frame[0]] += tilt
-    hips = Rotation.from_rotvec(-tilt) * Rotation.from_rotvec(pose[frame[2:]])
-    pose[frame[2:]] = hips.as_rotvec()
-    return pose
 
 
 def _checked_trust(trusted_vertices: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -8,7 +8,7 @@ from riemhuman.arrays import Array, ArrayLike, Booleans
 from riemhuman.checks import checked, instance, mask, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.measurement_set import MeasurementSet
-from riemhuman.measurements.measuring import in_standard_pose
+from riemhuman.measurements.standard_pose import in_standard_pose
 from riemhuman.measurements.uncertainty import pose_distance
 
 # Weight of what a scan did not show, beside what it did: where no scan shows the body, all count.
@@ -29,9 +29,10 @@ def person_in_standard_pose(
     Each scan is brought into the standard pose alone, by `in_standard_pose`; where a scan does not
     show the body, the others count. What a pose changes about the flesh differs from scan to scan,
     so that it cancels in part. On simulated people whose flesh moves in ways that the body model
-    lacks, the median measurement of a person varies by 5.6 mm over poses with one scan, 3.9 with
-    two and 2.5 with four; on natural simulated people by 2.4, 1.8 and 1.2
-    (tests/benchmarks/test_several_scans.py). How much real people gain was not measured.
+    lacks, the median measurement of a person varies by 4.7 mm over poses with one scan, 3.5 with
+    two and 2.3 with four, at slopes of 0.95 to 0.97 against the person made in the standard pose;
+    on natural simulated people by 2.6, 1.9 and 1.3 mm (tests/benchmarks/test_several_scans.py).
+    How much real people gain was not measured.
 
     One shape of the body model for all scans, with a pose for each, was tried in place of the mean,
     and repeated no better.

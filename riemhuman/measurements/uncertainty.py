@@ -63,8 +63,10 @@ def noise_of_measurements(
     The variance is noise² + b d: `noise` is that of simulated people registered from scans, d the
     distance between poses, and b was measured on five real people in ten poses each (FAUST
     registrations) [1]_. For d = 0.8 the median over all measurements is 7 mm; for the neck it is
-    22 mm. Of the data set's five other people, 5.1 per cent of the measurements differ between two
-    poses by more than 2√2 times this value; 4.55 per cent are expected.
+    22 mm. Of the data set's five other people, 5.1 per cent of the measurements differed between
+    two poses by more than 2√2 times this value; 4.55 per cent are expected. That was with an
+    earlier `in_standard_pose`, which left more of the pose in simulated people whose flesh moves:
+    b is probably too large today. It was not measured again.
 
     Parameters
     ----------
@@ -89,9 +91,9 @@ def noise_of_measurements(
     Examples
     --------
     >>> rh.measurements.noise_of_measurements(["stature", "chest girth"]).round(4).tolist()
-    [0.005, 0.0084]
+    [0.0053, 0.0079]
     >>> rh.measurements.noise_of_measurements(["stature", "chest girth"], 1.0).round(4).tolist()
-    [0.0071, 0.0373]
+    [0.0073, 0.0372]
     """
     names = texts_of(names, "names", "a list of names of measurements")
     distances = real_array(pose_distance, "pose_distance")[..., np.newaxis]

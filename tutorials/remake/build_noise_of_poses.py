@@ -12,8 +12,8 @@ People differ in how much they vary, so that the median of their deviations woul
 twice as many. With --people 0 there are none, and it writes nothing.
 
 Real people vary more, in proportion to the distance of their poses: variation_of_people.json holds
-slopes of FAUST's people as published with the library. No command remakes it, because the bodies
-may not be stored here.
+slopes of FAUST's people, measured with an earlier standard pose. No command remakes it, because the
+bodies may not be stored here.
 
 Last, it prints how many of the measurements of two poses are beyond their thresholds, by chance
 3.9 of 85, for all pairs of poses of plain people, and of natural ones that were not registered.
