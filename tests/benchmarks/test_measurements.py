@@ -55,7 +55,7 @@ def test_times(benchmark, resolution):
         print(f"{what}: body {find:.0f} ms, prediction {predict:.1f} ms")
 
 
-# Seed, strength and waves of people whose flesh moves; none of them chose how much is transferred.
+# Seed, strength and waves of people whose flesh moves.
 FLESH = [(21, 0.8, 0.004), (22, 1.2, 0.002), (23, 1.6, 0.002)]
 
 
