@@ -44,7 +44,8 @@ def view(shown: object, faces: ArrayLike | None = None) -> Viewer:
         registered scan, over its body; a fitted `TangentPCA`, with a slider for each component; a
         template or body model; or the path of a mesh or recording.
     faces : array_like, shape (F, 3), optional
-        Triangles; needed for arrays, paths and means (in metres, with y up).
+        Triangles; needed for arrays, paths and means (in metres, with y up). What has its own, such
+        as `Bodies`, a motion or a file, is shown with those.
 
     Raises
     ------
