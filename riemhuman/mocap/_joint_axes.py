@@ -244,17 +244,12 @@ def _axes_of_foot(
         weights = flat if flat.any() else source.is_valid
         level = turned_towards(shank, up, _VERTICAL) if flat.any() else shank
         return {ankle: mean_axes(rotations, level, weights)}
-    directions = unit(bone(source.positions, source.joints, ankle, toes))
-    rest = figure.bone(ankle, toes)
-    # People who stand still on the balls of their feet do not have level soles.
-    steepest = np.arcsin(-unit(rest) @ up) + np.radians(_HEEL_RAISED)
-    flat = flat & (np.arcsin(np.clip(-directions[:, 1], -1.0, 1.0)) < steepest)
-    foot, toes_on_average = _axes_by_floor(source, figure, side, flat, shank)
+    foot, toes_on_average = _axes_by_floor(source, figure, side, shank)
     return {ankle: foot, toes: _axes_at_rest(source, foot, toes_on_average)}
 
 
 def _axes_by_floor(
-    source: RecordedSkeleton, figure: Figure, side: str, flat: Booleans, shank: Array
+    source: RecordedSkeleton, figure: Figure, side: str, shank: Array
 ) -> tuple[Array, Array]:
     """Return the axes of a foot and its toes, by the frames in which they are on the floor."""
     names = f"{side}_ankle", f"{side}_toes"
@@ -262,6 +257,10 @@ def _axes_by_floor(
     rest, up, left = figure.bone(*names), figure.frame[:, 0], figure.frame[:, 1]
     rotations, toe_rotations = (source.rotation(name) for name in names)
     sole = frame(_VERTICAL, directions) @ frame(up, rest).T
+    # People who stand still on the balls of their feet do not have level soles.
+    steepest = np.arcsin(-unit(rest) @ up) + np.radians(_HEEL_RAISED)
+    is_level = np.arcsin(np.clip(-directions[:, 1], -1.0, 1.0)) < steepest
+    flat = source.flat[:, SIDES.index(side)] & is_level
     if flat.any():
         # Soles are level in the mean over frames in which the foot stands still.
         return mean_axes(rotations, sole, flat), mean_axes(toe_rotations, sole, flat)
