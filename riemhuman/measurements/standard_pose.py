@@ -60,7 +60,7 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     """Return bodies in the standard pose, along the axes of the body model, shape (..., V, 3).
 
     The body model is fitted to each body, hands included. The difference between the body and its
-    fit is divided into what belongs to the person and what the pose does to the flesh, above all
+    fit has two parts: one is the person's, the other is how flesh moves with the pose, above all
     near bent joints. `riemhuman.solvers.ShapeTransfer` transfers the person's part to the fitted
     person in the standard pose, with relaxed hands: triangles stretch by the same amounts, along
     axes that rotate with them. If the fit bends the spine unevenly, forward and back, these bends
@@ -95,7 +95,8 @@ def in_standard_pose(definitions: MeasurementSet, points: Array) -> Array:
     points = real_array(points, "points", (definitions.n_vertices, 3))
     hands_prior = _HANDS_PRIOR if model.hand_directions.shape[-1] else None
     fit = model.fit(points, weights=model.template.vertex_areas, hands_prior=hands_prior)
-    fields, transfer = _fields(definitions), ShapeTransfer()
+    standard_pose = definitions.standard_pose_vector
+    fields, transfer = _fields(model, tuple(standard_pose.ravel().tolist())), ShapeTransfer()
     straight = np.empty_like(points)
     for index in np.ndindex(points.shape[:-2]):
         shapes = fit.betas[index]
@@ -207,9 +208,9 @@ class _Fields:
 
 
 @lru_cache(maxsize=4)
-def _fields(definitions: MeasurementSet) -> _Fields:
-    assert definitions.model is not None
-    return _Fields(definitions.model, definitions.standard_pose_vector)
+def _fields(model: BodyModel, standard_pose: tuple[float, ...]) -> _Fields:
+    # Setting them up takes longer than a body, and sets of measurements may share a model.
+    return _Fields(model, np.reshape(standard_pose, (-1, 3)))
 
 
 def _covariances(squares: Array, field: dict[float, float]) -> Array:
