@@ -32,7 +32,7 @@ from riemhuman.registration._constants import (
 )
 from riemhuman.registration._dense_fit import DenseTask
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic, last_stiffness
-from riemhuman.registration._posed_body import Pose, pose_body, take_step
+from riemhuman.registration._posed_body import Pose, normal_equations, pose_body, take_step
 from riemhuman.surfaces.template import Template
 
 
@@ -82,16 +82,10 @@ def fit_beneath(task: DenseTask, pose: Pose) -> Pose:
         # The square with this weight touches the cost at the height.
         outside = CLOTHED_PRIOR * N_CLOTHES / CLOTHES_METRES / np.maximum(heights, TOUCHING_CLOTH)
         shares = samples.areas * weights * np.where(bare | (heights < 0.0), 1.0, outside)
-        pose = take_step(
-            posed,
-            task.prior,
-            CLOTHED_PRIOR,
-            shares,
-            gaps,
-            normals,
-            DENSE_ALONG,
-            DENSE_LONGEST_ROTATION,
+        equations = normal_equations(
+            posed, task.prior, CLOTHED_PRIOR, shares, gaps, normals, DENSE_ALONG
         )
+        pose = take_step(posed, equations, DENSE_LONGEST_ROTATION)
     return pose
 
 

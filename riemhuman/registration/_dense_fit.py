@@ -29,7 +29,14 @@ from riemhuman.registration._constants import (
     WRIST_DEGREES,
 )
 from riemhuman.registration._even_points import even_points
-from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
+from riemhuman.registration._posed_body import (
+    ModelSamples,
+    Pose,
+    Prior,
+    normal_equations,
+    pose_body,
+    take_step,
+)
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._start_search import Candidate, anneal_finely
@@ -121,7 +128,7 @@ def fit_closest(
         posed = pose_body(body, pose)
         gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, scale)
         shares = body.areas * weights
-        pose = take_step(
+        equations = normal_equations(
             posed,
             prior,
             scan.prior_weight,
@@ -129,9 +136,9 @@ def fit_closest(
             gaps,
             normals,
             DENSE_ALONG,
-            DENSE_LONGEST_ROTATION,
             with_detail=with_detail and scale <= DETAIL_SCALE,
         )
+        pose = take_step(posed, equations, DENSE_LONGEST_ROTATION)
     return pose
 
 

@@ -32,7 +32,7 @@ from riemhuman.registration._constants import (
     UNMATCHED_WEIGHT,
 )
 from riemhuman.registration._dense_fit import DenseTask
-from riemhuman.registration._posed_body import Pose, pose_body, take_step
+from riemhuman.registration._posed_body import Pose, normal_equations, pose_body, take_step
 from riemhuman.registration._scan_preparation import Matches, PreparedScan
 
 
@@ -82,9 +82,8 @@ def _fit_surface(task: DenseTask, pose: Pose, points: Array, weights: Array) -> 
     for _ in range(N_SURFACE_STEPS):
         posed = pose_body(task.samples, pose)
         gaps = np.where(is_vertex, points[numbers] - posed.points, 0.0)
-        pose = take_step(
-            posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0, DENSE_LONGEST_ROTATION
-        )
+        equations = normal_equations(posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0)
+        pose = take_step(posed, equations, DENSE_LONGEST_ROTATION)
     return pose
 
 

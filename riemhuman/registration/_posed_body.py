@@ -154,26 +154,12 @@ def _rotation_vectors(rotations: Array) -> Array:
     return vectors
 
 
-def take_step(
-    posed: PosedBody,
-    prior: Prior,
-    prior_weight: float,
-    shares: Array,
-    gaps: Array,
-    directions: Array,
-    along: float,
-    longest: float,
-    *,
-    with_detail: bool = False,
-) -> Pose:
-    """Return the parameters after one damped Gauss–Newton step, see `normal_equations`.
+def take_step(posed: PosedBody, equations: tuple[Array, Array], longest: float) -> Pose:
+    """Return the parameters after one damped Gauss–Newton step by its `normal_equations`.
 
     No joint rotates by more than `longest`, radians.
     """
-    matrix, right = normal_equations(
-        posed, prior, prior_weight, shares, gaps, directions, along, with_detail=with_detail
-    )
-    step, pose = np.linalg.solve(matrix, right), posed.pose
+    step, pose = np.linalg.solve(*equations), posed.pose
     n_angles = 3 * len(pose.local)
     vectors = np.einsum("jyx,yj->jx", posed.motions.axes, step[:n_angles].reshape(3, -1))
     angles = np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -47,7 +47,14 @@ from riemhuman.registration._constants import (
     SearchRound,
 )
 from riemhuman.registration._even_points import even_points
-from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body, take_step
+from riemhuman.registration._posed_body import (
+    ModelSamples,
+    Pose,
+    Prior,
+    normal_equations,
+    pose_body,
+    take_step,
+)
 from riemhuman.registration._registration_model import End, RegistrationModel
 from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
 from riemhuman.registration._start_poses import UP_POSES, other_arms
@@ -171,9 +178,8 @@ def anneal(
             # Near the end, the points that belong to a point of the body are on one side of it.
             shares = np.where(known | end.shows(posed.points, sigma), shares, 0.0)
         weight = sigma * sigma / SCAN_WORTH
-        pose = take_step(
-            posed, prior, weight, shares, gaps, posed.normals, 1.0, SEARCH_LONGEST_ROTATION
-        )
+        equations = normal_equations(posed, prior, weight, shares, gaps, posed.normals, 1.0)
+        pose = take_step(posed, equations, SEARCH_LONGEST_ROTATION)
     return pose, likelihood
 
 

@@ -5,7 +5,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration._posed_body import Pose, Prior, pose_body, sample_model, take_step
+from riemhuman.registration._posed_body import (
+    Pose,
+    Prior,
+    normal_equations,
+    pose_body,
+    sample_model,
+    take_step,
+)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +69,8 @@ def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
     gaps = [targets - posed.points]
     prior = Prior(goal.local, np.zeros(len(goal.local)), goal.betas, np.zeros(len(goal.betas)))
     for _ in range(2):
-        step = take_step(posed, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
+        equations = normal_equations(posed, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0)
+        step = take_step(posed, equations, 1.0)
         posed = pose_body(body, step)
         gaps.append(targets - posed.points)
     sizes = [np.abs(gap).max() for gap in gaps]
@@ -85,8 +93,12 @@ def test_what_smooth_skin_explains_moves_no_joint(model):
     prior = Prior(rest.local, ones, rest.betas, np.ones(len(rest.betas)))
     with_skin, without = (
         take_step(
-            posed, prior, 1e-8, body.areas, heights[:, np.newaxis] * posed.normals,
-            posed.normals, 0.05, 0.3, with_detail=with_detail,
+            posed,
+            normal_equations(
+                posed, prior, 1e-8, body.areas, heights[:, np.newaxis] * posed.normals,
+                posed.normals, 0.05, with_detail=with_detail,
+            ),
+            0.3,
         )
         for with_detail in (True, False)
     )  # fmt: skip
