@@ -8,9 +8,11 @@ compared in small letters, without separators: "R.Knee.Lat" is "kneelat" of the 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import product
 
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.mocap._joint_names import SIDES
@@ -53,132 +55,114 @@ def _with_words(stems: str, words: str) -> str:
 
 
 def _centre(joint: str, names: str) -> Row:
-    words = ("jc", "jointcentre", "jointcenter", "centre", "center", "joint", "jcs")
-    return _row(joint, Way.CENTRE, " ".join([names, *(joint + word for word in words)]))
+    ends = "jc jointcentre jointcenter centre center joint jcs"
+    return _row(joint, Way.CENTRE, " ".join([names, *(joint + end for end in ends.split())]))
 
 
-def _middle(joint: str, stems: str) -> Row:
-    lateral = _with_words(stems, "lat lateral l out outer outside o ext")
-    medial = _with_words(stems, "med medial m in inner inside i int")
-    return _row(joint, Way.MIDDLE, f"{stems} {lateral}", medial)
+def _joint(joint: str, centre: str, stems: str, lateral: str, medial: str = "") -> tuple[Row, ...]:
+    """Return the ways to a joint: its centre, between two markers, or beside one on the skin."""
+    lateral = f"{stems} {_with_words(stems, 'lat lateral l out outer outside o ext')} {lateral}"
+    medial = f"{_with_words(stems, 'med medial m in inner inside i int')} {medial}"
+    return (
+        _centre(joint, centre),
+        _row(joint, Way.MIDDLE, lateral, medial),
+        # OpenPose, Pose2Sim, HALPE and other video methods.
+        _row(joint, Way.CENTRE, joint),
+        _row(joint, Way.LATERAL, lateral),
+    )
 
 
+# Names of centres are those of Cortex, OpenCap, Plug-in Gait, and Rajagopal 2016. Stems are those
+# of OpenCap, Plug-in Gait, CMU, CGM 2, Helen Hayes, OptiTrack and gait2354.
 RECIPES = (
-    # Cortex, OpenCap, Plug-in Gait, Rajagopal 2016.
-    _centre("hip", "hjc fep hjcreg"),
-    _centre("knee", "kjc feo"),
-    _centre("ankle", "ajc tio"),
+    # IOR (Leardini 2007), Human Body Model, CAST.
+    *_joint(
+        *("hip", "hjc fep hjcreg", "hip"),
+        "gtro gt ftc tro troch trochanter greatertrochanter",
+    ),
+    # IOR, Rajagopal 2016, Qualisys, Human Body Model; Visual3D; Xsens; names in full.
+    *_joint(
+        *("knee", "kjc feo", "knee kne kn"),
+        "lfe lfc lek fle le lepi latcon lcon lk knee1 lateralepicondyle lateralcondyle "
+        "lateralfemoralepicondyle femoralepicondyle kneelatepicondyle",
+        "mfe mfc mek fme me mepi medcon mcon mk medialepicondyle medialcondyle "
+        "medialfemoralepicondyle kneemedepicondyle",
+    ),
+    *_joint(
+        *("ankle", "ajc tio", "ankle ank"),
+        "lm lmal latmal fal lma la mall ankle1 lateralmalleolus latmalleolus",
+        "mm mmal medmal tam mma ma med medialmalleolus medmalleolus",
+    ),
     _centre("shoulder", "sjc ghjc gh clo"),
-    _centre("elbow", "ejc huo"),
-    _centre("wrist", "wjc rao"),
-    # OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354.
-    _middle("knee", "knee kne"),
-    # IOR (Leardini 2007), Rajagopal 2016, Qualisys, Human Body Model.
-    _row(
-        *("knee", Way.MIDDLE),
-        "lfe lfc lek fle le lepi lateralepicondyle lateralcondyle",
-        "mfe mfc mek fme me mepi medialepicondyle medialcondyle",
-    ),
-    # Laboratories' own, Visual3D, and names in full.
-    _row(
-        *("knee", Way.MIDDLE),
-        "latcon lcon lk lateralfemoralepicondyle",
-        "medcon mcon mk medialfemoralepicondyle",
-    ),
-    # OpenCap, Plug-in Gait with medial markers, Helen Hayes, gait2354.
-    _middle("ankle", "ankle ank"),
-    # IOR, Rajagopal 2016, Qualisys, Human Body Model.
-    _row(
-        *("ankle", Way.MIDDLE),
-        "lm lmal latmal fal lma la lateralmalleolus",
-        "mm mmal medmal tam mma ma medialmalleolus",
-    ),
     # CMU with 53 markers, Rajagopal 2016.
     _row(
         *("shoulder", Way.MIDDLE),
         "fsh ash frontshoulder shoulderfront shoant shoulderant",
         "bsh psh backshoulder shoulderback shopost shoulderpost",
     ),
-    # OpenCap, gait2354.
-    _middle("elbow", "elbow elb"),
-    # Rajagopal 2016, Qualisys, Human Body Model.
-    _row("elbow", Way.MIDDLE, "lhe lel lee hle lhepi epicl", "mhe mel mee hme mhepi epicm"),
-    # gait2354, CMU with 53 markers (LOWR, LIWR).
-    _middle("wrist", "wrist wri wr"),
-    # Plug-in Gait, OpenCap, Rajagopal 2016, Qualisys, Human Body Model.
-    _row(
-        *("wrist", Way.MIDDLE),
-        "wra wristradius wristradial radius faradius rsp w1 wr1 lw",
-        "wrb wristulna wristulnar ulna faulna usp w2 wr2 mw",
-    ),
-    # pyomeca.
-    _row("wrist", Way.MIDDLE, "stylr rs", "stylu us"),
-    # OpenPose, Pose2Sim, HALPE and other video methods.
-    *(
-        _row(joint, Way.CENTRE, joint)
-        for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-    ),
-    # IOR, Human Body Model.
-    _row("hip", Way.LATERAL, "hip gtro gt ftc tro troch trochanter greatertrochanter"),
-    # Plug-in Gait, CMU, and other sets without their medial markers.
-    _row(
-        *("knee", Way.LATERAL),
-        "knee kne kneelat latknee kneeout knee1 lfe lfc lek fle le lepi latcon lcon lk",
-    ),
-    _row(
-        *("ankle", Way.LATERAL),
-        "ankle ank anklelat latankle ankleout ankle1 lm lmal latmal fal lma la mall",
-    ),
+    _row("shoulder", Way.CENTRE, "shoulder"),
     # Plug-in Gait, CMU, IOR, Qualisys, gait2354.
     _row(
         *("shoulder", Way.ABOVE),
         "shoulder sho shld sh should shouldertop saj sae caj acromion acromium acr acro ac acrotip "
         "acj",
     ),
-    # Plug-in Gait, CMU, Qualisys.
-    _row(
-        *("elbow", Way.LATERAL), "elbow elb elbowlat latelbow elbowout uhe elbow1 lhe lel lee hle"
+    # Rajagopal 2016, Qualisys, Human Body Model; Xsens; names in full.
+    *_joint(
+        *("elbow", "ejc huo", "elbow elb el"),
+        "lhe lee hle lhepi epicl uhe elbow1 armlatepicondyle lateralhumeralepicondyle",
+        "mhe mee hme mhepi epicm armmedepicondyle medialhumeralepicondyle",
     ),
-    # Helen Hayes, Qualisys, and others with one of two.
-    _row(
-        *("wrist", Way.LATERAL),
-        "wrist wri wr wrist1 wra wrb rsp usp w1 w2 wristlat wristmed wristout wristin owr iwr rad",
+    # Plug-in Gait, Rajagopal 2016, Qualisys, Human Body Model; pyomeca; Xsens; names in full.
+    *_joint(
+        *("wrist", "wjc rao", "wrist wri wr"),
+        "wra wristradius wristradial radius faradius rsp w1 wr1 wrist1 lw stylr rs rad "
+        "radialstyloid",
+        "wrb wristulna wristulnar ulna faulna usp w2 wr2 mw stylu us ulnarstyloid",
     ),
-    # Of the toes: the middle of the foot in front (Plug-in Gait, IOR, Human Body Model), pairs
-    # across it (OpenCap, Pose2Sim, IOR, gait2354), and its end (gait2354, MediaPipe).
-    _row("toes", Way.CENTRE, "toes toe mt2 2meta meta2 2mth mtp2 fm2 smh 2nd met"),
+    # One of two markers, on the other side of the wrist.
+    _row("wrist", Way.LATERAL, "wrb usp w2 wristmed wristin iwr"),
+    # Of the toes: the middle of the foot in front (Plug-in Gait, IOR, Human Body Model, Qualisys),
+    # pairs across it (OpenCap, Pose2Sim, IOR, gait2354, Xsens), and its end (gait2354, MediaPipe).
+    _row(
+        *("toes", Way.CENTRE),
+        "toes toe mt2 2meta meta2 2mth mtp2 fm2 smh sm 2nd met forefoot2 secondmetatarsalhead",
+    ),
     _row(
         *("toes", Way.MIDDLE),
-        "smalltoe mt5 5thmet mh5 5meta meta5 5mth mtp5 fm5 toelat toeout p5mt",
-        "bigtoe mt1 1stmet mh1 1meta meta1 1mth mtp1 fm1 toemed toein p1mt",
+        "smalltoe mt5 5thmet mh5 5meta meta5 5mth mtp5 fm5 toelat toeout p5mt vm 5th vmh forefoot5 "
+        "fifthmetatarsal",
+        "bigtoe mt1 1stmet mh1 1meta meta1 1mth mtp1 fm1 toemed toein p1mt fm 1st fmh forefoot1 "
+        "firstmetatarsal",
     ),
-    _row("toes", Way.CENTRE, "tiptoe toetip bigtoe hallux footindex toe1 5meta mt5 meta5"),
+    _row("toes", Way.CENTRE, "tiptoe toetip bigtoe hallux footindex toe1 5meta mt5 meta5 foot"),
     # Corners of the pelvis: Plug-in Gait, IOR, CMU (LFWT, LBWT), OptiTrack.
     _row(
-        "asis",
-        Way.CENTRE,
+        *("asis", Way.CENTRE),
         "asis asi ias fwt frontwaist waistfront pelvisfront anteriorsuperioriliacspine",
     ),
     _row(
-        "psis",
-        Way.CENTRE,
+        *("psis", Way.CENTRE),
         "psis psi ips bwt backwaist waistback pelvisback posteriorsuperioriliacspine",
     ),
     # The head: video methods and laboratories' own; Plug-in Gait, CMU.
-    _row("ear", Way.CENTRE, "ear head temple"),
+    _row("ear", Way.CENTRE, "ear head temple auricularis"),
     _row("head_front", Way.CENTRE, "fhd headfront fronthead"),
     _row("head_back", Way.CENTRE, "bhd headback backhead"),
 )
 
 # Markers without a side.
-_SACRUM = ("sacr", "sacrum", "sacral", "vsacral", "sac", "psis", "midpsis", "s1", "s2")
-_HEAD = ("head", "headcentre", "headcenter", "tophead", "headtop", "thead", "vertex")
-_NOSE = ("nose",)
+_SACRUM = ("sacr", "sacrum", "sacral", "vsacral", "sac", "psis", "midpsis", "s1", "s2", "waistback")
+_HEAD = ("head", "headcentre", "headcenter", "tophead", "headtop", "topofhead", "thead", "vertex")
+_NOSE = ("nose", "headfront", "fronthead", "fhead")
 # Joints of which video methods see the centre, under names that laboratories use for the skin.
 _NAMES_OF_CENTRES = frozenset(role.split("_")[1] for role in NEEDED)
 # OpenCap's suffix for markers on the skin: RShoulder is a centre, r_shoulder_study is not.
 _SKIN_WORD, _ON_SKIN = "study", " on skin"
 _SIDE_WORDS = {"left": ("left", "lx", "l"), "right": ("right", "rx", "r")}
+_LETTERS = {word for words in _SIDE_WORDS.values() for word in words}
+# What may be before all names; Xsens has "pLeftASI".
+_FIRST_WORD = re.compile(r"[^_.\s-]+[_.\s-]+|p(?=[A-Z])")
 
 
 @dataclass(frozen=True)
@@ -194,11 +178,7 @@ class MarkerNames:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._numbers: dict[tuple[str, str], int] = {}
-        # A trial or a person before all names: "251112_KUO_LASI".
-        first = re.match(r".{3,}[_.\s-]", names[0]) if names else None
-        is_shared = first is not None and all(name.startswith(first[0]) for name in names)
-        start = len(first[0]) if first is not None and is_shared else 0
-        for number, name in enumerate(name[start:] for name in names):
+        for number, name in enumerate(_without_prefix(names)):
             for side, text, is_skin in _readings(name):
                 spelling = text + _ON_SKIN if is_skin else text
                 self._numbers.setdefault((side, spelling), number)
@@ -221,31 +201,25 @@ class MarkerNames:
             is_centre = row.names == ((part,),) and part in _NAMES_OF_CENTRES
             if is_centre and (self._is_laboratory or (side, part) not in self._numbers):
                 continue  # among a laboratory's markers, it is one on the skin
-            number = self._first(side, row.names[0])
-            if number is not None:
-                recipes.append(Recipe((number,), row.way))
+            recipes += [Recipe((number,), row.way) for number in self._all(side, row.names[0])]
         return recipes
 
     def _pairs(self, side: str, row: Row) -> list[tuple[int, int]]:
-        """Return the pairs of markers of a row, both from one source."""
-        pairs = []
-        for ending in (_ON_SKIN, ""):
-            ends = []
-            for names in row.names:
-                found = [self._numbers.get((side, name + ending)) for name in names]
-                ends.append(next((number for number in found if number is not None), None))
-            first, second = ends
-            if first is not None and second is not None and first != second:
-                pairs.append((first, second))
-        return pairs
+        """Return the pairs of markers of a row, both on the skin or both not."""
+        first, second = row.names
+        return [
+            pair
+            for ending in ((_ON_SKIN,), ("",))
+            for pair in product(self._all(side, first, ending), self._all(side, second, ending))
+            if pair[0] != pair[1]
+        ]
 
-    def _first(self, side: str, names: Sequence[str]) -> int | None:
-        """Return the number of the first marker with one of some names."""
-        for name in names:
-            for spelling in (name, name + _ON_SKIN):
-                if (side, spelling) in self._numbers:
-                    return self._numbers[side, spelling]
-        return None
+    def _all(
+        self, side: str, names: Sequence[str], endings: Sequence[str] = ("", _ON_SKIN)
+    ) -> list[int]:
+        """Return the numbers of the markers with some of these names, in the order of the names."""
+        spellings = [(side, name + ending) for name in names for ending in endings]
+        return [self._numbers[spelling] for spelling in spellings if spelling in self._numbers]
 
     def corners(self) -> dict[str, int]:
         """Return the markers at the corners of the pelvis, by the names in `CORNERS`."""
@@ -257,12 +231,21 @@ class MarkerNames:
 
     def _found(self, single: Mapping[str, Sequence[str]], sided: Sequence[str]) -> dict[str, int]:
         """Return the markers of parts in the middle, by their names, and of parts on both sides."""
-        found = {part: self._first("", names) for part, names in single.items()}
+        found = {part: self._all("", names) for part, names in single.items()}
         for side in SIDES:
             for part in sided:
-                recipes = self._recipes(side, part)
-                found[f"{side}_{part}"] = recipes[0].markers[0] if recipes else None
-        return {part: number for part, number in found.items() if number is not None}
+                found[f"{side}_{part}"] = [r.markers[0] for r in self._recipes(side, part)]
+        return {part: numbers[0] for part, numbers in found.items() if numbers}
+
+
+def _without_prefix(names: Sequence[str]) -> list[str]:
+    """Return names without a trial or a person before most of them: "251112_KUO_LASI"."""
+    words = Counter(found[0] for name in names if (found := _FIRST_WORD.match(name)))
+    for word, count in words.items():
+        # More than half: the others are of the room, or without a name.
+        if 2 * count > len(names) and word.rstrip("_. -").lower() not in _LETTERS:
+            return _without_prefix([name.removeprefix(word) for name in names])
+    return list(names)
 
 
 def _readings(name: str) -> list[tuple[str, str, bool]]:
