@@ -187,17 +187,20 @@ class _TextReader:
             # Between tabs, values may hold spaces and commas: "30 Hz", "29,97".
             separators = r" *\t *" if "\t" in line else r"[\s,;]+"
             words = re.split(separators, line.strip())
-            first = words[0].lower()
+            first = words[0].lower().replace(" ", "")
             if first in ("frame#", "frame"):
                 # Names of markers may hold spaces, where tabs or commas are between them.
                 self._separator = next((mark for mark in "\t,;" if mark in line), None)
                 cells = self._cells(line.strip())
-                self._names = [name for name in cells[_COLUMNS_BEFORE:] if name]
+                self._names = _one_name_each([name for name in cells[_COLUMNS_BEFORE:] if name])
                 if not self._names:
                     raise self._lines.error("names of markers expected after Frame# and Time")
                 return values
             if first == "datarate":
                 keys = [word.lower() for word in words]
+                # Some programs write each value behind its key.
+                if len(keys) > 1 and keys[1][:1].isdigit():
+                    values = dict(zip(keys[::2], keys[1::2], strict=False))
             elif keys and not values and any(words):
                 values = dict(zip(keys, words, strict=False))
         raise self._lines.error(
@@ -220,13 +223,23 @@ class _TextReader:
             raise self._lines.error(
                 f"{width} columns expected for {n_markers} markers; found {len(cells)}"
             )
-        numbers = self._lines.floats(cell or "nan" for cell in cells)
+        # Commas that do not separate cells are the decimal points of some countries.
+        numbers = self._lines.floats((cell or "nan").replace(",", ".") for cell in cells)
         return numbers + [np.nan] * (width - len(cells))
 
     def _number(self, values: Mapping[str, str], key: str) -> float | None:
         """Return a number of the header, or None if it is not there."""
         text = values.get(key, "").partition(" ")[0].replace(",", ".")
         return self._lines.floats([text], f"{key}:")[0] if text else None
+
+
+def _one_name_each(names: list[str]) -> list[str]:
+    """Return the names of markers, of which some programs write one for each of three columns."""
+    stems = [re.sub(r"[_.: ]?[xyz]$", "", name, flags=re.IGNORECASE) for name in names]
+    for triples in (names, stems):
+        if triples[::3] == triples[1::3] == triples[2::3]:
+            return triples[::3]
+    return names
 
 
 def _is_row_of_axes(cells: Sequence[str]) -> bool:
