@@ -112,15 +112,15 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, Array]:
 def _axes_of_head(source: RecordedSkeleton, figure: Figure, chest: Array, upright: Array) -> Array:
     """Return the axes of the head, which looks ahead in the rest pose, or else on average."""
     on_average = mean_axes(source.rotation("head"), chest, upright)
-    if source.head_at_rest is None:
+    if source.standing_axes is None:
         return on_average
     ahead = frame(_VERTICAL, figure.bone("right_hip", "left_hip"))
-    return _axes_at_rest(source, source.head_at_rest @ ahead.T, on_average)
+    return _axes_at_rest(source, source.standing_axes @ ahead.T, on_average)
 
 
 def _axes_at_rest(source: RecordedSkeleton, at_rest: Array, on_average: Array) -> Array:
     """Return the axes of a part in a standing rest pose, or those on average if it has none."""
-    if source.head_at_rest is None:
+    if source.standing_axes is None:
         return on_average
     # Nobody holds a part like that throughout: joints have other axes than in the rest pose.
     is_rest = np.linalg.norm(log(on_average, at_rest)) < _MOST_DEVIATION

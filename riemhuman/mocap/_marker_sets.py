@@ -188,9 +188,6 @@ class MarkerNames:
     def recipes(self, role: str) -> list[Recipe]:
         """Return the recipes of a joint by its name in the open model, the best one first."""
         side, part = role.split("_", 1)
-        return self._recipes(side, part)
-
-    def _recipes(self, side: str, part: str) -> list[Recipe]:
         recipes = []
         for row in RECIPES:
             if row.joint != part:
@@ -234,7 +231,9 @@ class MarkerNames:
         found = {part: self._all("", names) for part, names in single.items()}
         for side in SIDES:
             for part in sided:
-                found[f"{side}_{part}"] = [r.markers[0] for r in self._recipes(side, part)]
+                found[f"{side}_{part}"] = [
+                    recipe.markers[0] for recipe in self.recipes(f"{side}_{part}")
+                ]
         return {part: numbers[0] for part, numbers in found.items() if numbers}
 
 

@@ -69,8 +69,8 @@ class RecordedSkeleton:
     (n_frames, J, 3, 3) are those in space; `is_valid` (n_frames,) marks frames on the floor of the
     longest part without an interruption. Of each foot (n_frames, 2), the ball is `still`, the ball
     is `grounded` on the floor, and the whole foot is `flat` on it. `upright` has the rotations by
-    which the frames of pelvis and chest lean at rest, where they do. `head_at_rest` is the frame of
-    a head that looks ahead, in the axes of the file, if it has a standing rest pose.
+    which the frames of pelvis and chest lean at rest, where they do. `standing_axes` are the axes
+    up, to the left and ahead of a standing rest pose, in those of the file, if it has such a pose.
     """
 
     joints: dict[str, int]
@@ -84,7 +84,7 @@ class RecordedSkeleton:
     grounded: Booleans
     flat: Booleans
     upright: dict[str, Array]
-    head_at_rest: Array | None
+    standing_axes: Array | None
 
     def rotation(self, name: str) -> Array:
         """Return the rotations in space of the bone that begins at a joint, (n_frames, 3, 3)."""
@@ -205,7 +205,7 @@ def _standing_rest(
     """Return what a standing rest pose says, if there is one.
 
     That is rotations that turn the frames of pelvis and chest upright, where they lean at rest with
-    straight legs; and the frame of a head that looks ahead, in the axes of the file.
+    straight legs; and its axes up, to the left and ahead.
     """
     if not recording.has_rest_pose:
         return {}, None
@@ -224,11 +224,12 @@ def _standing_rest(
     hips, shoulders = (
         bone(rest, joints, f"right_{line}", f"left_{line}") for line in ("hip", "shoulder")
     )
-    head = frame(up, hips)
+    standing_axes = frame(up, hips)
     if straight < _STRAIGHT_LEG or lean <= _LEAST_LEAN:
-        return {}, head
+        return {}, standing_axes
     pelvis, chest = pelvis_frame(rest, joints), body_frame(rest, joints, "shoulder")
-    return {"pelvis": pelvis.T @ frame(hips, up), "chest": chest.T @ frame(shoulders, up)}, head
+    upright = {"pelvis": pelvis.T @ frame(hips, up), "chest": chest.T @ frame(shoulders, up)}
+    return upright, standing_axes
 
 
 def _carrier(positions: Array, parents: Integers, end: int, leg: float) -> int:
