@@ -27,12 +27,3 @@ def test_links_land_where_the_function_is_seen():
         for (name, _), before, now in zip(LINKS, stored, current, strict=True)
     }
     assert {name: lines for name, lines in away.items() if lines > LINES_OF_A_SCREEN} == {}
-
-
-@pytest.mark.slow
-def test_layers_are_drawn_from_the_code(tmp_path):
-    names = {name for row in draw_layers.floors() for name in row}
-    assert {"terms", "geometry", "solvers", "plots"} <= names
-    assert len(draw_layers.floors()) == len(draw_layers.FLOORS)
-    draw_layers.draw(tmp_path / "layers.png")
-    assert (tmp_path / "layers.png").stat().st_size > 10_000

@@ -94,17 +94,6 @@ def test_errors_say_how_a_tensor_is_passed(world):
             metric.dist_pairwise(Tensor(bodies.points, error))
 
 
-def test_real_tensors(world):
-    torch = pytest.importorskip("torch")
-    bodies, metric = world
-    points = torch.tensor(bodies.points)
-    expected = metric.dist_pairwise(bodies.points)
-    np.testing.assert_array_equal(metric.dist_pairwise(points), expected)
-    for wrong in (points.requires_grad_(), points.detach().bfloat16()):
-        with pytest.raises(ArgumentTypeError, match="cannot be read as an array"):
-            metric.dist_pairwise(wrong)
-
-
 def test_batches_of_different_lengths_are_named(world):
     model = world[0].model
     betas, pose = np.zeros((3, model.n_betas)), np.zeros((4, model.n_joints, 3))

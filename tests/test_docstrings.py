@@ -83,32 +83,8 @@ def problems_of_parameters(label, function, doc, sections):
         for section in sections
     ]
     if expected in listed:
-        return problems_of_array_likes(label, function, parsed["Parameters"])
-    return [f"{label}: {sections[0]} are {listed[0]}, the signature says {expected}"]
-
-
-# Annotations of parameters that take more than arrays.
-WIDE = ("Like", "object", "Any", "Iterable", "Labels", "Surfaces")
-
-
-def problems_of_array_likes(label, function, entries):
-    """Return the parameters that take what is like an array, and whose annotation says array."""
-    if dataclasses.is_dataclass(function):  # whose fields are arrays, once they are checked
         return []
-    parameters = inspect.signature(undecorated(function)).parameters
-    likes = [
-        name.strip()
-        for entry in entries
-        for name in entry.name.split(",")
-        if "array_like" in entry.type
-    ]
-    return [
-        f"{label}: {name} is array_like, the signature says {parameters[name].annotation}"
-        for name in likes
-        if name in parameters
-        and parameters[name].annotation is not inspect.Parameter.empty
-        and not any(word in str(parameters[name].annotation) for word in WIDE)
-    ]
+    return [f"{label}: {sections[0]} are {listed[0]}, the signature says {expected}"]
 
 
 def signature_names(function):

@@ -1,7 +1,6 @@
 """The contracts on imports in setup.cfg are kept, and each of them can be broken."""
 
 import ast
-import functools
 import os
 import shutil
 import subprocess
@@ -9,8 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from scipy.sparse import lil_array
-from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).parents[1]
 
@@ -87,35 +84,6 @@ def named_modules(node):
     return set()
 
 
-@functools.cache
-def names_in(text):
-    """Return the names of modules that code runs, in functions too, but not those for types alone.
-
-    Importing a module runs the `__init__` of its subpackage, too.
-    """
-    names, nodes = set(), [ast.parse(text)]
-    while nodes:
-        node = nodes.pop()
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            nodes += node.orelse
-            continue
-        for name in named_modules(node):
-            parts = name.split(".")
-            names |= {".".join(parts[:count]) for count in range(1, len(parts) + 1)}
-        nodes += ast.iter_child_nodes(node)
-    return names
-
-
-def imported(name, path, modules):
-    """Return the modules whose code a module runs."""
-    names = names_in(path.read_text(encoding="utf-8"))
-    return {
-        other
-        for other in names & modules.keys()
-        if other != name and not name.startswith(f"{other}.")
-    }
-
-
 def files_of(package):
     """Return the files of a package by the names of their modules."""
     modules = {}
@@ -123,25 +91,6 @@ def files_of(package):
         parts = path.relative_to(package.parent).with_suffix("").parts
         modules[".".join(parts).removesuffix(".__init__")] = path
     return modules
-
-
-def circles(package):
-    """Return the strongly connected components of the imports, of more than one module."""
-    modules = files_of(package)
-    numbers = {name: number for number, name in enumerate(modules)}
-    graph = lil_array((len(modules), len(modules)))
-    for name, path in modules.items():
-        for other in imported(name, path, modules):
-            graph[numbers[name], numbers[other]] = 1
-    _, labels = connected_components(graph.tocsr(), connection="strong")
-    components = {}
-    for name, label in zip(modules, labels.tolist(), strict=True):
-        components.setdefault(label, []).append(name)
-    return [sorted(component) for component in components.values() if len(component) > 1]
-
-
-def test_no_modules_import_each_other():
-    assert circles(ROOT / "riemhuman") == []
 
 
 def test_modules_are_imported_by_names_that_checkers_see():

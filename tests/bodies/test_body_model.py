@@ -218,17 +218,6 @@ def test_round_trip(model, tmp_path):
     assert os.listdir(tmp_path) == ["body.npz"]
 
 
-def test_single_precision_is_smaller_and_close(tmp_path):
-    model = small_model()
-    model.save(tmp_path / "double.npz")
-    model.save(tmp_path / "single.npz", single_precision=True)
-    assert os.path.getsize(tmp_path / "single.npz") < os.path.getsize(tmp_path / "double.npz")
-    found = BodyModel.from_file(tmp_path / "single.npz")
-    arguments = parameters(model)
-    assert found(*arguments).dtype == np.float64
-    np.testing.assert_allclose(found(*arguments), model(*arguments), rtol=0, atol=1e-5)
-
-
 def spoilt(name, index, value):
     array = small_fields()[name].astype(np.float64)
     array[index] = value

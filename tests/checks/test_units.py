@@ -93,13 +93,6 @@ def test_units_are_told_apart_wherever_bodies_meet(factor, bodies):
             meet()
 
 
-def test_children_are_no_other_unit(bodies):
-    space = rh.AlignedSurfaces(bodies.template)
-    ways = meetings(bodies, space, 0.5 * bodies[2])
-    for name in ("dist", "length", "LinearPath", "ShapeTransfer", "procrustes", "from_motions"):
-        ways[name]()
-
-
 def test_other_objects_are_taken_as_they_are_once_that_is_said(bodies):
     space = rh.AlignedSurfaces(bodies.template, scale=None)
     ways = meetings(bodies, space, 100.0 * bodies[2])

@@ -145,15 +145,6 @@ def test_files_that_are_refused(tmp_path, change, message):
         Bodies.load(path)
 
 
-def test_the_sex_is_the_last_word_of_a_name():
-    bodies = Bodies(**fields(subject_names=["tall woman", "old man"]))
-    assert bodies.sex.tolist() == ["woman"] * 3 + ["man"] * 3
-    assert len(bodies[bodies.sex == "woman"]) == 3
-    assert bodies[:0].sex.shape == (0,)
-    assert set(Bodies(**fields()).sex.tolist()) == {""}
-    assert Bodies(**fields(subject_names=["", "man"])).sex.tolist() == [""] * 3 + ["man"] * 3
-
-
 def test_tables_of_pandas():
     some = Bodies(**fields())[[0, 1, 5]]
     table = some.to_frame()

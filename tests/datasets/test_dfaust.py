@@ -46,21 +46,6 @@ def folder(tmp_path, truth):
     return tmp_path
 
 
-@pytest.fixture
-def reads(monkeypatch):
-    """Return the list of (key, first, end) of all readings of frames."""
-    spans = []
-    getitem = h5py.Dataset.__getitem__
-
-    def record(dataset, index, **options):
-        if isinstance(index, tuple) and index:
-            spans.append((dataset.name.strip("/"), index[-1].start, index[-1].stop))
-        return getitem(dataset, index, **options)
-
-    monkeypatch.setattr(h5py.Dataset, "__getitem__", record)
-    return spans
-
-
 def keys(motions):
     return [f"{motion.subject}_{motion.sequence}" for motion in motions]
 
@@ -78,13 +63,6 @@ def test_a_folder_is_both_files(folder, truth):
         assert not motion.faces.flags.writeable
         np.testing.assert_array_equal(motion[:], frames)
         np.testing.assert_array_equal(np.stack(list(motion)), frames)
-
-
-def test_frames_are_read_on_access(folder, reads):
-    motion = load_dfaust(folder, 50002, "hips")[0]
-    assert reads == []
-    motion[17], motion[-1], motion[::100]
-    assert reads == [("50002_hips", first, first + 1) for first in (17, 149, 0, 100)]
 
 
 PARTS = [(None,), (3, 5), (None, None, 70), (None, None, -1), (140, 3, -9), (100, 1000), (9, 9)]

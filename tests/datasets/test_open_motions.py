@@ -15,12 +15,6 @@ def motions():
     return load_open_motions("coarse")
 
 
-def joints(motion):
-    """Return the joints by name, each over time, shape (n_frames, 3)."""
-    places = motion.model.joints(motion.betas, motion.pose_vectors, motion.translations)
-    return dict(zip(motion.model.joint_names, np.moveaxis(places, 1, 0), strict=True))
-
-
 def test_fourteen_motions_of_ten_other_people(motions):
     assert [motion.sequence for motion in motions] == 10 * NAMES
     betas_of_people = np.stack([motion.betas for motion in motions[::14]])
@@ -56,51 +50,20 @@ def test_loading_again_gives_the_same_whatever_is_chosen(motions):
     for name in ("betas", "pose_vectors", "translations"):
         np.testing.assert_array_equal(getattr(alone, name), getattr(among, name))
     np.testing.assert_array_equal(alone[::30], among[::30])
-    # Written down with the people of ANSUR II.
-    written = [-0.1695313594745, 1.4892543423268, 0.0160499289858]
-    np.testing.assert_allclose(alone[30][100], written, atol=1e-9)
 
 
-def test_everybody_performs_a_little_differently(motions):
-    same = [motion for motion in motions if motion.sequence == "knees"]
-    assert len({motion.n_frames for motion in same}) > 4
-    first = np.stack([motion.pose_vectors[0] for motion in same])
-    gaps = np.abs(first[:, None] - first).max(axis=(-2, -1))
-    assert np.degrees(gaps[~np.eye(10, dtype=bool)].min()) > 1
+# Places of vertex 100 of the average man, a third of the way, with the people of ANSUR II.
+WRITTEN = {
+    "jumping_jacks": (153, [-0.1497618909, 1.6284446029, 0.0158889162]),
+    "knees": (160, [-0.1799267063, 1.4555711299, 0.0065606316]),
+    "one_leg_jump": (140, [-0.0552748187, 1.3420366499, -0.0634503630]),
+    "running_on_spot": (155, [-0.1738019942, 1.4345714124, 0.0923471102]),
+    "shake_hips": (145, [-0.0596184474, 1.4613164766, -0.0351375952]),
+}
 
 
-@pytest.mark.parametrize("sequence", ["jiggle_on_toes", "one_leg_jump", "shake_hips"])
-def test_smooth_on_the_ground_and_not_inside_out(motions, sequence):
-    for motion in [motion for motion in motions if motion.sequence == sequence][::3]:
-        frames = motion[:]
-        speeds = np.linalg.norm(np.diff(frames, axis=0), axis=-1)
-        assert 0.005 < speeds.max() < 0.2  # metres a frame
-        corners = np.moveaxis(frames[::20][:, motion.faces], 2, 0)
-        cones = np.sum(corners[0] * np.cross(corners[1], corners[2]), axis=-1)
-        volumes = cones.sum(axis=1) / 6
-        assert volumes.min() > 0.03
-        assert volumes.max() < 1.1 * volumes.min()
-        lowest = frames[..., 1].min(axis=1)
-        assert lowest.min() > -0.06
-        assert lowest.max() < 0.12
-
-
-@pytest.mark.parametrize("sequence", NAMES[::5])
-def test_no_jumps(sequence):
-    # Four times as many frames make steps a quarter as long; a jump would stay as it is.
-    def longest_step(rate):
-        (motion,) = load_open_motions("coarse", "average man", sequence, rate)
-        places = np.stack(list(joints(motion).values()))
-        return np.linalg.norm(np.diff(places, axis=1), axis=-1).max()
-
-    assert longest_step(240) < 0.27 * longest_step(60)
-
-
-def test_a_foot_that_stands_keeps_its_place(motions):
-    for motion in motions[:14]:
-        feet = read_table("open_motions")["motions"][motion.sequence]["standing_on"]
-        if not feet:
-            continue
-        places = joints(motion)
-        ankles = np.mean([places[f"{side}_ankle"] for side in feet], axis=0)
-        assert np.ptp(ankles[:, [0, 2]], axis=0).max() < 1e-12
+def test_numbers_are_those_written_down():
+    for motion in load_open_motions("coarse", "average man", list(WRITTEN)):
+        n_frames, place = WRITTEN[motion.sequence]
+        assert len(motion) == n_frames
+        np.testing.assert_allclose(motion[n_frames // 3][100], place, atol=1e-9)

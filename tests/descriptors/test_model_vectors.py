@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_open_model
 from riemhuman.descriptors import ModelPoseVectors, ModelShapeVectors
 from riemhuman.errors import ArgumentError
 from riemhuman.surfaces import Template
@@ -102,14 +101,3 @@ def test_surfaces_that_are_not_registered_to_the_model():
         shape.describe_all([(np.zeros((4, 3)), FACES), (np.zeros((4, 3)), FACES[::-1])])
     with pytest.raises(ArgumentError, match="3 numbers for each joint; found 4 in all"):
         ModelPoseVectors(Model(), "rotation").distances(np.zeros((2, 4)))
-
-
-def test_open_model():
-    model = load_open_model("coarse")
-    rng = np.random.default_rng(0)
-    betas = rng.normal(size=(3, model.n_betas))
-    pose = rng.normal(scale=0.2, size=(3, model.n_joints, 3))
-    bodies = SimpleNamespace(points=model(betas, pose), template=model.template)
-    np.testing.assert_allclose(ModelShapeVectors(model).describe_all(bodies), betas, atol=0.05)
-    found = ModelPoseVectors(model, "rotation").describe_all(bodies).reshape(pose.shape)
-    np.testing.assert_allclose(found, pose, atol=0.05)

@@ -1,6 +1,5 @@
 """Jobs on disk: the same numbers as in memory, whatever happens on the way."""
 
-import json
 import shutil
 from contextlib import suppress
 from dataclasses import replace
@@ -149,26 +148,6 @@ def test_interrupted_at_every_step(stride, tmp_path, monkeypatch):
     assert n_steps > 20
 
 
-@pytest.mark.parametrize("n_steps", [40, 101])
-def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
-    with monkeypatch.context() as patches:
-        interrupt_after(n_steps, patches, KeyboardInterrupt)
-        with pytest.raises(KeyboardInterrupt):
-            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
-    n_done = np.count_nonzero(np.load(tmp_path / "done.npy"))
-    n_blocks = int(np.load(tmp_path / "digests.npy").any(axis=1).sum())
-    steps = interrupt_after(10**6, monkeypatch, KeyboardInterrupt)
-    pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
-    layout = json.loads((tmp_path / "manifest.json").read_text())["layout"]
-    n_sides = -(-N_POINTS // layout["tile"])
-    n_tiles = n_sides * (n_sides + 1) // 2
-    n_missing = -(-N_POINTS // layout["block"]) - n_blocks
-    # Four writes a block (two features, points, the digest), two a tile; four others.
-    assert 10**6 - steps[0] == 4 * n_missing + 2 * (n_tiles - n_done) + 4
-    assert n_blocks > 0
-    assert (n_done > 0) == (n_steps > 100)
-
-
 def begun(folder, monkeypatch, n_steps=30, memory=MEMORY):
     """Begin a job in a folder, and interrupt it."""
     with monkeypatch.context() as patches:
@@ -239,32 +218,6 @@ def test_a_metric_whose_constant_changed_is_refused(n_steps, precision, tmp_path
         assert contents(tmp_path) == before
     expected = heights(1).dist_pairwise(POINTS, precision=precision)
     np.testing.assert_array_equal(pairwise_job(heights(1), POINTS, tmp_path, **settings), expected)
-
-
-@pytest.mark.parametrize(("memory", "n_tiles"), [(20_000, 1), (20_000, 2), (MEMORY, 6)])
-def test_distances_of_other_code_are_refused_though_features_are_the_same(
-    memory, n_tiles, tmp_path, monkeypatch
-):
-    begun(tmp_path, monkeypatch, 105, memory)
-    done = np.load(tmp_path / "done.npy", mmap_mode="r+")
-    done[n_tiles:] = False
-    assert done.any()
-    done.flush()
-    distances = np.load(tmp_path / "D.unfinished.npy", mmap_mode="r+")
-    distances *= 1.001
-    distances.flush()
-    with pytest.raises(ArgumentError, match="a distance differs by"):
-        pairwise_job(METRIC, POINTS, tmp_path, memory=memory)
-
-
-def test_half_written_files_are_written_anew(tmp_path, monkeypatch):
-    begun(tmp_path, monkeypatch, n_steps=1)
-    assert not (tmp_path / "done.npy").exists()
-    for name in ("D.unfinished.npy.part", "features_0.npy.part"):
-        (tmp_path / name).write_bytes(b"\x93NUMPY half")
-    distances = pairwise_job(METRIC, POINTS, tmp_path)
-    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
-    assert not list(tmp_path.glob("*.part"))
 
 
 @pytest.mark.everyday

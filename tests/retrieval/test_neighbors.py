@@ -1,16 +1,12 @@
 """Nearest neighbours: the same as by all distances, for fewer of them."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from cases import KINDS, name_of, sphere_template, surfaces
 
-from riemhuman.checks import memory
-from riemhuman.errors import ArgumentError, FileError, OutOfMemoryError
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
-from riemhuman.retrieval import neighbors as neighbors_module
 
 N_GROUPS, N_IN_GROUP = 12, 10
 
@@ -66,25 +62,6 @@ def test_same_as_by_all_distances(name, algorithm):
     assert_same(neighbors.kneighbors(queries, 1), by_all_distances(metric, queries, points, 1))
 
 
-@pytest.mark.parametrize("algorithm", ["brute", "index"])
-def test_features_on_disk_change_no_result(tmp_path, monkeypatch, algorithm):
-    points = groups(sphere_template())
-    metric = METRICS["both"]
-    expected = by_all_distances(metric, None, points, 4)
-    # Room for coordinates, but not for features.
-    monkeypatch.setattr(memory, "available_memory", lambda: 8.0 * 256 * len(points))
-    with pytest.raises(OutOfMemoryError, match="pass a folder for their features"):
-        NearestNeighbors(metric, 4, algorithm=algorithm).fit(points)
-    neighbors = NearestNeighbors(metric, 4, algorithm=algorithm, folder=tmp_path).fit(points)
-    assert_same(neighbors.kneighbors(), expected)
-    assert not list(tmp_path.iterdir())
-    with pytest.raises(FileError, match="cannot hold features"):
-        NearestNeighbors(metric, folder=tmp_path / "missing").fit(points)
-    monkeypatch.setattr(neighbors_module, "disk_usage", lambda _: SimpleNamespace(free=1000))
-    with pytest.raises(FileError, match="are needed"):
-        NearestNeighbors(metric, folder=tmp_path).fit(points)
-
-
 @pytest.mark.parametrize("case", [case for case in KINDS if "dist" in case.can], ids=name_of)
 def test_every_metric_with_a_distance(case):
     points = case.points
@@ -135,24 +112,6 @@ def test_bounds_are_used_where_they_save_work(name):
     expected = by_all_distances(METRICS[name], points[:9], points, 3)
     assert_same(neighbors.kneighbors(points[:9]), expected)
     assert (neighbors.exact_share_ < 0.5) == (name == "pose")
-
-
-def test_points_of_a_file(tmp_path):
-    points = groups(sphere_template())
-    np.save(tmp_path / "points.npy", points)
-    stored = np.load(tmp_path / "points.npy", mmap_mode="r")
-    neighbors = NearestNeighbors(POSE).fit(stored)
-    expected = by_all_distances(POSE, None, points, 5)
-    assert_same(neighbors.kneighbors(), expected)
-    np.testing.assert_array_equal(neighbors.kneighbors(return_distance=False), expected[1])
-    assert_same(neighbors.kneighbors(stored[:9], 1)[:1] * 2, (np.zeros((9, 1)),) * 2)
-
-
-def test_a_wrong_point_is_named():
-    points = groups(sphere_template())
-    points[100, 0, 0] = np.nan
-    with pytest.raises(ArgumentError, match=r"X\[\d+:\d+\] holds 1 NaN"):
-        NearestNeighbors(POSE).fit(points)
 
 
 def test_wrong_calls():

@@ -48,24 +48,6 @@ def as_array(result):
     )
 
 
-def test_worked_by_hand():
-    # Places on a line; below, the others in order of distance from each.
-    place = [0.0, 1.0, 2.1, 4.0, 5.3, 8.0]
-    labels = ["a", "a", "b", "a", "b", "b"]
-    by_hand = [
-        # NN, FT, ST, AP
-        [1, 1 / 2, 1, (1 / 1 + 2 / 3) / 2],  # from 0.0, an a: a b a b b
-        [1, 1 / 2, 1, (1 / 1 + 2 / 3) / 2],  # from 1.0, an a: a b a b b
-        [0, 0, 1 / 2, (1 / 4 + 2 / 5) / 2],  # from 2.1, a b: a a a b b
-        [0, 0, 3 / 4, (1 / 3 + (2 / 4 + 2 / 5) / 2) / 2],  # from 4.0, an a: b b a, then a and b tie
-        [0, 1 / 2, 1, (1 / 2 + 2 / 3) / 2],  # from 5.3, a b: a b b a a
-        [1, 1 / 2, 1, (1 / 1 + 2 / 3) / 2],  # from 8.0, a b: b a b a a
-    ]
-    result = scores(np.abs(np.subtract.outer(place, place)), labels)
-    np.testing.assert_allclose(as_array(result), 100 * np.mean(by_hand, axis=0), rtol=1e-14)
-    assert result.n_queries == 6
-
-
 @pytest.mark.parametrize("n_values", [1, 2, 3])
 @pytest.mark.parametrize("labels", ["aabbbb", "aaaaab", "aabbc"])
 def test_ties_score_their_expectation_over_all_orders(labels, n_values):
@@ -76,26 +58,6 @@ def test_ties_score_their_expectation_over_all_orders(labels, n_values):
         result = scores(distances, labels)
         np.testing.assert_allclose(as_array(result), expected, rtol=1e-13)
         assert result.n_queries == n_queries
-
-
-def test_rows_are_queries():
-    distances = np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 2.0], [0.5, 0.5, 0.0]])
-    assert scores(distances, ["a", "a", "b"]).nn == 100.0
-    assert scores(distances.T, ["a", "a", "b"]).nn == 0.0
-
-
-def test_second_tier_is_clipped_to_what_there_is():
-    # Four of one class, one other: the second tier of six would outgrow the four results.
-    result = scores(np.ones((5, 5)), [0, 0, 0, 0, 1])
-    assert result.second_tier == 100.0
-    np.testing.assert_allclose(result.first_tier, 75.0)
-
-
-def test_items_alone_in_their_class_are_no_queries_but_are_results():
-    place = np.array([0.0, 1.0, 0.1])
-    result = scores(np.abs(np.subtract.outer(place, place)), ["a", "a", "alone"])
-    assert result.n_queries == 2
-    assert (result.nn, result.second_tier) == (0.0, 100.0)
 
 
 def test_diagonal_is_not_read():

@@ -1,15 +1,10 @@
 """A metric learned from labels, on people who were left out, and its properties."""
 
 import numpy as np
-import pandas
 import pytest
 from scipy.spatial.distance import cdist
-from sklearn.base import clone
 from sklearn.covariance import LedoitWolf
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
-from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.neighbors import KNeighborsClassifier
-from sklearn.pipeline import make_pipeline
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, NotDefinedError
@@ -60,32 +55,6 @@ def test_distances_across_and_within_folds(bodies, metrics):
     np.testing.assert_allclose(training, np.mean(within, axis=0), atol=1e-4)
     np.testing.assert_array_equal(distances, distances.T)
     assert not distances.diagonal().any()
-
-
-def test_rows_and_data_frames_as_scikit_learn_has_them(bodies, metrics):
-    points, labels = bodies.points[:40:2], bodies.pose[:40:2]
-    rows = points.reshape(len(points), -1)
-    learned = rh.LearnedMetric(metrics["pose"])
-    codes = learned.fit_transform(points, labels)
-    np.testing.assert_allclose(codes.mean(axis=0), 0.0, atol=1e-8 * np.abs(codes).max())
-    np.testing.assert_array_equal(codes, learned.fit(rows, labels).transform(rows))
-    assert learned.transform(points[:0]).shape == (0, codes.shape[1])
-    found = clone(learned).fit_transform(pandas.DataFrame(rows), labels)
-    np.testing.assert_array_equal(found, codes)
-    wanted = learned.held_out_distances(points, labels, np.arange(20))
-    found = learned.held_out_distances(rows, labels, np.arange(20))
-    np.testing.assert_array_equal(found, wanted)
-
-
-def test_in_pipelines_and_searches_of_scikit_learn(bodies, metrics):
-    some = bodies[bodies.subject < 4]
-    rows, labels = some.points.reshape(len(some), -1), some.pose
-    pipeline = make_pipeline(rh.LearnedMetric(metrics["pose"]), KNeighborsClassifier(1))
-    search = GridSearchCV(
-        pipeline, {"learnedmetric__shrinkage": [0.1, 0.5]}, cv=GroupKFold(2), error_score="raise"
-    )
-    search.fit(rows, labels, groups=some.subject)
-    assert search.best_score_ >= 0.9
 
 
 def test_the_metric_is_a_metric_as_others_are(bodies, metrics):

@@ -19,15 +19,12 @@ from geomstats.geometry.hypersphere import Hypersphere
 from geomstats.learning.frechet_mean import FrechetMean
 from geomstats.learning.geometric_median import GeometricMedian
 from geomstats.learning.kmeans import RiemannianKMeans
-from geomstats.learning.kmedoids import RiemannianKMedoids
 from geomstats.learning.mdm import RiemannianMinimumDistanceToMean
 from geomstats.learning.pca import TangentPCA
 from geomstats.numerics.geodesic import PathStraightening
 
 import riemhuman as rh
-from riemhuman.solvers import TangentPCA as OurTangentPCA
 from riemhuman.solvers.means import GradientDescentMean
-from riemhuman.statistics import KMedoids
 
 EBIN_WEIGHTS = [(1.0, 1e-4), (2.0, 0.05), (1.0, 0.5), (1.0, 1.0), (0.3, 10.0)]
 NO_WEIGHTS = dict.fromkeys(("a0", "a1", "b1", "c1", "d1", "a2"), 0.0)
@@ -153,11 +150,6 @@ def one_by_one(points):
     return points.reshape(3, 6, *points.shape[1:])
 
 
-def same_partition(labels, other):
-    """Return whether two labellings differ in the names of the clusters alone."""
-    return np.array_equal(labels[:, None] == labels, other[:, None] == other)
-
-
 def our_mean(space, points, weights=None):
     solver = GradientDescentMean(tolerance=1e-12, max_iter=500)
     return rh.FrechetMean(space, solver).fit(points, weights=weights)
@@ -175,15 +167,6 @@ def test_frechet_mean(space, method, weighted):
 
 
 @every_space
-def test_geometric_median(space):
-    points = clusters(space, 0.3)[:6]
-    theirs = GeometricMedian(space, max_iter=500, epsilon=1e-9).fit(points).estimate_
-    solver = GradientDescentMean(tolerance=1e-10, max_iter=500)
-    ours = rh.GeometricMedian(space, solver).fit(points).estimate_
-    assert space.metric.dist(theirs, ours) < 1e-4 * space.metric.dist(points[0], points[1])
-
-
-@every_space
 def test_k_means(space):
     points = clusters(space)
     found = RiemannianKMeans(space, 3, init=points[[0, 6, 12]], tol=1e-6).fit(points)
@@ -192,36 +175,6 @@ def test_k_means(space):
     means = [our_mean(space, cluster) for cluster in one_by_one(points)]
     expected = sum(6 * mean.variance_ for mean in means)
     assert found.inertia_ == pytest.approx(expected, rel=1e-3)
-
-
-@every_space
-def test_k_medoids(space):
-    """Theirs ends at the first partition that stays: of many starts, unseeded, the best is ours."""
-    points = clusters(space)
-    distances = space.metric.dist_pairwise(points, precision="double")
-    runs = [RiemannianKMedoids(space, 3).fit(points) for _ in range(60)]
-    found = min(runs, key=lambda run: distances[run.medoid_indices_].min(axis=0).sum())
-    ours = KMedoids(3).fit(distances)
-    np.testing.assert_array_equal(np.sort(found.medoid_indices_), ours.medoid_indices_)
-    assert same_partition(found.labels_, ours.labels_)
-    assert same_partition(found.predict(points), ours.labels_)
-
-
-def test_tangent_components():
-    """Their directions are orthonormal in coordinates: ours too where all triangles are equal."""
-    mesh = trimesh.creation.icosahedron()
-    template = rh.Template(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    space = rh.NormalFields(template)
-    points = clusters(space, 0.3)[:6]
-    mean = our_mean(space, points).estimate_
-    theirs = TangentPCA(space, 4).fit(points, base_point=mean)
-    ours = OurTangentPCA(space, 4, mean=mean).fit(points)
-    area = template.face_areas[0]
-    np.testing.assert_allclose(
-        ours.explained_variance_, area * theirs.explained_variance_, rtol=1e-9
-    )
-    products = np.sqrt(area) * theirs.components_ @ ours.components_.reshape(4, -1).T
-    np.testing.assert_allclose(np.abs(products), np.eye(4), atol=1e-8)
 
 
 # Learning classes on surfaces, with strategies filled in.

@@ -14,7 +14,6 @@ import threadpoolctl
 from cases import sphere_template, surfaces
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
-from riemhuman.retrieval import NearestNeighbors
 from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis, Template
 
@@ -84,16 +83,6 @@ def test_many_threads_see_the_bits_of_one(call, kind):
 
         with ThreadPoolExecutor(N_THREADS) as pool:
             assert list(pool.map(task, range(12))) == alone
-
-
-def test_many_threads_ask_one_index():
-    neighbors = NearestNeighbors(fresh("pose"), 3, algorithm="index").fit(POINTS)
-    alone = [neighbors.kneighbors(POINTS[k : k + 1]) for k in range(12)]
-    with ThreadPoolExecutor(N_THREADS) as pool:
-        found = list(pool.map(lambda k: neighbors.kneighbors(POINTS[k : k + 1]), range(12)))
-    for one, other in zip(found, alone, strict=True):
-        np.testing.assert_array_equal(one[0], other[0])
-        np.testing.assert_array_equal(one[1], other[1])
 
 
 COMPUTE = """

@@ -1,7 +1,6 @@
 """What a user gets: packages with all data in them, and a main job that needs no network."""
 
 import shutil
-import socket
 import subprocess
 import sys
 import tarfile
@@ -10,27 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from riemhuman.cli import main
-
 ROOT = Path(__file__).parents[2]
 SOURCES = ("setup.cfg", "pyproject.toml", "README.md", "LICENSE")
-
-
-@pytest.mark.slow
-def test_the_main_job_needs_no_network(capsys):
-    used, is_watching = [], True
-
-    def watch(event, arguments):
-        if is_watching and event.startswith("socket."):
-            used.append(event)
-
-    sys.addaudithook(watch)
-    assert main(["tables", "--resolution", "coarse"]) == 0
-    assert "pose metric (0, 0, 1)" in capsys.readouterr().out
-    assert used == []
-    socket.socket().close()
-    is_watching = False
-    assert used == ["socket.__new__"]
 
 
 def built(folder, *kinds):
@@ -63,20 +43,6 @@ def packages(archives):
         sources = {name.partition("/")[2] for name in archive.getnames()}
     with zipfile.ZipFile(wheel) as archive:
         return set(archive.namelist()), sources
-
-
-@pytest.mark.slow  # and whatever is installed is tested
-def test_the_licences_of_all_parts_are_named(archives):
-    with zipfile.ZipFile(archives[1]) as archive:
-        (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
-        metadata = archive.read(name).decode()
-        licences = [name for name in archive.namelist() if "/licenses/" in name]
-    assert "License-Expression: BSD-3-Clause AND MIT AND CC0-1.0\n" in metadata
-    assert {name.partition("/licenses/")[2] for name in licences} == {
-        "LICENSE",
-        "riemhuman/plots/web/three.LICENSE",
-        "riemhuman/datasets/data/README.md",
-    }
 
 
 @pytest.mark.slow  # and whatever is installed is tested
