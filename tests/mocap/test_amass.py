@@ -11,7 +11,6 @@ from riemhuman.errors import (
     ArgumentError,
     FileError,
     FileFormatError,
-    FrameIndexError,
 )
 
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -69,32 +68,13 @@ def test_frames_are_those_of_the_model(tmp_path, model):
         np.testing.assert_array_equal(other.betas, expected)
     assert (motion.subject, motion.sequence, motion.gender) == ("07", "07_02", "female")
     assert motion.path == path
-    assert motion.model is model
-    assert len(motion) == motion.n_frames == 50
-    assert motion.frames_per_second == 120
-    np.testing.assert_array_equal(motion.faces, model.faces)
+    assert (len(motion), motion.frames_per_second) == (50, 120)
     # In files, z points up.
     expected = model(fields["betas"], fields["poses"], fields["trans"]) @ TO_Y_UP.T
     np.testing.assert_allclose(motion[:], expected, atol=1e-12)
-    np.testing.assert_allclose(motion[7], expected[7], atol=1e-12)
     np.testing.assert_allclose(motion[40:3:-9], expected[40:3:-9], atol=1e-12)
-    np.testing.assert_allclose(np.stack(list(motion)), expected, atol=1e-12)
-    np.testing.assert_array_equal(
-        motion.pose_vectors.reshape(50, -1)[:, 3:], fields["poses"][:, 3:]
-    )
     again = model(motion.betas, motion.pose_vectors, motion.translations)
     np.testing.assert_allclose(again, motion[:], atol=1e-12)
-    with pytest.raises(FrameIndexError, match="'07_02' of '07', 50 frames at 120"):
-        motion[50]
-
-
-def test_frame_rates(tmp_path, model):
-    path = write(tmp_path / "a.npz", smpl_h(n_frames=61))
-    (whole,) = load_amass(path, model)
-    (motion,) = load_amass(path, model, frames_per_second=50)
-    assert (motion.frames_per_second, len(motion)) == (50, 26)
-    # The frames of 120 a second nearest to those of 50.
-    np.testing.assert_allclose(motion[:7], whole[:][[0, 2, 5, 7, 10, 12, 14]], atol=1e-12)
 
 
 @pytest.mark.parametrize("n_joints", [22, 24, 52, 55])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_amc, load_bvh, retarget
+from riemhuman.datasets import load_amc, load_bvh
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 
 FOLDER = Path(__file__).parent / "recordings"
@@ -134,13 +134,6 @@ def test_joints_agree_with_the_same_recording_as_bvh():
     above = list(names).index("upperneck")
     ours[:, above:] -= left_out[:, None]
     assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-5
-
-
-def test_bodies_perform_it():
-    recording = load_amc(RECORDING, frames_per_second=30.0)
-    motion = retarget(recording, betas="recorded", frames_per_second=10.0)
-    assert len(motion) == 14
-    assert motion.errors.positions.max() < 0.06
 
 
 @pytest.mark.parametrize(

@@ -62,21 +62,6 @@ def test_channels_in_any_order(tmp_path):
     np.testing.assert_allclose(motion.positions[0], expected, atol=1e-12)
 
 
-def test_a_recording():
-    motion = load_bvh(RECORDING)
-    assert motion.rotations.shape == (60, 38, 3, 3)
-    assert motion.frames_per_second == pytest.approx(30.0, rel=1e-4)
-    bones = np.flatnonzero(motion.parents >= 0)
-    steps = motion.positions[:, bones] - motion.positions[:, motion.parents[bones]]
-    lengths = np.linalg.norm(motion.offsets[bones], axis=1)
-    np.testing.assert_allclose(np.linalg.norm(steps, axis=-1), np.tile(lengths, (60, 1)))
-    # The unit of this database is an inch over 0.45: from toes to head some 1.4 metres.
-    heights = np.ptp(motion.positions[..., 1], axis=1) * 0.0254 / 0.45
-    assert 1.3 < heights.max() < 1.6
-    names = dict(zip(motion.joint_names, motion.positions[0], strict=True))
-    assert names["Head"][1] > names["Hips"][1] > names["LeftFoot"][1]
-
-
 def test_two_roots_and_no_end_sites(tmp_path):
     text = "HIERARCHY\nROOT a {\nOFFSET 0 0 0\n}\nroot b\n{ offset 1 2 3\nchannels 1 XROTATION }\n"
     motion = load_bvh(write(tmp_path, text + "motion\nframes:1\nframe  time:1\n180\n"))

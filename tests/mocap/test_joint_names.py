@@ -30,28 +30,10 @@ STUDIOS = {
     "SMPL": ("{side}_{part}", "Left Right", (*JOINTS[:3], "Foot", *JOINTS[4:]), "{}"),
     "Kinect": ("{part}{side}", "Left Right", (*JOINTS[:3], "Foot", "Clavicle", *JOINTS[5:]), "{}"),
     "Maya": ("{part}_{side}", "L R", (*JOINTS[:4], "Scapula", *JOINTS[5:]), "{}_M"),
-    "Rokoko": (
-        "{side}{part}",
-        "Left Right",
-        ("Thigh", "Shin", "Foot", "Toe", "Shoulder", "Arm", "ForeArm", "Hand"),
-        "{}",
-    ),
     "Bandai-Namco": (
         "{part}_{side}",
         "L R",
         ("UpperLeg", "LowerLeg", "Foot", "Toes", "Shoulder", "UpperArm", "LowerArm", "Hand"),
-        "{}",
-    ),
-    "VRM": (
-        "J_Bip_{side}_{part}",
-        "L R",
-        ("UpperLeg", "LowerLeg", "Foot", "ToeBase", "Shoulder", "UpperArm", "LowerArm", "Hand"),
-        "J_Bip_C_{}",
-    ),
-    "Vicon": (
-        "{side}{part}",
-        "L R",
-        ("Femur", "Tibia", "Foot", "Toes", "Clavicle", "Humerus", "Radius", "Hand"),
         "{}",
     ),
     "Acclaim": (
@@ -82,12 +64,6 @@ STUDIOS = {
         "{side}{part}",
         "l r",
         ("ThighBend", "Shin", "Foot", "Toe", "Collar", "ShldrBend", "ForearmBend", "Hand"),
-        "{}",
-    ),
-    "Poser": (
-        "{side}{part}",
-        "l r",
-        ("Thigh", "Shin", "Foot", "Toe", "Collar", "Shldr", "ForeArm", "Hand"),
         "{}",
     ),
     "joints": (

@@ -77,18 +77,6 @@ def test_a_person_who_lies_on_the_floor_stays_there(smpl, axis):
     np.testing.assert_array_equal(motion.pose_vectors, told.pose_vectors)
 
 
-def test_up_in_doubt_is_said(smpl):
-    """Someone who lies along z looks like someone who stands, z up."""
-    poses, places = person_at_home()
-    lying = turned(poses, places, Rotation.from_euler("x", 90.0, degrees=True))
-    lying[1][:, 1] = 0.32  # the pelvis of the rest pose is 0.22 below
-    with pytest.warns(
-        UserWarning,
-        match=r"y was taken to point up, but .* as well be z.*Pass up='y' or",
-    ):
-        motion_from_arrays(*lying, 30.0, model=smpl, name="sleep")
-
-
 def test_one_person(smpl, poses, translations):
     rng = np.random.default_rng(3)
     person = rng.normal(size=10)

@@ -54,10 +54,3 @@ def test_wrong_indices(motion):
         with pytest.raises(ArgumentTypeError, match="indexed by a whole number or a slice; found"):
             motion[index]
     assert motion.asked == []
-
-
-def test_people_and_sequences_may_have_numbers():
-    motion = Counted(3, np.int64(12))
-    assert (motion.subject, motion.sequence) == ("3", "12")
-    with pytest.raises(ArgumentTypeError, match="subject must be a text; found NoneType"):
-        Counted(None)

@@ -127,20 +127,6 @@ def test_files_of_joblib(tmp_path, smpl, compress):
     np.testing.assert_allclose(motion[:], smpl(BETAS, POSES, PLACES), atol=1e-12)
 
 
-def test_files_of_torch(tmp_path, smpl):
-    torch = pytest.importorskip("torch")
-    params = {
-        "body_pose": torch.nn.Parameter(torch.tensor(ROWS[:, 3:])),
-        "global_orient": torch.tensor(np.flip(ROWS, 0).copy()).flip(0)[:, :3],
-        "transl": torch.tensor(PLACES.T.copy()).T,
-        "betas": torch.tensor(BETAS).expand(N_FRAMES, 10),
-        "mask": torch.ones(3, dtype=torch.bfloat16),
-    }
-    torch.save({"smpl_params_global": params}, tmp_path / "a.pt")
-    motion = load_recording(tmp_path / "a.pt", smpl, up="y", frames_per_second=30.0)
-    np.testing.assert_allclose(motion[:], smpl(BETAS, POSES, PLACES), atol=1e-12)
-
-
 def test_skeletons_and_amass(tmp_path, smpl):
     walk = load_recording(FOLDER / "cmu_01_01.bvh", frames_per_second=10.0)
     assert isinstance(walk, RetargetedMotion)
@@ -195,15 +181,6 @@ def test_refused_files(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         load_recording(tmp_path / name)
-
-
-def test_lists_in_each_other_without_end(tmp_path):
-    value = [ROWS]
-    for _ in range(30):
-        value = [value] * 10
-    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"poses": value}))
-    with pytest.raises(FileFormatError, match="nest too deep or too often"):
-        load_recording(tmp_path / "a.pkl")
 
 
 def avatar(path, **changes):

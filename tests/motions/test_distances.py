@@ -55,19 +55,6 @@ def test_components_lower_distances_a_little(space, motions, name, most):
     assert (projected >= (1 - most) * exact).all()
 
 
-def test_distances_of_velocities_come_nearer_with_more_components(space, motions):
-    """Sixty frames span 59 components, which leave nothing out."""
-    exact = DISTANCES["velocities"](space).dist_pairwise(motions)
-    gaps = []
-    for n_components in (20, 30, 40, 59):
-        projected = DISTANCES["velocities"](space, n_components=n_components)
-        gaps.append(np.abs(projected.dist_pairwise(motions) - exact).max())
-    assert gaps[0] > gaps[1] > gaps[2] > gaps[3]
-    assert gaps[1] < 0.05
-    assert gaps[2] < 0.015
-    assert gaps[3] < 1e-6
-
-
 def test_repeated_frames_change_nothing(distance, motions):
     paused = np.repeat(motions[0], [1, 3, 1, 2, 1, 1, 1, 1, 1, 4], axis=0)
     assert distance.dist(motions[0], paused) == pytest.approx(0.0, abs=1e-6)
@@ -105,20 +92,14 @@ def test_wrong_motions_are_named(distance, motions):
         ((motions[0], motions[0][:1]), "m2 must have at least 2 frames; found 1"),
         ((damaged, motions[0]), "frame 17 of m1 holds NaN"),
         ((motions[0], motions[0][:, :-1]), "frames 0 to 9 of m2 must have shape"),
-        ((motions[0], iter(motions[0])), "m2 must be an array, or have a length and slices"),
     ):
         with pytest.raises(rh.RiemhumanError, match=message):
             distance.dist(*wrong)
     for several, message in (
         ([motions[0], motions[0][:0]], r"motions\[1\] must have at least"),
-        ([motions[0], damaged], r"frame 17 of motions\[1\] holds NaN"),
         ([motions[0], iter(motions[0])], r"motions\[1\] must be an array, or have a length"),
         (iter(motions), "motions must be an array, or have a length"),
-        (None, "motions must be an array, or have a length"),
         (motions[0], "pass it in a list"),
     ):
         with pytest.raises(rh.RiemhumanError, match=message):
             distance.dist_pairwise(several)
-    distance.n_components = 3
-    with pytest.raises(rh.RiemhumanError, match=r"motions\[1\] must be an array, or have"):
-        distance.dist_pairwise([motions[0], iter(motions[0])])

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
-from riemhuman.motions import DynamicTimeWarping, JointMetric, MotionDescriptor
+from riemhuman.motions import JointMetric
 
 
 @pytest.fixture(scope="module")
@@ -50,16 +50,6 @@ def test_coordinates_have_the_distances(metric, knees):
 
 def test_the_metric_keeps_its_promises(metric, knees):
     rh.testing.check_metric(metric, knees[0][:3])
-
-
-def test_motions_are_compared_by_it(metric, knees):
-    rows = MotionDescriptor(metric, n_components=12).fit_transform(knees)
-    labels = [motion.sequence for motion in knees]
-    gaps = np.linalg.norm(rows[:, None] - rows[None], axis=-1) + 10.0 * np.eye(len(rows))
-    assert [labels[k] for k in gaps.argmin(axis=1)] == labels
-    warping = DynamicTimeWarping(metric, n_components=12)
-    distances = warping.dist_pairwise([motion[::6] for motion in knees[:3]])
-    assert distances[0, 2] > 0.0
 
 
 def test_other_models_are_refused(knees):

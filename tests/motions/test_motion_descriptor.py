@@ -51,14 +51,6 @@ def test_travel_is_weighted(pose, motions):
     assert spreads == pytest.approx([0.0, 1.0, 4.0])
 
 
-def test_learned_metric_on_rows(descriptor, motions):
-    pytest.importorskip("sklearn")
-    rows = descriptor.fit_transform(motions)
-    learned = rh.LearnedMetric(descriptor.metric_).fit(rows, [0, 1, 2, 0, 1, 2])
-    distances = learned.metric_.dist_pairwise(rows)
-    assert distances[0, 3] < distances[0, 1]
-
-
 def test_conventions_of_scikit_learn(descriptor, motions):
     base = pytest.importorskip("sklearn.base")
     other = base.clone(descriptor).set_params(n_components=3)

@@ -28,14 +28,6 @@ def components(motion_space, knees):
 
 
 class TestMean:
-    def test_motions_in_a_generator_are_refused(self, motion_space, knees):
-        for fit in (
-            rh.motions.MotionMean(motion_space).fit,
-            rh.motions.MotionComponents(rh.motions.MotionMean(motion_space)).fit,
-        ):
-            with pytest.raises(rh.RiemhumanError, match="X must be an array, or have a length"):
-                fit(motion for motion in knees)
-
     def test_of_one_motion_at_three_speeds_is_that_motion(self, motion_space, open_motions):
         frames = open_motions[0][:41:8]
         held = [np.repeat(frames, [n, 1, 1, 1, 1, 4 - n], axis=0) for n in (1, 2, 3)]

@@ -163,15 +163,3 @@ class TestVelocityTimeWarping:
         assert flat.dist(still, still[:2]) == 0.0
         assert flat.dist(still, knot(FEW)) == pytest.approx(1.0)
         assert flat.dist(knot(FEW), still) == pytest.approx(1.0)
-
-    def test_motion_is_near_its_own_re_timing(self, pose, open_motions):
-        """At 8 frames in a second, half of them between those at 60."""
-        warping = rh.motions.VelocityTimeWarping(pose)
-        arms, other = open_motions[2], open_motions[5]
-        slow = rh.datasets.load_open_motions("coarse", "lean runner", "shake_arms", 8)[0]
-        few, whole = slow[:17], arms[:121]
-        warp = warping.warp(few, whole)
-        np.testing.assert_allclose(warp(np.arange(17)), 7.5 * np.arange(17), atol=0.5)
-        assert warp.dist < 0.02 * warping.dist(few, other[:121])
-        plain = rh.motions.DynamicTimeWarping(pose, between_frames=True)
-        assert plain.dist(few, whole) > 0.06 * plain.dist(few, other[:121])
