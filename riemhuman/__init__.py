@@ -58,7 +58,7 @@ if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is
         RotationFields as RotationFields,
     )
     from riemhuman.geometry.manifold import Manifold as Manifold
-    from riemhuman.geometry.metric import DefaultSolvers, RiemannianMetric as RiemannianMetric
+    from riemhuman.geometry.metric import RiemannianMetric as RiemannianMetric
     from riemhuman.geometry.product import (
         ProductManifold as ProductManifold,
         ProductMetric as ProductMetric,
@@ -68,6 +68,7 @@ if TYPE_CHECKING:  # the public names, for type checkers and editors; nothing is
         AreaMetric as AreaMetric,
         RotationMetric as RotationMetric,
     )
+    from riemhuman.geometry.strategies import DefaultSolvers
     from riemhuman.geometry.sobolev_metric import (
         GaugeInvariantMetric as GaugeInvariantMetric,
         SobolevMetric as SobolevMetric,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.arrays import Array, Booleans, Points, TangentVectors, Triangles
+from riemhuman.arrays import Array, Booleans, Points, TangentVectors
 from riemhuman.checks import (
     SCALES,
     Rng,
@@ -85,15 +85,10 @@ class AlignedSurfaces(SurfaceSpace):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        count = sample_count(n_samples, self.shape)
+        count = sample_count(n_samples)
         noise = generator(rng).uniform(-1.0, 1.0, (count, 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
-
-    @property
-    def faces(self) -> Triangles:
-        """Vertex indices of each triangle, shape (F, 3)."""
-        return self.template.faces
 
     def face_areas(self, point: Points) -> Array:
         """Return the areas of the triangles of surfaces, square metres, shape (..., F).
@@ -117,18 +112,6 @@ class AlignedSurfaces(SurfaceSpace):
         area_vectors = np.cross(*self.partial_derivatives(self.check_point(point)))
         return self.template.face_areas[:, None] * area_vectors
 
-    def partial_derivatives(self, f: Points) -> tuple[Array, Array]:
-        """Return f_u and f_v in orthonormal frames of the template, each of shape (..., F, 3).
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-            Surfaces, or deformations.
-        """
-        return surface.partial_derivatives(
-            self.check_tangent_vec(f, "f"), self.template.differential_operator
-        )
-
     def to_fields(self, f: Points) -> tuple[Array, Array]:
         """Return Φ(f) = (g, n), the metric field and the normal field (equation 1).
 
@@ -148,24 +131,6 @@ class AlignedSurfaces(SurfaceSpace):
         """
         derivatives = self.partial_derivatives(f)
         return surface.first_fundamental_form(*derivatives), self._normals(*derivatives)
-
-    def metric_field(self, f: Points) -> Array:
-        """Return the metric field g alone, shape (..., F, 2, 2); triangles without area are legal.
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-        """
-        return surface.first_fundamental_form(*self.partial_derivatives(f))
-
-    def normal_field(self, f: Points) -> Array:
-        """Return the normal field n alone, shape (..., F, 3).
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-        """
-        return self._normals(*self.partial_derivatives(f))
 
     def as_array(self, points: object, name: str = "points") -> object:
         if isinstance(points, (list, tuple)):
@@ -197,18 +162,6 @@ class AlignedSurfaces(SurfaceSpace):
         check_resolution(point, name, dtype)
         return point
 
-    def check_tangent_vec(self, tangent_vec: object, name: str = "tangent_vec") -> Array:
-        """Return deformations as float64 arrays after checking them, shape (..., V, 3).
-
-        Parameters
-        ----------
-        tangent_vec : array_like, shape (..., V, 3)
-            Deformations, of any size.
-        name : str, for messages
-        """
-        vectors = self.as_array(tangent_vec, name)
-        return real_array(vectors, name, self.shape)
-
     def check_scale(self, point: Points, name: str = "point") -> None:
         check_resolution(point, name)
         if self.scale is not None:
@@ -233,20 +186,3 @@ class AlignedSurfaces(SurfaceSpace):
                 "again",
                 SeamWarning,
             )
-
-    def check_immersed(self, f: object, name: str = "f") -> Array:
-        """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).
-
-        Parameters
-        ----------
-        f : array_like, shape (..., V, 3)
-        name : str, for messages
-        """
-        f = real_array(self.as_array(f, name), name, self.shape)
-        self._normals(*self.partial_derivatives(f), name)
-        return f
-
-    @staticmethod
-    def _normals(f_u: Array, f_v: Array, name: str = "the surface") -> Array:
-        surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)), name)
-        return surface.unit_normals(f_u, f_v)

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
 from copy import copy
 from typing import Self, TypeGuard
 
-from riemhuman.arrays import Array, Points, TangentVectors, Triangles
-from riemhuman.checks import checked, flag, real_number, refuse_type, whole_number
+from riemhuman.arrays import Array, Points, Triangles
+from riemhuman.checks import (
+    checked,
+    flag,
+    real_array,
+    real_number,
+    refuse_type,
+    values_of,
+    whole_number,
+)
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.point_space import PointSpace, check_room_for
+from riemhuman.geometry.point_space import PointSpace
+from riemhuman.kernels import surface
 from riemhuman.surfaces.template import Template
 
 # A class of metrics, each of which has parameters of its own.
@@ -115,11 +123,10 @@ class SurfaceSpace(Manifold):
     template: Template
 
     @property
-    @abstractmethod
     def faces(self) -> Triangles:
         """Vertex indices of each triangle, shape (F, 3)."""
+        return self.template.faces
 
-    @abstractmethod
     def partial_derivatives(self, f: Points) -> tuple[Array, Array]:
         """Return f_u and f_v in orthonormal frames of the template, each of shape (..., F, 3).
 
@@ -128,27 +135,29 @@ class SurfaceSpace(Manifold):
         f : array, shape (..., V, 3)
             Surfaces, or deformations.
         """
+        return surface.partial_derivatives(
+            self.check_tangent_vec(f, "f"), self.template.differential_operator
+        )
 
-    @abstractmethod
     def metric_field(self, f: Points) -> Array:
-        """Return the metric field g, shape (..., F, 2, 2); triangles without area are legal.
+        """Return the metric field g alone, shape (..., F, 2, 2); triangles without area are legal.
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
         """
+        return surface.first_fundamental_form(*self.partial_derivatives(f))
 
-    @abstractmethod
     def normal_field(self, f: Points) -> Array:
-        """Return the normal field n, shape (..., F, 3).
+        """Return the normal field n alone, shape (..., F, 3).
 
         Parameters
         ----------
         f : array, shape (..., V, 3)
         """
+        return self._normals(*self.partial_derivatives(f))
 
-    @abstractmethod
-    def check_tangent_vec(self, tangent_vec: object, name: str = "tangent_vec") -> TangentVectors:
+    def check_tangent_vec(self, tangent_vec: object, name: str = "tangent_vec") -> Array:
         """Return deformations as float64 arrays after checking them, shape (..., V, 3).
 
         Parameters
@@ -157,9 +166,10 @@ class SurfaceSpace(Manifold):
             Deformations, of any size.
         name : str, for messages
         """
+        vectors = self.as_array(tangent_vec, name)
+        return real_array(vectors, name, self.shape)
 
-    @abstractmethod
-    def check_immersed(self, f: object, name: str = "f") -> Points:
+    def check_immersed(self, f: object, name: str = "f") -> Array:
         """Return surfaces as float64 arrays if all their triangles have area, shape (..., V, 3).
 
         Parameters
@@ -167,6 +177,14 @@ class SurfaceSpace(Manifold):
         f : array_like, shape (..., V, 3)
         name : str, for messages
         """
+        f = self.check_tangent_vec(f, name)
+        self._normals(*self.partial_derivatives(f), name)
+        return f
+
+    @staticmethod
+    def _normals(f_u: Array, f_v: Array, name: str = "the surface") -> Array:
+        surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)), name)
+        return surface.unit_normals(f_u, f_v)
 
 
 def holds_surfaces(space: PointSpace) -> TypeGuard[SurfaceSpace]:
@@ -200,11 +218,9 @@ def manifold_of(metric: RiemannianMetric) -> Manifold:
     return metric.space
 
 
-def sample_count(n_samples: int, shape: tuple[int, ...]) -> int:
-    """Return the number of random samples of points, at least 1, for which there is memory."""
-    count = whole_number(n_samples, "n_samples", minimum=1)
-    check_room_for(count, shape)
-    return count
+def sample_count(n_samples: int) -> int:
+    """Return the number of random samples, at least 1."""
+    return whole_number(n_samples, "n_samples", minimum=1)
 
 
 def sample_bound(bound: float) -> float:

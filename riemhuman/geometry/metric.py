@@ -1,19 +1,17 @@
-"""The Riemannian metric with its geodesics, multiples of metrics, and the strategies metrics take.
+"""The Riemannian metric with its geodesics.
 
-A metric is given solvers, and solvers are given a metric: their contracts stand next to it.
 `riemhuman.geometry.metric_tensor` has what metrics measure without geodesics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypedDict, cast
+from typing import cast
 
 import autograd.numpy as np
-from scipy import sparse
 
 from riemhuman.arrays import Array, ArrayLike, Points, TangentVectors
-from riemhuman.checks import a_solver, checked, joint_shape, positive, real_array, refuse_type
+from riemhuman.checks import a_solver, checked, joint_shape, real_array, refuse_type
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -21,8 +19,15 @@ from riemhuman.errors import (
     OutsideManifoldError,
 )
 from riemhuman.geometry.metric_tensor import POINT, VECTOR, MetricTensor
-from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
+from riemhuman.geometry.strategies import (
+    DefaultSolvers,
+    ExpSolver,
+    GeodesicSolver,
+    LogSolver,
+    SolvedPath,
+    TransportSolver,
+)
 from riemhuman.kernels.surface import differential
 from riemhuman.provided import default_solvers
 from riemhuman.representation import constructor_text
@@ -95,26 +100,7 @@ class RiemannianMetric(MetricTensor):
     def __repr__(self) -> str:
         return constructor_text(self, leave_out=("space",))
 
-    def __mul__(self, scale: float) -> RiemannianMetric:
-        return ScalarProductMetric(self, scale)
-
-    __rmul__ = __mul__
-
     # What a metric has.
-
-    @property
-    def solvers(self) -> Solvers:
-        """The solvers that were passed to the metric, by name."""
-        given: Solvers = {}
-        if self.geodesic_solver is not None:
-            given["geodesic_solver"] = self.geodesic_solver
-        if self.exp_solver is not None:
-            given["exp_solver"] = self.exp_solver
-        if self.log_solver is not None:
-            given["log_solver"] = self.log_solver
-        if self.transport_solver is not None:
-            given["transport_solver"] = self.transport_solver
-        return given
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -372,252 +358,9 @@ class RiemannianMetric(MetricTensor):
         return np.expand_dims(times, self.space._point_axes)
 
 
-# Contracts of strategies; `riemhuman.geometry.strategies` lists all of them.
-
-
-class SolvedPath(Protocol):
-    """The result of a `GeodesicSolver`."""
-
-    @property
-    def path(self) -> Points: ...
-
-    @property
-    def energy(self) -> float: ...
-
-
-class SolvedExp(Protocol):
-    """The result of an `ExpSolver`."""
-
-    @property
-    def end(self) -> Points: ...
-
-
-class SolvedVector(Protocol):
-    """The result of a `LogSolver` or a `TransportSolver`."""
-
-    @property
-    def tangent_vec(self) -> TangentVectors: ...
-
-
-class GeodesicSolver(Protocol):
-    """A strategy for paths of least energy between two points."""
-
-    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> SolvedPath:
-        """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`.
-
-        It may have `energies`, `n_iterations`, `n_evaluations`, `converged` and `message`, as
-        `riemhuman.solvers.PathResult` has.
-        """
-
-
-class ExpSolver(Protocol):
-    """A strategy that follows a geodesic from its start for unit time."""
-
-    def solve(
-        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
-    ) -> SolvedExp:
-        """Return an object with `end`, the point reached.
-
-        It may have `complete`, False where the geodesic was not followed to its end, and `message`.
-        """
-
-
-class LogSolver(Protocol):
-    """A strategy for the initial velocity of a geodesic between two points."""
-
-    def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> SolvedVector:
-        """Return an object with `tangent_vec`, the initial velocity at `base_point`."""
-
-
-class TransportSolver(Protocol):
-    """A strategy that transports tangent vectors along geodesics."""
-
-    def solve(
-        self,
-        metric: RiemannianMetric,
-        tangent_vec: TangentVectors,
-        base_point: Points,
-        direction: TangentVectors | None = None,
-        end_point: Points | None = None,
-    ) -> SolvedVector:
-        """Return an object with `tangent_vec`, the vector at the end of the geodesic.
-
-        Either `direction`, the initial velocity, or `end_point` is given.
-        """
-
-
-class Solvers(TypedDict, total=False):
-    """Keyword arguments of all metrics: strategies for what has no closed form."""
-
-    geodesic_solver: GeodesicSolver | None
-    exp_solver: ExpSolver | None
-    log_solver: LogSolver | None
-    transport_solver: TransportSolver | None
-
-
-class DefaultSolvers(Protocol):
-    """Strategies of a metric that was given none, see `riemhuman.solvers.defaults`."""
-
-    def geodesic_solver(self, metric: RiemannianMetric) -> GeodesicSolver: ...
-
-    def exp_solver(self, metric: RiemannianMetric) -> ExpSolver: ...
-
-    def log_solver(self, metric: RiemannianMetric) -> LogSolver: ...
-
-    def transport_solver(self, metric: RiemannianMetric) -> TransportSolver: ...
-
-
 def _default_solvers() -> DefaultSolvers:
     # `riemhuman/__init__.py`, where type checkers see that it is true, provides them.
     return cast(DefaultSolvers, default_solvers())
-
-
-# In this file because `RiemannianMetric.__mul__` makes one: in a file of its own, the two would
-# import each other.
-class ScalarProductMetric(RiemannianMetric):
-    """A metric times a number above 0: ``2.0 * metric``; geodesics stay the same."""
-
-    @checked(scale=positive)
-    def __init__(self, metric: RiemannianMetric, scale: float) -> None:
-        super().__init__(metric.space, **metric.solvers)
-        self.underlying_metric = metric
-        self.scale = scale
-        self._root: float = self.scale**0.5
-        self.is_translation_invariant = metric.is_translation_invariant
-        self.is_rotation_invariant = metric.is_rotation_invariant
-        self.is_stretch_invariant = metric.is_stretch_invariant
-        self.is_reparametrization_invariant = metric.is_reparametrization_invariant
-        self.has_target_metric = metric.has_target_metric
-
-    def __repr__(self) -> str:
-        return f"{self.scale!r} * {self.underlying_metric!r}"
-
-    @property
-    def target_metric(self) -> RiemannianMetric:
-        return self.scale * self.underlying_metric.target_metric
-
-    @property
-    def bulk(self) -> Bulk:
-        factor = Factor(lambda points: points, self.scale, self.underlying_metric.bulk)
-        return SumOfFactors([factor])
-
-    @property
-    def complementary_metric(self) -> RiemannianMetric | None:
-        complement = self.underlying_metric.complementary_metric
-        return None if complement is None else self.scale * complement
-
-    def with_stretching(self, weight: float) -> RiemannianMetric:
-        return self.scale * self.underlying_metric.with_stretching(weight / self.scale)
-
-    def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
-        energy, gradient = self.underlying_metric.energy_and_gradient(path)
-        return self.scale * energy, self.scale * gradient
-
-    def squared_dists_and_gradient(
-        self, point: Points, others: Points, weights: Array
-    ) -> tuple[Array, Array]:
-        metric = self.underlying_metric
-        squared, gradient = metric.squared_dists_and_gradient(point, others, weights)
-        return self.scale * squared, self.scale * gradient
-
-    def inner_product(
-        self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        return self.scale * self.underlying_metric.inner_product(
-            tangent_vec_a, tangent_vec_b, base_point
-        )
-
-    def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
-        return self.scale * self.underlying_metric.covector(tangent_vec, base_point)
-
-    def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
-        return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
-
-    def metric_matrix(self, base_point: Points) -> sparse.csr_array:
-        return self.scale * self.underlying_metric.metric_matrix(base_point)
-
-    def squared_dist(self, point_a: Points, point_b: Points) -> Array:
-        return self.scale * self.underlying_metric.squared_dist(point_a, point_b)
-
-    def energy(self, path: Points) -> Array:
-        return self.scale * self.underlying_metric.energy(path)
-
-    def curvature_form(
-        self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        return self.scale * self.underlying_metric.curvature_form(
-            tangent_vec_a, tangent_vec_b, base_point
-        )
-
-    def length(self, path: Points) -> Array:
-        return self._root * self.underlying_metric.length(path)
-
-    def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        return self._root * self.underlying_metric.injectivity_radius(base_point)
-
-    def lower_bound_coordinates(self, points: Points) -> Array:
-        return self._root * self.underlying_metric.lower_bound_coordinates(points)
-
-    # A multiple has the same geodesics.
-
-    def exp(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
-        return self.underlying_metric.exp(tangent_vec, base_point)
-
-    def log(self, point: Points, base_point: Points) -> Array:
-        return self.underlying_metric.log(point, base_point)
-
-    def parallel_transport(
-        self,
-        tangent_vec: TangentVectors,
-        base_point: Points,
-        direction: TangentVectors | None = None,
-        end_point: Points | None = None,
-    ) -> Array:
-        return self.underlying_metric.parallel_transport(
-            tangent_vec, base_point, direction, end_point
-        )
-
-    def remove_drift(self, path: Points) -> Array:
-        return self.underlying_metric.remove_drift(path)
-
-    def map(self, point: Points) -> Array:
-        return self.underlying_metric.map(point)
-
-    def differential(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
-        return self.underlying_metric.differential(tangent_vec, base_point)
-
-    def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
-        return self.underlying_metric._geodesic_between(start, end)
-
-    @property
-    def has_closed_form_dist(self) -> bool:
-        return self.underlying_metric.has_closed_form_dist
-
-    @property
-    def has_closed_form_geodesic(self) -> bool:
-        return self.underlying_metric.has_closed_form_geodesic
-
-    @property
-    def has_closed_form_transport(self) -> bool:
-        return self.underlying_metric.has_closed_form_transport
-
-    @property
-    def has_inner_product(self) -> bool:
-        return self.underlying_metric.has_inner_product
-
-    @property
-    def has_metric_matrix(self) -> bool:
-        return self.underlying_metric.has_metric_matrix
-
-    @property
-    def has_lower_bound_coordinates(self) -> bool:
-        return self.underlying_metric.has_lower_bound_coordinates
 
 
 def check_metric(metric: object, name: str = "metric") -> None:

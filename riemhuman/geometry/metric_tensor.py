@@ -1,4 +1,4 @@
-"""What a Riemannian metric measures: inner products, distances, lengths, energies and curvature.
+"""What a Riemannian metric measures: inner products, distances, lengths and energies.
 
 Everything is derived from two primitives, `inner_product` and `squared_dist`. What geodesics need,
 and the solvers that find them, is added by `riemhuman.geometry.metric.RiemannianMetric`.
@@ -25,7 +25,6 @@ from riemhuman.checks import (
     path_array,
     real_array,
 )
-from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.pairwise import (
     MEMORY,
@@ -45,9 +44,6 @@ __all__ = ["MetricTensor"]
 
 # An index of as many axes as paths of points have.
 _Index: TypeAlias = "tuple[EllipsisType | slice[int | None, int | None, None], ...]"
-
-# For points with more bytes than this, the memory of their features is checked first.
-_MANY_BYTES = 2**26
 
 
 POINT = OfOwner(lambda metric: metric.space.check_point)
@@ -167,15 +163,6 @@ class MetricTensor(Unchanging, ABC):
         """Return tangent vectors as float64 arrays."""
         return real_array(vectors, name, self.space.shape)
 
-    def _rows_of_vectors(self, vectors: object) -> Array:
-        """Return tangent vectors in a row, shape (n, *shape), after checking them."""
-        name = "vectors"
-        if not isinstance(vectors, ndarray):
-            vectors = self.space.as_array(vectors, name)
-        values = real_array(vectors, name, self.space.shape, rows=True, finite=False)
-        check_shape(values, name, ("n_points", *self.space.shape), batched=False)
-        return self._vectors(values, name)
-
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
         r"""Return the inner products of all pairs of vectors, averaged over points, shape (K, K).
 
@@ -185,7 +172,7 @@ class MetricTensor(Unchanging, ABC):
         base_point : array, shape (\*shape,) or (n, \*shape)
             One base point, or several to average over.
         """
-        vectors = self._rows_of_vectors(vectors)
+        vectors = self.check_points(vectors, "vectors")
         base_points = self._base_points(base_point)
         if not len(vectors):
             return np.zeros((0, 0))
@@ -336,10 +323,6 @@ class MetricTensor(Unchanging, ABC):
             check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
         else:
             checked = self.check_points(points, name)
-        task = f"the features of {len(checked):,} points"
-        if checked.nbytes > _MANY_BYTES:
-            features_of_first = self.bulk.features(checked[:1], precision)
-            check_memory(len(checked) * sum(array.nbytes for array in features_of_first), task)
         return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
@@ -460,55 +443,6 @@ class MetricTensor(Unchanging, ABC):
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
-
-    # Curvature; subclasses that know it define `curvature_form` and `injectivity_radius`.
-
-    def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        r"""Return the radius of the largest ball in which `exp` is one to one, shape (...).
-
-        Parameters
-        ----------
-        base_point : array, shape (..., \*shape), optional
-        """
-        raise self._not_defined("injectivity_radius")
-
-    def curvature_form(
-        self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor, shape (...).
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
-            Base point; needed unless the curvature is the same at every point.
-        """
-        raise self._not_defined("curvature_form")
-
-    def sectional_curvature(
-        self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        r"""Return the sectional curvature of the plane of two vectors, NaN if they are parallel.
-
-        .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-        base_point : array, shape (..., \*shape), optional
-        """
-        a, b, point = tangent_vec_a, tangent_vec_b, base_point
-        form = self.curvature_form(a, b, point)
-        squares = self.squared_norm(a, point) * self.squared_norm(b, point)
-        area = squares - self.inner_product(a, b, point) ** 2
-        flat = area <= 1e-14 * squares
-        return np.where(flat, np.nan, form / np.where(flat, 1.0, area))
 
     def _not_defined(self, name: str) -> NotDefinedError:
         return NotDefinedError(f"{type(self).__name__} does not define {name}")

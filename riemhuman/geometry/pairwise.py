@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -17,6 +17,9 @@ from riemhuman.checks import check_shape, checked, choice, flag, unflatten, whol
 from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric_tensor import MetricTensor
 
 __all__ = [
     "MEMORY",
@@ -147,29 +150,8 @@ class SumOfFactors(Bulk):
         return parts
 
 
-class PointsOfOneShape(Protocol):
-    """A space of points that are arrays of one shape."""
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-
-
-class MetricOfFeatures(Protocol):
-    """What tables of distances need of a metric, see `RiemannianMetric`."""
-
-    @property
-    def space(self) -> PointsOfOneShape: ...
-
-    @property
-    def bulk(self) -> Bulk: ...
-
-    def features(self, points: PointsLike, precision: str, *, name: str = ...) -> Features: ...
-
-    def check_points(self, points: object, name: str) -> Points: ...
-
-
 def features_in_threads(
-    metric: MetricOfFeatures, points: PointsLike, precision: str, n_jobs: int, name: str
+    metric: MetricTensor, points: PointsLike, precision: str, n_jobs: int, name: str
 ) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
@@ -181,7 +163,7 @@ def features_in_threads(
 
 
 def squared_dist_rectangle(
-    metric: MetricOfFeatures,
+    metric: MetricTensor,
     features_a: Features,
     features_b: Features,
     points_a: PointsLike | PointsByNumber,
@@ -221,7 +203,7 @@ def squared_dist_rectangle(
 
 @checked(precision=choice(*PRECISIONS), memory=whole(minimum=1), progress=flag)
 def table_of_distances(
-    metric: MetricOfFeatures,
+    metric: MetricTensor,
     points_a: PointsLike,
     points_b: PointsLike | None,
     n_jobs: int | None,
@@ -276,7 +258,7 @@ def table_of_distances(
     return result
 
 
-def _point_set(metric: MetricOfFeatures, points: PointsLike, name: str) -> PointsLike:
+def _point_set(metric: MetricTensor, points: PointsLike, name: str) -> PointsLike:
     """Return a set of points: an array after checking it, or what can be sliced."""
     has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
     if not has_slices or isinstance(points, (Mapping, memoryview)):
@@ -296,7 +278,7 @@ class _Block(NamedTuple):
 
 
 def _blocks(
-    metric: MetricOfFeatures,
+    metric: MetricTensor,
     precision: str,
     n_threads: int,
     points: PointsLike,

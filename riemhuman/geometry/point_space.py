@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 
 import autograd.numpy as np
 
 from riemhuman.arrays import Array, Booleans, Points, TangentVectors
 from riemhuman.checks import Rng, generator, real_array, values_of, whole_number
-from riemhuman.checks.memory import check_memory
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text
 from riemhuman.surfaces.template import Template
 
 __all__ = ["PointSpace"]
-
-# For samples of more bytes than this, the memory needed is checked first.
-_MANY_BYTES = 2.0**26
-
-
-def check_room_for(n_samples: int, shape: tuple[int, ...]) -> None:
-    """Raise an OutOfMemoryError if there is no room for so many random points or vectors."""
-    n_bytes = 8.0 * n_samples * math.prod(shape)
-    if n_bytes > _MANY_BYTES:
-        check_memory(2.0 * n_bytes, f"a sample of {n_samples:,} arrays", "ask for fewer n_samples")
 
 
 class PointSpace(ABC):
@@ -127,7 +115,6 @@ class PointSpace(ABC):
         rng : int or numpy.random.Generator, optional
         """
         n_samples = whole_number(n_samples, "n_samples", minimum=1)
-        check_room_for(n_samples, self.shape)
         shape = self.shape
         if base_point is not None:
             base_point = self.check_point(base_point, "base_point")

@@ -97,7 +97,6 @@ class ProductManifold(Manifold):
         index : int
         """
         factor = self.factors[index]
-        index %= len(self.factors)
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
         flat = point[..., start : self._ends[index]]
@@ -125,7 +124,7 @@ class ProductManifold(Manifold):
         return self.embed_to_product([factor.projection(x) for factor, x in parts])
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        rng, n_samples = generator(rng), sample_count(n_samples, self.shape)
+        rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
             factor.random_point(n_samples, bound, rng).reshape(n_samples, *factor.shape)
             for factor in self.factors
@@ -198,7 +197,8 @@ class ProductMetric(RiemannianMetric):
         def of_factor(k: int, metric: RiemannianMetric) -> Array:
             a = self.space.component(tangent_vec_a, k)
             b = self.space.component(tangent_vec_b, k)
-            return metric.inner_product(a, b, self._base_point(base_point, k))
+            x = None if base_point is None else self.space.component(base_point, k)
+            return metric.inner_product(a, b, x)
 
         return self._weighted_sum(of_factor)
 
@@ -228,26 +228,6 @@ class ProductMetric(RiemannianMetric):
         parts = self._parts(point, start)
         return self.space.embed_to_product([metric.log(y, x) for metric, y, x in parts])
 
-    def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        radii = []
-        for k, factor, weight in self._weighted_factors():
-            radius = factor.metric.injectivity_radius(self._base_point(base_point, k))
-            radii.append(np.sqrt(weight) * radius)
-        return np.min(np.stack(radii), axis=0)
-
-    def curvature_form(
-        self,
-        tangent_vec_a: TangentVectors,
-        tangent_vec_b: TangentVectors,
-        base_point: Points | None = None,
-    ) -> Array:
-        def of_factor(k: int, metric: RiemannianMetric) -> Array:
-            a = self.space.component(tangent_vec_a, k)
-            b = self.space.component(tangent_vec_b, k)
-            return metric.curvature_form(a, b, self._base_point(base_point, k))
-
-        return self._weighted_sum(of_factor)
-
     def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         velocities = self.space.project_from_product(velocity)
         ends = [
@@ -259,10 +239,6 @@ class ProductMetric(RiemannianMetric):
     def _geodesic_between(self, start: Points, end: Points) -> Callable[[ArrayLike], Points]:
         curves = [metric.geodesic(x, end_point=y) for metric, x, y in self._parts(start, end)]
         return lambda t: self.space.embed_to_product([curve(t) for curve in curves])
-
-    def _base_point(self, base_point: Points | None, index: int) -> Array | None:
-        """Return one factor of a base point, None where no base point is given."""
-        return None if base_point is None else self.space.component(base_point, index)
 
     def _parts(self, a: Array, b: Array) -> Iterator[tuple[RiemannianMetric, Array, Array]]:
         """Yield the metric of every factor with its components of two points or vectors."""

@@ -65,7 +65,7 @@ class SmoothedMetric(PullbackMetric):
         return super().energy_and_gradient(path)
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
-        vectors = self._rows_of_vectors(vectors)
+        vectors = self.check_points(vectors, "vectors")
         surfaces = self._base_points(base_point)
         gram = np.zeros((len(vectors), len(vectors)))
         if not len(vectors):
@@ -275,11 +275,12 @@ class AreaMetric(SmoothedMetric):
         return averages + unused
 
     def _smoothed(self, averages: Array) -> Array:
-        surface.refuse_vertices(
+        surface.refuse_triangles(
             values_of(averages) == 0.0,
             "every vertex of the surface must be a corner of a triangle with an area, for its area "
             "ratio to have a logarithm",
             DegenerateSurfaceError,
+            ("vertex", "vertices"),
         )
         logarithms, template = np.log(averages), self.space.template
         if self.time > 0:

@@ -5,30 +5,104 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, TypedDict
 
-from riemhuman.arrays import Array, Points, PointsOrBatches
-from riemhuman.geometry.metric import (
-    ExpSolver,
-    GeodesicSolver,
-    LogSolver,
-    RiemannianMetric,
-    SolvedPath,
-    Solvers,
-    TransportSolver,
-)
+from riemhuman.arrays import Array, Points, PointsOrBatches, TangentVectors
 
-__all__ = [
-    "ExpSolver",
-    "GeodesicSolver",
-    "LogSolver",
-    "MeanSolver",
-    "PathEnergy",
-    "SolvedMean",
-    "SolvedPath",
-    "Solvers",
-    "TransportSolver",
-]
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
+
+
+class SolvedPath(Protocol):
+    """The result of a `GeodesicSolver`."""
+
+    @property
+    def path(self) -> Points: ...
+
+    @property
+    def energy(self) -> float: ...
+
+
+class SolvedExp(Protocol):
+    """The result of an `ExpSolver`."""
+
+    @property
+    def end(self) -> Points: ...
+
+
+class SolvedVector(Protocol):
+    """The result of a `LogSolver` or a `TransportSolver`."""
+
+    @property
+    def tangent_vec(self) -> TangentVectors: ...
+
+
+class GeodesicSolver(Protocol):
+    """A strategy for paths of least energy between two points."""
+
+    def solve(self, metric: RiemannianMetric, start: Points, end: Points) -> SolvedPath:
+        """Return an object with `path`, shape (n_nodes, *shape), with both ends, and `energy`.
+
+        It may have `energies`, `n_iterations`, `n_evaluations`, `converged` and `message`, as
+        `riemhuman.solvers.PathResult` has.
+        """
+
+
+class ExpSolver(Protocol):
+    """A strategy that follows a geodesic from its start for unit time."""
+
+    def solve(
+        self, metric: RiemannianMetric, tangent_vec: TangentVectors, base_point: Points
+    ) -> SolvedExp:
+        """Return an object with `end`, the point reached.
+
+        It may have `complete`, False where the geodesic was not followed to its end, and `message`.
+        """
+
+
+class LogSolver(Protocol):
+    """A strategy for the initial velocity of a geodesic between two points."""
+
+    def solve(self, metric: RiemannianMetric, point: Points, base_point: Points) -> SolvedVector:
+        """Return an object with `tangent_vec`, the initial velocity at `base_point`."""
+
+
+class TransportSolver(Protocol):
+    """A strategy that transports tangent vectors along geodesics."""
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        tangent_vec: TangentVectors,
+        base_point: Points,
+        direction: TangentVectors | None = None,
+        end_point: Points | None = None,
+    ) -> SolvedVector:
+        """Return an object with `tangent_vec`, the vector at the end of the geodesic.
+
+        Either `direction`, the initial velocity, or `end_point` is given.
+        """
+
+
+class Solvers(TypedDict, total=False):
+    """Keyword arguments of all metrics: strategies for what has no closed form."""
+
+    geodesic_solver: GeodesicSolver | None
+    exp_solver: ExpSolver | None
+    log_solver: LogSolver | None
+    transport_solver: TransportSolver | None
+
+
+class DefaultSolvers(Protocol):
+    """Strategies of a metric that was given none, see `riemhuman.solvers.defaults`."""
+
+    def geodesic_solver(self, metric: RiemannianMetric) -> GeodesicSolver: ...
+
+    def exp_solver(self, metric: RiemannianMetric) -> ExpSolver: ...
+
+    def log_solver(self, metric: RiemannianMetric) -> LogSolver: ...
+
+    def transport_solver(self, metric: RiemannianMetric) -> TransportSolver: ...
 
 
 class SolvedMean(Protocol):

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Unpack, cast
 
 import autograd.numpy as np
-import numpy as onp
-from autograd import grad
-from autograd.extend import defvjp, primitive
 from autograd.tracer import isbox
 from scipy import sparse
 
@@ -20,8 +17,6 @@ from riemhuman.checks import (
     metric_weight,
     path_array,
     positive,
-    real_array,
-    values_of,
 )
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.fields import (
@@ -70,7 +65,8 @@ class MetricOfTerms(RiemannianMetric):
         tangent_vec_b: TangentVectors,
         base_point: Points | None = None,
     ) -> Array:
-        base_point = self._surfaces(base_point)
+        # Surfaces of any scale and resolution, whose areas are within double precision.
+        base_point = self.space.check_tangent_vec(base_point, "base_point")
         h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
         k = h
         if tangent_vec_b is not tangent_vec_a:
@@ -78,27 +74,19 @@ class MetricOfTerms(RiemannianMetric):
         joint_shape(tangent_vec_a=h, tangent_vec_b=k, base_point=base_point)
         return self._sum.inner_product(h, k, base_point)
 
-    def _surfaces(self, base_point: object) -> Array:
-        """Return surfaces of any scale and resolution, whose areas are within double precision."""
-        surfaces = self.space.as_array(base_point, "base_point")
-        return real_array(surfaces, "base_point", self.space.shape)
-
     def metric_matrix(self, base_point: Points) -> sparse.csr_array:
-        surfaces = self._surfaces(base_point)
+        surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.size == 0:
             raise ArgumentError("base_point must hold at least one surface; found none")
         return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
 
     def energy(self, path: Points) -> Array:
         path = path_array(path, self.space)
-        if path.ndim == 3:
-            if isbox(path):
-                energy = _energy_and_slopes(path, self)[0]
-            else:
-                energy = self._sum.path_energy(path, gradient=False)[0]
+        if path.ndim == 3 and not isbox(path):
+            energy, _ = self._sum.path_energy(path, gradient=False)
             if np.isfinite(energy):
-                return energy  # type: ignore[no-any-return]  # one number
-        # The definition also takes several paths, and says which triangle has no energy.
+                return energy  # type: ignore[return-value]  # one number
+        # The definition also takes several paths and autograd's, and says which triangle has none.
         return super().energy(path)
 
     def energy_and_gradient(self, path: Points) -> tuple[float, Array]:
@@ -106,7 +94,7 @@ class MetricOfTerms(RiemannianMetric):
 
     def covector(self, tangent_vec: TangentVectors, base_point: Points) -> Array:
         vectors = self.space.check_tangent_vec(tangent_vec)
-        surfaces = self._surfaces(base_point)
+        surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.ndim == 2:
             columns = vectors.reshape(-1, self.space.dim).T
             covectors: Array = self.metric_matrix(surfaces) @ columns
@@ -114,36 +102,9 @@ class MetricOfTerms(RiemannianMetric):
         return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
     def gram_matrix(self, vectors: TangentVectors, base_point: Points) -> Array:
-        flat = self._rows_of_vectors(vectors).reshape(len(vectors), self.space.dim)
+        flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram: Array = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)
-
-
-@primitive
-def _energy_and_slopes(path: Points, metric: MetricOfTerms) -> Array:
-    """Return the energy of a path and then its slopes, both computed in one pass."""
-    energy, gradient = metric.energy_and_gradient(path)
-    return onp.concatenate([[energy], gradient.ravel()])
-
-
-def _pull_back(answer: Array, path: Points, metric: MetricOfTerms) -> Callable[[Array], Points]:
-    """Return the transposed derivative; that of the slopes comes from the definition."""
-
-    def pull_back(upstream: Array) -> Points:
-        # The result is traced too, for higher derivatives.
-        pulled: Points = upstream[0] * np.reshape(answer[1:], np.shape(path))
-        direction = upstream[1:]
-        if onp.any(values_of(direction)):
-            direction = np.reshape(direction, np.shape(path))
-            definition = partial(RiemannianMetric.energy, metric)
-            slope = grad(lambda y: np.sum(grad(definition)(y) * direction))
-            pulled = pulled + slope(path)
-        return pulled
-
-    return pull_back
-
-
-defvjp(_energy_and_slopes, _pull_back, argnums=(0,))
 
 
 class SurfaceMetric(MetricOfTerms):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import autograd.numpy as np
 
@@ -61,7 +60,7 @@ class VectorSpace(Manifold):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        n_samples, bound = sample_count(n_samples, self.shape), sample_bound(bound)
+        n_samples, bound = sample_count(n_samples), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
         return stack_samples(points, n_samples)
 
@@ -123,22 +122,18 @@ class FlatMetric(FieldMetric):
         roots = np.repeat(np.sqrt(self._weights), int(np.prod(self.space.shape[1:])))
         return self._numbers(self.space.check_point(points, "points")) * roots
 
-    def _form(
+    def inner_product(
         self,
-        of_triangles: Callable[[Array, Array, Points], Array],
-        a: TangentVectors,
-        b: TangentVectors,
-        point: Points | None,
+        tangent_vec_a: TangentVectors,
+        tangent_vec_b: TangentVectors,
+        base_point: Points | None = None,
     ) -> Array:
         # Inner products are the same at every point.
-        point = np.zeros(self.space.shape) if point is None else point
-        return super()._form(of_triangles, a, b, point)
+        point = np.zeros(self.space.shape) if base_point is None else base_point
+        return super().inner_product(tangent_vec_a, tangent_vec_b, point)
 
     def _products(self, a: Array, b: Array, point: Points) -> Array:
         return self._numbers(a * b)
-
-    def _curvatures(self, a: Array, b: Array, point: Points) -> Array:
-        return 0.0 * self._products(a, b, point)
 
     def _exp(self, velocity: TangentVectors, point: Points) -> Array:
         return point + velocity
@@ -161,7 +156,3 @@ class FlatMetric(FieldMetric):
 
     def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         return vector + np.zeros_like(point + velocity)
-
-    def injectivity_radius(self, base_point: Points | None = None) -> Array:
-        leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
-        return np.full(leading, np.inf)

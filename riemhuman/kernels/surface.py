@@ -340,24 +340,20 @@ def refuse_degenerate(degenerate: Booleans, name: str = "the surface") -> None:
     )
 
 
-def refuse_triangles(bad: Booleans, message: str, error: type[Exception]) -> None:
+def refuse_triangles(
+    bad: Booleans,
+    message: str,
+    error: type[Exception],
+    names: tuple[str, str] = ("triangle", "triangles"),
+) -> None:
     """Raise an error naming the first bad triangle, its surface if there are several, the count."""
-    _refuse(bad, message, error, "triangle", "triangles")
-
-
-def refuse_vertices(bad: Booleans, message: str, error: type[Exception]) -> None:
-    """Raise an error naming the first bad vertex, its surface if there are several, the count."""
-    _refuse(bad, message, error, "vertex", "vertices")
-
-
-def _refuse(bad: Booleans, message: str, error: type[Exception], part: str, parts: str) -> None:
     if not bad.any():
         return
     *leading, first = (int(i) for i in np.argwhere(bad)[0])
     where = f" of item {tuple(leading)}" if leading else ""
     count = int(bad.sum())
-    total = "" if count == 1 else f", the first of {count} such {parts}"
-    raise error(f"{message}; found otherwise at {part} {first}{where}{total}")
+    total = "" if count == 1 else f", the first of {count} such {names[1]}"
+    raise error(f"{message}; found otherwise at {names[0]} {first}{where}{total}")
 
 
 def triangle_frames(points: Points, operator: csr_matrix) -> Array:

@@ -155,11 +155,6 @@ def _controller(n_modules: int) -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def _renew_lock() -> None:
-    global _lock
-    _lock = threading.Lock()
-
-
 def combine_rows(coefficients: Array, rows: Array) -> Array:
     """Return coefficients @ rows for long rows."""
     combined = np.empty((len(coefficients), rows.shape[1]))
@@ -215,8 +210,6 @@ def _pool() -> ThreadPoolExecutor:
 if hasattr(os, "register_at_fork"):
     # Threads do not survive a fork: the child makes a pool of its own.
     os.register_at_fork(after_in_child=_pool.cache_clear)
-    # Neither does a thread that holds the lock of the limit.
-    os.register_at_fork(after_in_child=_renew_lock)
 
 
 LANES = 64

@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, PullbackMetric, VectorSpace
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.metric import Solvers
+    from riemhuman.geometry.strategies import Solvers
 
 _JOINTS = tuple(joint for limb in LIMBS for joint in limb)
 # Sides of the body across which it faces forward.

@@ -71,7 +71,7 @@ class MotionSpace(Manifold):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        n_samples, rng = sample_count(n_samples, self.shape), generator(rng)
+        n_samples, rng = sample_count(n_samples), generator(rng)
         ends = self.frames.random_point(2 * n_samples, bound, rng)
         start, end = ends[:n_samples, None], ends[n_samples:, None]
         times = np.linspace(0.0, 1.0, self.n_times)[:, None, None]

@@ -502,9 +502,10 @@ class PathFinder:
         def name_of(number_in_block: int) -> str:
             return pairs.name_of(block.start + number_in_block)
 
+        in_block = [pairs[number] for number in range(block.start, block.stop)]
         try:
             results = solve_pairs(
-                self.solver, metric, pairs[block], n_jobs=self.n_jobs, name_of=name_of
+                self.solver, metric, in_block, n_jobs=self.n_jobs, name_of=name_of
             )
         except RiemhumanError as error:
             return error

@@ -10,7 +10,7 @@ from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, Poi
 from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.means import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface, inverted_triangles
-from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
+from riemhuman.solvers.parallel_transport import PoleLadder, TransportResult
 from riemhuman.solvers.path_comparison import (
     PathComparison,
     PathDistances,
@@ -69,7 +69,6 @@ __all__ = [
     "PoissonPath",
     "PoleLadder",
     "Result",
-    "SchildLadder",
     "SegmentEnergy",
     "ShapeTransfer",
     "Status",

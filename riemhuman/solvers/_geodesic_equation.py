@@ -39,9 +39,6 @@ _FAR_COSINE = 0.5
 # Least squared distance of the ends of a short segment, as a share of its squared norm.
 _LEAST_SHARE = 0.85
 
-# A triangle that loses this share of its area within one time step is about to vanish.
-_LEAST_AREA = 0.5
-
 # One time step cannot move a surface by this many times its size.
 _FAR = 100.0
 
@@ -211,20 +208,6 @@ def degeneration(metric: RiemannianMetric, before: Array, after: Array) -> str:
     if cosines[worst] >= _LEAST_COSINE:
         return ""
     return f"triangle {worst} degenerates: its normal has turned over"
-
-
-def vanishing_triangle(metric: RiemannianMetric, before: Array, after: Array) -> str:
-    """Return which triangle has lost half of its area within one step, or ""."""
-    space = metric.space
-    if not holds_surfaces(space):
-        return ""
-    squared_areas_before = np.linalg.det(space.metric_field(before))
-    squared_areas_after = np.linalg.det(space.metric_field(after))
-    shares = np.sqrt(np.maximum(squared_areas_after, 0.0) / squared_areas_before)
-    least = int(np.argmin(shares))
-    if shares[least] > _LEAST_AREA:
-        return ""
-    return f"triangle {least} degenerates: one step left {shares[least]:.0%} of its area"
 
 
 class Root(NamedTuple):

@@ -24,7 +24,6 @@ from riemhuman.solvers._geodesic_equation import (
     Triple,
     degeneration,
     has_long_step,
-    vanishing_triangle,
 )
 from riemhuman.solvers.paths import vector_of
 from riemhuman.solvers.results import Result, Status, finish
@@ -207,7 +206,4 @@ def _obstacle(metric: RiemannianMetric, points: list[Array], triple: Triple) -> 
     degenerate = degeneration(metric, points[-1], triple.points[2])
     if degenerate or not triple.error > _LOST:
         return degenerate
-    vanishing = ""
-    if len(points) > 1:
-        vanishing = vanishing_triangle(metric, points[-2], points[-1])
-    return vanishing or "no next point solves the geodesic equation; use more steps"
+    return "no next point solves the geodesic equation; use more steps"

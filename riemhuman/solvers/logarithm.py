@@ -230,9 +230,8 @@ class DiscreteLogarithm(LogSolver):
             if metric.is_stretch_invariant:
                 remedy = "the metric does not measure the sizes of triangles: add a small a"
             message = (
-                f"the exponential ends {end_error:.1e} from the point in {forward.n_steps} steps "
-                f"({forward.message}; path: {path_result.message}; step before the start: error "
-                f"{backward.error:.1e}); {remedy}"
+                f"the exponential ends {end_error:.1e} from the point in {forward.n_steps} steps; "
+                f"{remedy}"
             )
         return replace(
             result,

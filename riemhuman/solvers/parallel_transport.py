@@ -1,4 +1,4 @@
-"""Parallel transport by ladders of geodesics, exact where the metric has a closed form."""
+"""Parallel transport by a ladder of geodesics, exact where the metric has a closed form."""
 
 from __future__ import annotations
 
@@ -158,16 +158,11 @@ class PoleLadder(TransportSolver):
         if solver is None:
             raise NotDefinedError(
                 f"{type(metric).__name__} has no closed form for geodesics; pass path=, or a "
-                f"strategy such as {type(self).__name__}(geodesic_solver=BasisPath(basis))"
+                "strategy such as PoleLadder(geodesic_solver=BasisPath(basis))"
             )
         return np.asarray(solver.solve(metric, start, end).path)
 
     def _climb(
-        self, metric: RiemannianMetric, vector: TangentVectors, path: Points
-    ) -> TransportResult:
-        return finish(self, self._transported(metric, vector, path))
-
-    def _transported(
         self, metric: RiemannianMetric, vector: TangentVectors, path: Points
     ) -> TransportResult:
         """Return a vector transported along a path."""
@@ -187,13 +182,18 @@ class PoleLadder(TransportSolver):
                 vectors.append(vectors[-1])
                 continue
             share = rung / length  # the sides exp_p(±w) are as long as the segment
-            solved += self._rung(equation, start, end, share * vectors[-1])
-            before, after = solved[-2].points[2], solved[-1].points[2]
-            vectors.append(equation.velocity(before, end, after) / share)
+            halves = equation.middle_point(start, end)
+            sides = equation.both_sides(start, share * vectors[-1])
+            behind, _, ahead = sides.points
+            # They end at exp_q(∓w').
+            before = equation.next_point(ahead, halves.points[1])
+            after = equation.next_point(behind, halves.points[1])
+            solved += [halves, sides, before, after]
+            vectors.append(equation.velocity(before.points[2], end, after.points[2]) / share)
         error = max((triple.error for triple in solved), default=0.0)
         converged = error <= self.tolerance
         unsolved = "" if converged else f"; an equation was solved only to {error:.1e}"
-        return TransportResult(
+        result = TransportResult(
             vectors[-1],
             np.stack(vectors),
             path,
@@ -202,58 +202,7 @@ class PoleLadder(TransportSolver):
             status=Status.CONVERGED if converged else Status.MAX_ITER,
             message=f"{len(path) - 1} rungs{unsolved}",
         )
-
-    def _rung(
-        self,
-        equation: GeodesicEquation | _ClosedForms,
-        start: Points,
-        end: Points,
-        vector: TangentVectors,
-    ) -> list[Triple]:
-        """Return the equations of a rung, the last two of which end at exp_q(∓w')."""
-        halves = equation.middle_point(start, end)
-        sides = equation.both_sides(start, vector)
-        behind, _, ahead = sides.points
-        before = equation.next_point(ahead, halves.points[1])
-        after = equation.next_point(behind, halves.points[1])
-        return [halves, sides, before, after]
-
-
-@checked()
-@dataclass(frozen=True)
-class SchildLadder(PoleLadder):
-    r"""Parallel transport along the sides of geodesic parallelograms.
-
-    For each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
-    are exp_q(±w'). The error is of first order in the length of the segments in general, and of
-    second order when the two signs are averaged, as here. `PoleLadder` names the source.
-
-    Parameters
-    ----------
-    n_rungs, basis, geodesic_solver, tolerance, max_iter
-        See `PoleLadder`.
-
-    Examples
-    --------
-    >>> metric = rh.VectorSpace((1,)).metric
-    >>> rh.solvers.SchildLadder().solve(metric, [1.0], [0.0], end_point=[2.0]).tangent_vec
-    array([1.])
-    """
-
-    def _rung(
-        self,
-        equation: GeodesicEquation | _ClosedForms,
-        start: Points,
-        end: Points,
-        vector: TangentVectors,
-    ) -> list[Triple]:
-        sides = equation.both_sides(start, vector)
-        behind, _, ahead = sides.points
-        half_behind = equation.middle_point(behind, end)
-        half_ahead = equation.middle_point(ahead, end)
-        before = equation.next_point(start, half_behind.points[1])
-        after = equation.next_point(start, half_ahead.points[1])
-        return [sides, half_behind, half_ahead, before, after]
+        return finish(self, result)
 
 
 class _ClosedForms(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import NamedTuple, overload
+from typing import NamedTuple
 
 import numpy as np
 
@@ -385,19 +385,8 @@ class PairsOfPoints(Sequence[tuple[object, object]]):
         """Return the name of a pair in messages."""
         return f"points[{self._rows[number]}] and points[{self._columns[number]}]"
 
-    @overload
-    def __getitem__(self, number: int) -> tuple[object, object]: ...
-
-    @overload
-    def __getitem__(
-        self, number: slice[int | None, int | None, int | None]
-    ) -> list[tuple[object, object]]: ...
-
-    def __getitem__(
-        self, number: int | slice[int | None, int | None, int | None]
-    ) -> tuple[object, object] | list[tuple[object, object]]:
-        if isinstance(number, slice):
-            return [self[k] for k in range(*number.indices(len(self)))]
+    def __getitem__(self, number: int) -> tuple[object, object]:  # type: ignore[override]
+        # Without slices.
         return self._points[int(self._rows[number])], self._points[int(self._columns[number])]
 
 

@@ -283,7 +283,7 @@ class TangentPCA(ImageEstimator):
         array, shape (n_samples, \*shape), or (\*shape,) for one sample
         """
         self._require_fit("components_")
-        n_samples = sample_count(n_samples, self._metric.space.shape)
+        n_samples = sample_count(n_samples)
         rng = generator(rng)
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[Array] = []

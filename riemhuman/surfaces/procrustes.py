@@ -34,12 +34,12 @@ _SCALES = (False, True, None)
 @checked(scale=choice(*_SCALES))
 def procrustes(
     points: ArrayLike,
-    to: ArrayLike | None = None,
+    to: ArrayLike,
     *,
     scale: bool | None = False,
     weights: ArrayLike | None = None,
 ) -> Array:
-    """Align surfaces in known correspondence with a reference, or with each other.
+    """Align surfaces in known correspondence with a reference.
 
     Each surface x is moved to s R x + b, with the rotation R (never a reflection), the translation
     b and, with `scale`, the factor s > 0 that minimise sum_v w_v ‖s R x_v + b - y_v‖² [1]_ [2]_.
@@ -47,8 +47,8 @@ def procrustes(
     Parameters
     ----------
     points : array_like, shape (..., V, 3), in metres
-    to : array_like, shape (V, 3), optional
-        The reference y; by default surfaces are aligned by `generalized_procrustes`.
+    to : array_like, shape (V, 3)
+        The reference y.
     scale : bool or None
         Whether surfaces are also scaled. With False, surfaces that are clearly in another unit
         raise an error; None accepts them unscaled.
@@ -69,8 +69,6 @@ def procrustes(
     >>> bool(abs(rh.procrustes(moved, to=bodies[0]) - bodies[0]).max() < 1e-12)
     True
     """
-    if to is None:
-        return generalized_procrustes(points, scale=scale, weights=weights)[0]
     surfaces = real_array(points, "points", ("n_vertices", 3))
     check_resolution(surfaces, "points", getattr(points, "dtype", None))
     reference = real_array(to, "to", ("n_vertices", 3), batched=False)

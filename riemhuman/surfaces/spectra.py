@@ -11,19 +11,17 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from riemhuman.arrays import Array, Integers, Triangles
-from riemhuman.checks import checked, choice, whole
+from riemhuman.checks import checked, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.mesh_seams import find_seams
 from riemhuman.kernels.elimination import symmetric_factor
 from riemhuman.kernels.projections import with_positive_peaks
 from riemhuman.kernels.surface import cotangent_laplacian
-from riemhuman.optional import import_optional
+from riemhuman.kernels.threads import Run
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import vertex_components
 from riemhuman.surfaces.template import Template, refuse_flat
-
-LAPLACIANS = ("cotangent", "robust")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,10 +66,8 @@ class Spectrum(Record):
         )
 
 
-@checked(n_eigenvalues=whole(minimum=1), laplacian=choice(*LAPLACIANS))
-def spectrum(
-    vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int, laplacian: str = "cotangent"
-) -> Spectrum:
+@checked(n_eigenvalues=whole(minimum=1))
+def spectrum(vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int) -> Spectrum:
     """Return the lowest part of a surface's spectrum, without zero.
 
     Parameters
@@ -81,10 +77,6 @@ def spectrum(
         Vertex indices of each triangle, counted from 0. The mesh may be open. Vertices duplicated
         along a seam share their value and their area.
     n_eigenvalues : int
-    laplacian : {"cotangent", "robust"}
-        The cotangent Laplacian, or the intrinsic Delaunay Laplacian of Sharp and Crane, "A
-        Laplacian for Nonmanifold Triangle Meshes", SGP 2020, which works for any triangles and
-        needs the package robust_laplacian.
 
     Examples
     --------
@@ -96,7 +88,7 @@ def spectrum(
     vertices, faces = check_mesh(vertices, faces)
     seams = find_seams(vertices, faces)
     if seams:
-        joined = spectrum(seams.join(vertices), seams.faces, n_eigenvalues, laplacian)
+        joined = spectrum(seams.join(vertices), seams.faces, n_eigenvalues)
         copies = seams.joined_vertices
         return Spectrum(
             joined.eigenvalues,
@@ -104,33 +96,11 @@ def spectrum(
             joined.constants[copies],
             (joined.areas / np.bincount(copies))[copies],
         )
-    if laplacian == "robust":
-        return _robust_spectrum(vertices, faces, n_eigenvalues)
-    refuse_flat(
-        vertices,
-        faces,
-        "the mesh",
-        "the cotangent Laplacian needs triangles with area; "
-        'spectrum(..., laplacian="robust") does not, and descriptors take its result by '
-        "of_spectrum",
-    )
+    refuse_flat(vertices, faces, "the mesh", "the cotangent Laplacian needs triangles with area")
     mesh = Template(vertices, faces)
     values, functions = harmonics(mesh, n_eigenvalues, "n_eigenvalues")
     constants = _constants(mesh.faces, mesh.vertex_areas)
     return Spectrum(values, functions, constants, mesh.vertex_areas)
-
-
-def _robust_spectrum(vertices: Array, faces: Triangles, n_eigenvalues: int) -> Spectrum:
-    robust_laplacian = import_optional("robust_laplacian", "spectra")
-    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    used, compact = np.unique(faces, return_inverse=True)
-    compact = compact.reshape(faces.shape)
-    stiffness, mass = robust_laplacian.mesh_laplacian(vertices[used], compact)
-    areas = np.zeros(len(vertices))
-    areas[used] = mass.diagonal()
-    laplacian = sparse.csr_array(stiffness)
-    values, functions = _eigenfunctions(laplacian, areas, faces, n_eigenvalues, "n_eigenvalues")
-    return Spectrum(values, functions, _constants(faces, areas), areas)
 
 
 def _constants(faces: Triangles, areas: Array) -> Array:
@@ -146,7 +116,7 @@ _SHIFT = 0.01
 # Eigenvalues that differ by less than this share are copies of one.
 _ROUNDING = 1e-8
 
-# Connected parts with up to this many vertices are solved densely, all of one size at once.
+# Connected parts with up to this many vertices are solved densely.
 _SMALL_PART = 64
 
 
@@ -205,20 +175,13 @@ def _eigenpairs_of_parts(
     blocks = laplacian[order][:, order].tocsr()
     areas = areas[order]
     modes: list[_Mode] = []
-    for size in np.unique(sizes[sizes > 1]):
-        members = starts[:-1][sizes == size][:, np.newaxis] + np.arange(size)
+    for start, size in zip(starts[:-1], sizes, strict=True):
+        part = slice(start, start + size)
         n_modes = min(count, int(size) - 1)
-        if size > _SMALL_PART:
-            for rows in members:
-                part = slice(rows[0], rows[0] + size)
-                values, vectors = lowest_eigenpairs(blocks[part, part], areas[part], n_modes + 1)
-                modes += _modes_above_zero(values, vectors, rows, n_modes)
-        else:
-            of_values, of_vectors = _dense_eigenpairs(blocks, areas, members)
-            for rows, values, vectors in zip(members, of_values, of_vectors, strict=True):
-                modes += _modes_above_zero(values, vectors, rows, n_modes)
-        # Of the parts so far, no more are needed.
-        modes = sorted(modes, key=lambda mode: mode.value)[:count]
+        values, vectors = lowest_eigenpairs(blocks[part, part], areas[part], n_modes + 1)
+        # The first mode of a connected part is constant.
+        modes += [_Mode(values[k], vectors[:, k], part) for k in range(1, n_modes + 1)]
+    modes = sorted(modes, key=lambda mode: mode.value)[:count]
     functions = np.zeros((count, len(areas)))
     for function, mode in zip(functions, modes, strict=True):
         function[order[mode.rows]] = mode.vector
@@ -230,32 +193,14 @@ class _Mode(NamedTuple):
 
     value: float
     vector: Array
-    rows: Integers
-
-
-def _modes_above_zero(values: Array, vectors: Array, rows: Integers, n_modes: int) -> list[_Mode]:
-    """Return the lowest modes of a connected part but the first, which is constant."""
-    return [_Mode(values[k], vectors[:, k], rows) for k in range(1, n_modes + 1)]
-
-
-def _dense_eigenpairs(
-    laplacian: sparse.csr_array, areas: Array, members: Integers
-) -> tuple[Array, Array]:
-    """Return all eigenpairs of parts of one size, whose vertices are rows of `members`."""
-    n_parts, size = members.shape
-    local = np.zeros((n_parts, size, size))
-    rows = laplacian[members.ravel()].tocoo()
-    part, place = np.divmod(rows.row, size)
-    local[part, place, rows.col - members[part, 0]] = rows.data
-    roots = np.sqrt(areas[members])
-    values, vectors = np.linalg.eigh(local / (roots[:, :, None] * roots[:, None, :]))
-    return values, vectors / roots[:, :, np.newaxis]
+    rows: Run
 
 
 def lowest_eigenpairs(laplacian: sparse.csr_array, areas: Array, count: int) -> tuple[Array, Array]:
     """Return the lowest eigenvalues and eigenvectors of L h = μ A h."""
     n_vertices = len(areas)
-    if 2 * count >= n_vertices:  # Lanczos iterations need room; a small mesh has none
+    # Lanczos iterations need room; a small mesh has none.
+    if n_vertices <= max(2 * count, _SMALL_PART):
         values, vectors = linalg.eigh(
             laplacian.toarray(), np.diag(areas), subset_by_index=(0, count - 1), check_finite=False
         )

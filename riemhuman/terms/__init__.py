@@ -5,13 +5,12 @@ from riemhuman.kernels.surface import Derivatives
 from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm, RootNormalTerm
 from riemhuman.terms.normals import NormalTerm, RotationTerm
-from riemhuman.terms.term import FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import FieldSpaces, Term
 
 __all__ = [
     "ConeTerm",
     "Derivatives",
     "EbinTerm",
-    "FieldSpace",
     "FieldSpaces",
     "FlatTerm",
     "NormalTerm",

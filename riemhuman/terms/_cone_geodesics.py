@@ -26,8 +26,6 @@ from riemhuman.terms.cone import (
 
 Parts = Sequence[Array]
 
-_FEW_DIGITS = 1e5 * np.finfo(float).eps
-
 
 # Matrices and their half-plane coordinates.
 
@@ -77,12 +75,6 @@ def is_rounding_error(determinant: Array, g: Array) -> Booleans:
 def is_degenerate(g: Array) -> Booleans:
     """Return whether g is singular to working precision."""
     return is_rounding_error(determinants(g), g)
-
-
-def has_lost_its_shape(g: Array) -> Booleans:
-    """Return whether g overflows, or det g has fewer than five digits."""
-    # Infinite entries, whose determinants are NaN, count too.
-    return ~(determinants(g) > _FEW_DIGITS * g[..., 0, 0] * g[..., 1, 1])
 
 
 def coordinates(g: Array) -> tuple[Array, Array, Array]:
@@ -267,23 +259,15 @@ def runs_through_apex(start: Parts, end: Parts, cone: ConeTerm) -> Booleans:
 
 def geodesic(start: Parts, end: Parts, t: Array, cone: ConeTerm) -> Parts:
     """Return the minimal path of the completion at times t in [0, 1]."""
-    (g1, *n1), (g2, *n2) = start, end
     through_apex = runs_through_apex(start, end, cone)
-    for_normals, for_matrices = through_apex[..., None], through_apex[..., None, None]
     # Where the path runs through the apex there is no logarithm: a path that stays at the identity
     # stands in, and is replaced below.
-    first = np.where(for_matrices, np.eye(2), g1), *n1
-    last_normals = [np.where(for_normals, a, b) for a, b in zip(n1, n2, strict=True)]
-    last = np.where(for_matrices, np.eye(2), g2), *last_normals
+    resting = np.eye(2), *start[1:]
+    first, last = _chosen(through_apex, resting, start), _chosen(through_apex, resting, end)
     (delta_g, *turns), _ = log(first, last, cone)
     velocity = t[..., None, None] * delta_g, *(t[..., None] * turn for turn in turns)
-    (g, *normals), _ = exp(velocity, first, cone)
-    g_through, *normals_through = _path_through_apex(start, end, t)
-    normals = [
-        np.where(for_normals, through, clear)
-        for through, clear in zip(normals_through, normals, strict=True)
-    ]
-    return np.where(for_matrices, g_through, g), *normals
+    clear_of_apex, _ = exp(velocity, first, cone)
+    return _chosen(through_apex, _path_through_apex(start, end, t), clear_of_apex)
 
 
 def _path_through_apex(start: Parts, end: Parts, t: Array) -> Parts:
@@ -291,10 +275,18 @@ def _path_through_apex(start: Parts, end: Parts, t: Array) -> Parts:
     (g1, *n1), (g2, *n2) = start, end
     s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
     signed_radius = s1 - t * (s1 + s2)
-    before = signed_radius >= 0
-    shape = np.where(before[..., None, None], unit_determinant(g1), unit_determinant(g2))
-    normals = [np.where(before[..., None], a, b) for a, b in zip(n1, n2, strict=True)]
+    before, after = (unit_determinant(g1), *n1), (unit_determinant(g2), *n2)
+    shape, *normals = _chosen(signed_radius >= 0, before, after)
     return signed_radius[..., None, None] ** 2 * shape, *normals
+
+
+def _chosen(condition: Booleans, points: Parts, others: Parts) -> Parts:
+    """Return the points of the triangles where a condition holds, and others elsewhere."""
+    (g, *normals), (other_g, *other_normals) = points, others
+    chosen = [
+        np.where(condition[..., None], a, b) for a, b in zip(normals, other_normals, strict=True)
+    ]
+    return np.where(condition[..., None, None], g, other_g), *chosen
 
 
 def parallel_transport(vector: Parts, point: Parts, velocity: Parts, cone: ConeTerm) -> Parts:

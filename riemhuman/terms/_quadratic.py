@@ -65,10 +65,6 @@ class QuadraticTerm(ABC):
     def matrix(self, f: Points) -> csr_array:
         """Return the matrix M of the inner product, ⟨h, k⟩ = h·(M k), vertices flattened."""
 
-    def squared_norms(self, vectors: TangentVectors, surfaces: Points) -> float:
-        """Return the sum of the squared norms of deformations, see `squared_norms_and_slopes`."""
-        return self.squared_norms_and_slopes(vectors, surfaces)[0]
-
     @abstractmethod
     def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         """Return the sum of the squared norms of deformations at surfaces, and its slopes."""
@@ -515,9 +511,6 @@ class SecondOrderTerm(QuadraticTerm):
         laplacian = cotangent_laplacian(f, self.template.faces)
         shares = self._shares(vertex_areas(f, self.template, self._averages))
         return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
-
-    def squared_norms(self, vectors: TangentVectors, surfaces: Points) -> float:
-        return self._laplacians(vectors, surfaces)[0]
 
     def squared_norms_and_slopes(self, vectors: TangentVectors, surfaces: Points) -> ValueAndSlopes:
         value, z = self._laplacians(vectors, surfaces)

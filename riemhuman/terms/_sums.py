@@ -263,9 +263,6 @@ class SumOfQuadraticTerms(SumOnSurfaces):
         """Return n Σ G at the midpoints of the n segments of a path, and its gradient."""
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(onp.diff(path, axis=0))
-        if not gradient:
-            values = sum(term.squared_norms(steps, surfaces) for term in self.terms)
-            return n_segments * float(values), onp.zeros(0)
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
         values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
         slopes = onp.zeros(path.shape)

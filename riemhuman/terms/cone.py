@@ -49,7 +49,7 @@ from riemhuman.terms._polynomial_fits import (
     squared_length_and_slope,
 )
 from riemhuman.terms.normals import add_segment, arc_pair, squared_arc
-from riemhuman.terms.term import LENGTH, FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import LENGTH, FieldSpaces, Term
 
 
 class ConeTerm(Term):
@@ -102,7 +102,7 @@ class ConeTerm(Term):
     def has_target_space(self) -> bool:  # type: ignore[override]  # read only
         return self.c > 0.0
 
-    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+    def target_space(self, spaces: FieldSpaces) -> object:
         if self.c == 0.0:
             return super().target_space(spaces)
         return spaces.metric_and_normal_fields(self.a, self.b, self.c)
@@ -244,7 +244,7 @@ class EbinTerm(ConeTerm):
     def has_target_space(self) -> bool:  # type: ignore[override]  # read only
         return True
 
-    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+    def target_space(self, spaces: FieldSpaces) -> object:
         return spaces.metric_fields(self.lam)
 
     def target_point(self, first: Derivatives) -> Array:

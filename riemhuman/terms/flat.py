@@ -12,7 +12,7 @@ from riemhuman.arrays import Array, FeatureRows, Fields, Points
 from riemhuman.kernels.compilation import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.threads import CHUNK, LARGEST, UNDERFLOW
-from riemhuman.terms.term import FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import FieldSpaces, Term
 
 # Numbers summed in the precision of the features before they join the sum over all.
 _CHUNK = 2 * CHUNK
@@ -41,7 +41,7 @@ class FlatTerm(Term):
     single = True
     has_target_space = True
 
-    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+    def target_space(self, spaces: FieldSpaces) -> object:
         return spaces.vector_fields(self.n_features)
 
     def target_point(self, first: Derivatives) -> Array:

@@ -14,7 +14,7 @@ from riemhuman.kernels.rotations import quaternions
 from riemhuman.kernels.surface import Derivatives, dot, polar_frames, square_root
 from riemhuman.kernels.threads import CHUNK, UNDERFLOW
 from riemhuman.terms._polynomial_fits import PRECISION, squared_arc_and_slope
-from riemhuman.terms.term import FieldSpace, FieldSpaces, Term
+from riemhuman.terms.term import FieldSpaces, Term
 
 
 class _AngleTerm(Term):
@@ -57,7 +57,7 @@ class NormalTerm(_AngleTerm):
     n_features = 3
     has_target_space = True
 
-    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+    def target_space(self, spaces: FieldSpaces) -> object:
         return spaces.normal_fields()
 
     def target_point(self, first: Derivatives) -> Array:

@@ -28,24 +28,6 @@ LENGTH = 12
 """Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
 
 
-class FieldSpace(Protocol):
-    """A manifold of fields, equipped with a metric: a `riemhuman.Manifold`.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.NormalFields(bodies.template).is_equipped
-    True
-    """
-
-    dim: int
-    shape: tuple[int, ...]
-
-    @property
-    def is_equipped(self) -> bool:
-        """Whether it has a metric."""
-
-
 class FieldSpaces(Protocol):
     """The spaces of fields that the library provides, from which `Term.target_space` may choose.
 
@@ -60,7 +42,7 @@ class FieldSpaces(Protocol):
     def template(self) -> Template:
         """The template on which the fields are defined."""
 
-    def metric_fields(self, lam: float) -> FieldSpace:
+    def metric_fields(self, lam: float) -> object:
         """Return the space of first fundamental forms, with the Ebin metric.
 
         Its points have shape (F, 2, 2), like those of `riemhuman.MetricFields`.
@@ -71,13 +53,13 @@ class FieldSpaces(Protocol):
             λ, the weight of changes of area.
         """
 
-    def normal_fields(self) -> FieldSpace:
+    def normal_fields(self) -> object:
         """Return the space of unit normals, with the metric of a product of spheres.
 
         Its points have shape (F, 3), like those of `riemhuman.NormalFields`.
         """
 
-    def metric_and_normal_fields(self, a: float, b: float, c: float) -> FieldSpace:
+    def metric_and_normal_fields(self, a: float, b: float, c: float) -> object:
         """Return the product of both, with the metric that `GeneralElasticMetric` pulls back.
 
         Its points hold all first fundamental forms, then all normals, shape (7F,).
@@ -88,7 +70,7 @@ class FieldSpaces(Protocol):
             Weights of stretching, of the change of area and of bending.
         """
 
-    def vector_fields(self, n_features: int) -> FieldSpace:
+    def vector_fields(self, n_features: int) -> object:
         """Return the space of n numbers per triangle with the L² metric; points have shape (F, n).
 
         Parameters
@@ -254,7 +236,7 @@ class Term(ABC):
         ]
         return np.stack(rows, axis=-2)
 
-    def target_space(self, spaces: FieldSpaces) -> FieldSpace:
+    def target_space(self, spaces: FieldSpaces) -> object:
         """Return the manifold on which the fields lie, equipped with the metric of the term.
 
         The metric is that of the term, integrated over the template, without the weight. You may

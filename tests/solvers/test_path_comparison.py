@@ -138,19 +138,6 @@ def measured(metric, path, reference=None):
     return row
 
 
-def test_rigid_motion_distorts_nothing():
-    case = CASES["all sphere"]
-    surface = case.points[0]
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    path = np.stack([surface, surface @ turn.T + 1.0, surface @ turn @ turn])
-    measures = measured(case.metric, path)
-    for change in (measures.area_change, measures.edge_change):
-        np.testing.assert_allclose(change, 0.0, atol=1e-12)
-    assert abs(measures.volume_change) < 1e-12
-    assert np.isnan(measures.mean_deviation)
-    assert np.isnan(measures.max_deviation)
-
-
 def test_swelling_is_measured_beyond_the_ends():
     case = CASES["all sphere"]
     surface = case.points[0]

@@ -70,11 +70,6 @@ def check_gradient(energy, case):
     assert taylor_slope(value, case.points, direction, gradient) >= 1.9
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
-def test_gradients_of_segment_energy(case):
-    check_gradient(SEGMENT, case)
-
-
 @pytest.mark.parametrize(
     "case", [case for case in CASES.values() if case.metric.has_inner_product], ids=name_of
 )

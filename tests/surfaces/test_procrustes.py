@@ -33,14 +33,6 @@ def weighted_centre(surface, weights):
     return weights @ surface / weights.sum()
 
 
-@pytest.mark.parametrize("scale", [False, True])
-def test_undoes_any_motion(reference, rng, scale):
-    points = moved(reference, rng, scale=scale).reshape(2, 3, N_VERTICES, 3)
-    aligned = procrustes(points, to=reference, scale=scale)
-    assert aligned.shape == points.shape
-    np.testing.assert_allclose(aligned, np.broadcast_to(reference, points.shape), atol=1e-13)
-
-
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize(("noise", "mirror"), [(0.01, 1.0), (5.0, 1.0), (0.01, -1.0)])
 def test_agrees_with_align_vectors_of_scipy(reference, rng, weighted, noise, mirror):
@@ -56,11 +48,14 @@ def test_agrees_with_align_vectors_of_scipy(reference, rng, weighted, noise, mir
         np.testing.assert_allclose(found, rotation.apply(source) + target, atol=1e-11)
 
 
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
 @pytest.mark.parametrize("scale", [False, True])
-def test_no_nearby_motion_fits_better(reference, rng, scale):
+def test_no_nearby_motion_fits_better(reference, rng, scale, mirror):
     weights = rng.uniform(0, 1, size=N_VERTICES)
-    surface = moved(reference, rng, noise=0.3, scale=True)[0]
-    aligned = procrustes(surface, to=reference, scale=scale, weights=weights)
+    points = moved(reference * [mirror, 1.0, 1.0], rng, noise=0.3, scale=True)
+    found = procrustes(points.reshape(2, 3, N_VERTICES, 3), to=reference, scale=scale or None,
+                       weights=weights)  # fmt: skip
+    aligned = found[0, 0]
 
     def misfit(motion):
         turned = Rotation.from_rotvec(motion[:3]).apply(aligned) * np.exp(scale * motion[6])
@@ -81,7 +76,6 @@ def test_generalized_undoes_any_motion(reference, rng, scale):
     points = moved(reference, rng, scale=scale)
     aligned, mean = generalized_procrustes(points, scale=scale)
     np.testing.assert_allclose(aligned, np.broadcast_to(mean, aligned.shape), atol=1e-13)
-    np.testing.assert_array_equal(aligned, procrustes(points, scale=scale))
 
 
 @pytest.mark.parametrize("scale", [False, True])
@@ -122,7 +116,7 @@ def test_points_on_a_line_are_refused(reference, length, offset, scale):
     with pytest.raises(ArgumentError, match=r"points\[0\] has no single best alignment"):
         procrustes([reference, reference], to=line, scale=scale)
     with pytest.raises(ArgumentError, match=r"points\[1, 0\] has no single best alignment"):
-        procrustes([[reference], [line]], scale=scale)
+        procrustes([[reference], [line]], to=reference, scale=scale)
     with pytest.raises(ArgumentError, match=r"points\[0\] has no single best alignment"):
         generalized_procrustes(np.full((2, N_VERTICES, 3), offset + 0.1), scale=scale)
 
@@ -136,12 +130,11 @@ def test_points_on_a_line_are_refused(reference, length, offset, scale):
             ArgumentError,
             "points has 4 vertices .*has 5",
         ),
-        ({"points": np.ones((0, 4, 3))}, ArgumentError, "points must hold at least one surface"),
         ({"weights": [1, 1, -2.0, 1]}, ArgumentError, "the smallest is -2, the largest 1"),
     ],
 )
 def test_bad_arguments_are_refused_by_name(arguments, error, message):
-    arguments = {"points": np.eye(4, 3)[np.newaxis], **arguments}
+    arguments = {"points": np.eye(4, 3)[np.newaxis], "to": np.eye(4, 3), **arguments}
     with pytest.raises(error, match=message):
         procrustes(**arguments)
 
@@ -165,13 +158,6 @@ def test_units():
         make_upright(points, up="w")
 
 
-def test_the_scale_of_a_mirrored_surface_is_the_best():
-    """Its weakest axis is reversed, so it counts against the others."""
-    rng = np.random.default_rng(3)
-    reference = rng.normal(size=(40, 3))
-    mirrored = reference * [1.0, 1.0, -1.0]
-    aligned = procrustes(mirrored, to=reference, scale=True)
-    target = reference - reference.mean(axis=0)
-    aligned = aligned - aligned.mean(axis=0)
-    # Where the scale is the best, the sum of squares does not change with it.
-    assert np.sum(aligned * (target - aligned)) == pytest.approx(0.0, abs=1e-9)
+def test_no_surfaces_have_no_mean():
+    with pytest.raises(ArgumentError, match="points must hold at least one surface"):
+        generalized_procrustes(np.ones((0, 4, 3)))

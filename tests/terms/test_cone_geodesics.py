@@ -5,10 +5,9 @@ import ebin_matrices
 import numpy as np
 import oracles
 import pytest
-from autograd import grad, jacobian
+from autograd import grad
 from ebin_matrices import FAMILIES, LAMBDAS, N_PAIRS, cone_size, matrices, pairs, squared_dist
 from oracles import mp
-from scipy.integrate import solve_ivp
 
 from riemhuman.kernels import surface
 from riemhuman.kernels.sphere import sine_cardinal
@@ -41,47 +40,6 @@ def test_exp_loses_no_more_than_its_conditioning(anisotropy):
     end, _ = ebin_matrices.exp(velocity, g1, 10.0)
     exact = [oracles.exact_exp(v, g, 10.0) for v, g in zip(velocity, g1, strict=True)]
     np.testing.assert_allclose(end, exact, rtol=0, atol=5e-15 * anisotropy)
-
-
-def metric_tensor(q, lam):
-    """Return equation 2 (corrected) in the coordinates E, M, G, written for autograd."""
-    basis = np.array([[[1.0, 0], [0, 0]], [[0, 1.0], [1.0, 0]], [[0, 0], [0, 1.0]]])
-    g = anp.tensordot(q, basis, 1)
-    a = anp.matmul(anp.linalg.inv(g)[..., None, :, :], basis)
-    traces = a[..., 0, 0] + a[..., 1, 1]
-    a0 = a - 0.5 * traces[..., None, None] * np.eye(2)
-    entries = anp.einsum("...kij,...lji->...kl", a0, a0)
-    entries = entries + lam * traces[..., :, None] * traces[..., None, :]
-    return anp.sqrt(anp.linalg.det(g))[..., None, None] * entries
-
-
-def follow_geodesic_equation(velocity, g, lam, times):
-    """Integrate q̈ᵏ = −Γᵏᵢⱼ q̇ⁱ q̇ʲ numerically."""
-    slopes = jacobian(metric_tensor)
-
-    def rate(_, state):
-        q, p = state[:3], state[3:]
-        slope = slopes(q, lam)
-        force = np.einsum("kij,i,j->k", slope, p, p) - 0.5 * np.einsum("ijk,i,j->k", slope, p, p)
-        return np.concatenate([p, -np.linalg.solve(metric_tensor(q, lam), force)])
-
-    start = np.concatenate([m[[0, 0, 1], [0, 1, 1]] for m in (g, velocity)])
-    solution = solve_ivp(rate, (0, 1), start, "DOP853", times, rtol=1e-11, atol=1e-12)
-    return solution.y.T[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-
-
-@pytest.mark.everyday("0.05")
-@pytest.mark.parametrize("lam", LAMBDAS)
-def test_geodesics_solve_the_geodesic_equation(lam):
-    times = np.linspace(0, 1, 6)
-    g1, g2 = (g[:1] for g in pairs("within π", lam))
-    for start, end in zip(g1, g2, strict=True):
-        velocity = ebin_matrices.log(start, end, lam)
-        expected = follow_geodesic_equation(velocity, start, lam, times)
-        found = ebin_matrices.geodesic(start, end, times, lam)
-        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
-        shot = ebin_matrices.exp(times[:, None, None] * velocity, start, lam)[0]
-        np.testing.assert_allclose(shot, found, rtol=1e-12, atol=1e-14)
 
 
 def test_squared_norms_of_anisotropic_matrices_are_not_negative():

@@ -6,13 +6,13 @@ import pkgutil
 
 import numpy as np
 import pytest
-from cases import deformations, sphere_template, surfaces
+from cases import sphere_template, surfaces
 from every_term import TERMS, features_of_fields, quadratic_terms
 
 import riemhuman.terms
 from riemhuman.kernels import surface
 from riemhuman.kernels.threads import of_one_kind
-from riemhuman.terms import EbinTerm, Term
+from riemhuman.terms import Term
 from riemhuman.terms._quadratic import QuadraticTerm
 from riemhuman.terms._sums import (
     SumOfTerms,
@@ -100,16 +100,3 @@ def test_what_terms_say_of_what_they_see(term):
     flat = f.copy()
     flat[FACES[3]] = flat[FACES[3, 0]]
     assert np.isinf(alone.path_energy(np.stack([f, flat]))[0]) == term.needs_area
-
-
-def test_the_default_metric_of_matrices_is_the_plain_trace():
-    """tr(g⁻¹δg g⁻¹δg) √det g: with λ = ½, nothing sets changes of area apart."""
-    first = surface.derivatives(POINTS[0], OPERATOR)
-    h = surface.partial_derivatives(deformations(TEMPLATE, 1, rng=9)[0], OPERATOR)
-    components = surface.frame_components(first, *h)
-    found = np.einsum("ti,ij,tj->t", components, EbinTerm().form(first), components)
-    df, dh = (np.stack(one, axis=-1) for one in ((first.f_u, first.f_v), h))
-    half = np.swapaxes(df, 1, 2) @ dh
-    g = surface.first_fundamental_form(first.f_u, first.f_v)
-    rates = np.linalg.solve(g, half + np.swapaxes(half, 1, 2))
-    np.testing.assert_allclose(found, np.einsum("tij,tji->t", rates, rates), rtol=1e-9)

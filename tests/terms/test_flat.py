@@ -75,14 +75,3 @@ def test_a_term_that_says_no_weight_has_weight_one():
     points = surfaces(SPACE.template, 3)
     found = metric.dist_pairwise(points, precision="double")
     np.testing.assert_allclose(found[0, 1], metric.dist(points[0], points[1]), rtol=1e-12)
-
-
-def test_fields_that_some_triangles_do_not_have():
-    class OfSome(FlatTerm):
-        def field(self, first):
-            return anp.where(first.areas > 0.1, first.areas, anp.nan)[..., None]
-
-    metric = SurfaceMetric(SPACE, [OfSome()])
-    f1, f2 = surfaces(SPACE.template, 2)
-    assert np.isfinite(metric.dist(f1, f2))
-    assert np.isnan(metric.dist(f1, 0.3 * f2))

@@ -17,7 +17,7 @@ from riemhuman.geometry import (
     SurfaceMetric,
     VectorSpace,
 )
-from riemhuman.kernels import surface, threads
+from riemhuman.kernels import threads
 from riemhuman.surfaces import Template
 from riemhuman.terms import (
     ConeTerm,
@@ -26,7 +26,6 @@ from riemhuman.terms import (
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
-    _sums,
 )
 from riemhuman.terms._sums import SumOfFields, SumOfTerms
 
@@ -75,18 +74,6 @@ def test_degenerate_triangles(template_name):
     energy, gradient = ElasticMetric(space, 1.0, 0.3, 0.2).energy_and_gradient(path)
     assert energy == np.inf
     assert np.all(np.isfinite(gradient))
-
-
-@pytest.mark.parametrize("at", [0.0, 0.4, 1.0], ids=str)
-def test_nearly_degenerate_triangles_are_those_of_the_definition(at):
-    template = TEMPLATES["open"]()
-    path = surfaces(template, 3, rng=3)
-    one, two, three = template.faces[5]
-    path[1, three] = (1 - at) * path[1, one] + at * path[1, two]
-    marked = _sums.nearly_degenerate(path, template)
-    assert marked[1, 5]
-    derivatives = surface.partial_derivatives(path, template.differential_operator)
-    np.testing.assert_array_equal(marked, surface.is_degenerate(*derivatives))
 
 
 class Uncompiled(FlatTerm):

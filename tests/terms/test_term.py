@@ -30,23 +30,6 @@ class RootArea(FlatTerm):
         return anp.sqrt(first.areas)[..., None]
 
 
-class WithoutSpace(EbinTerm):
-    """A term that says what it ignores and whether it has a target space."""
-
-    has_target_space = False
-
-    @property
-    def is_rotation_invariant(self):
-        return False
-
-
-def test_terms_of_ones_own_say_again_what_they_ignore():
-    assert EbinTerm().is_rotation_invariant
-    assert EbinTerm().has_target_space
-    assert not WithoutSpace().is_rotation_invariant
-    assert not WithoutSpace().has_target_space
-
-
 class LogArea(Term):
     """Differences of the logarithms of areas: no compiled form at all."""
 
@@ -236,16 +219,6 @@ class WithoutLastAxis(FlatTerm):
         return first.areas
 
 
-class OneForAll(FlatTerm):
-    def field(self, first):
-        return anp.sum(first.area_vectors, axis=-2)
-
-
-class ShareOfAll(FlatTerm):
-    def field(self, first):
-        return (first.areas / anp.sum(first.areas, axis=-1, keepdims=True))[..., None]
-
-
 class NearlyLocal(FlatTerm):
     def field(self, first):
         return first.areas[..., None] + 1e-6 * anp.sum(first.areas, axis=-1)[..., None, None]
@@ -274,8 +247,6 @@ class Summed(WithoutTuple):
     ("term", "message"),
     [
         (WithoutLastAxis, r"fields of WithoutLastAxis must have shape \(..., F, n\);.*\(2, 3\)$"),
-        (OneForAll, r"fields of OneForAll must have shape \(..., F, n\);.*\(2, 3\)$"),
-        (ShareOfAll, "fields of ShareOfAll must be computed triangle by triangle"),
         (NearlyLocal, "fields of NearlyLocal must be computed triangle by triangle"),
         (Summed, r"squared_dist of Summed must return shape \(..., F\).*found \(2,\)"),
     ],

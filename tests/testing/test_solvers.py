@@ -25,7 +25,6 @@ from riemhuman.solvers import (
     LinearPath,
     PathStraightening,
     PoleLadder,
-    SchildLadder,
 )
 from riemhuman.testing import check_solver
 
@@ -41,7 +40,6 @@ GOOD = {
     "logarithm": (DiscreteLogarithm(n_steps=4), SURFACES),
     "pole ladder": (PoleLadder(), EBIN),
     "pole ladder of segments": (PoleLadder(geodesic_solver=LinearPath(4)), SURFACES),
-    "Schild's ladder": (SchildLadder(geodesic_solver=LinearPath(4)), SURFACES),
     "mean": (GradientDescentMean(tolerance=1e-10), NORMALS),
 }
 
