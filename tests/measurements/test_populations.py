@@ -35,8 +35,8 @@ def some_people(sex, number, rng):
 @pytest.mark.parametrize("sex", ["woman", "man"])
 def test_percentiles_built_from_some_people_hold_for_others(sex):
     rng = np.random.default_rng(7)
-    names, people = some_people(sex, 6000, rng)
-    _, others = some_people(sex, 12000, rng)
+    names, people = some_people(sex, 3000, rng)
+    _, others = some_people(sex, 3000, rng)
     table = fitted(names, people, sex)
     index = others[:, 1] / others[:, 0] ** 2
     known = people[:, 1] / people[:, 0] ** 2
