@@ -19,7 +19,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import mapped, thread_count
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.metric_tensor import MetricTensor
+    from riemhuman.geometry.metric import RiemannianMetric
 
 __all__ = [
     "MEMORY",
@@ -151,7 +151,7 @@ class SumOfFactors(Bulk):
 
 
 def features_in_threads(
-    metric: MetricTensor, points: PointsLike, precision: str, n_jobs: int, name: str
+    metric: RiemannianMetric, points: PointsLike, precision: str, n_jobs: int, name: str
 ) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
@@ -163,7 +163,7 @@ def features_in_threads(
 
 
 def squared_dist_rectangle(
-    metric: MetricTensor,
+    metric: RiemannianMetric,
     features_a: Features,
     features_b: Features,
     points_a: PointsLike | PointsByNumber,
@@ -203,7 +203,7 @@ def squared_dist_rectangle(
 
 @checked(precision=choice(*PRECISIONS), memory=whole(minimum=1), progress=flag)
 def table_of_distances(
-    metric: MetricTensor,
+    metric: RiemannianMetric,
     points_a: PointsLike,
     points_b: PointsLike | None,
     n_jobs: int | None,
@@ -258,7 +258,7 @@ def table_of_distances(
     return result
 
 
-def _point_set(metric: MetricTensor, points: PointsLike, name: str) -> PointsLike:
+def _point_set(metric: RiemannianMetric, points: PointsLike, name: str) -> PointsLike:
     """Return a set of points: an array after checking it, or what can be sliced."""
     has_slices = hasattr(points, "__len__") and hasattr(points, "__getitem__")
     if not has_slices or isinstance(points, (Mapping, memoryview)):
@@ -278,7 +278,7 @@ class _Block(NamedTuple):
 
 
 def _blocks(
-    metric: MetricTensor,
+    metric: RiemannianMetric,
     precision: str,
     n_threads: int,
     points: PointsLike,

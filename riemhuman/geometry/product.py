@@ -22,8 +22,7 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_tensor import POINT
+from riemhuman.geometry.metric import POINT, RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.geometry.strategies import Solvers

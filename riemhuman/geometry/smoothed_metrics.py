@@ -14,8 +14,7 @@ from riemhuman.checks import checked, real, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.fields import RotationFields
 from riemhuman.geometry.manifold import SurfaceSpace, surface_space
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_tensor import POINTS
+from riemhuman.geometry.metric import POINTS, RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk, Factor, SumOfFactors
 from riemhuman.geometry.product import PullbackMetric
 from riemhuman.geometry.strategies import Solvers

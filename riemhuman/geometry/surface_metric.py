@@ -26,8 +26,7 @@ from riemhuman.geometry.fields import (
     NormalFields,
 )
 from riemhuman.geometry.manifold import Manifold, SurfaceSpace
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_tensor import POINT, POINTS
+from riemhuman.geometry.metric import POINT, POINTS, RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.strategies import Solvers

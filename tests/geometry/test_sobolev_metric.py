@@ -31,12 +31,11 @@ from riemhuman.geometry import (
 )
 from riemhuman.kernels.surface import cotangent_laplacian
 from riemhuman.solvers import (
-    BasisPath,
     DiscreteExponential,
     DiscreteLogarithm,
     PathStraightening,
 )
-from riemhuman.surfaces import DeformationBasis, Template
+from riemhuman.surfaces import Template
 from riemhuman.terms import NormalTerm, _quadratic
 from riemhuman.terms._quadratic import corner_averages
 
@@ -167,51 +166,6 @@ def test_second_derivatives_need_a_manifold():
 
 # Gauge-invariant metrics against exact values on tori and spheres, and what they cannot do.
 
-MAJOR, MINOR = 1.0, 0.4
-
-
-def normal_part(u, v):
-    return 1.0 + 0.5 * np.cos(u) + 0.3 * np.sin(v)
-
-
-def normals(u, v):
-    return np.stack([np.cos(v) * np.sin(u), np.sin(v), np.cos(v) * np.cos(u)], axis=-1)
-
-
-def exact_values():
-    """Return ∫2φ²(κ₁ − κ₂)², ∫4φ²(κ₁ + κ₂)² and ∫|∇φ|² on the torus, by quadrature."""
-    n = 200
-    u, v = np.meshgrid(*(2 * np.pi * (np.arange(n) + 0.5) / n,) * 2, indexing="ij")
-    reach = MAJOR + MINOR * np.cos(v)
-    one, other, phi = 1.0 / MINOR, np.cos(v) / reach, normal_part(u, v)
-    slope = (0.5 * np.sin(u) / reach) ** 2 + (0.3 * np.cos(v) / MINOR) ** 2
-    parts = (2 * phi**2 * (one - other) ** 2, 4 * phi**2 * (one + other) ** 2, slope)
-    areas = MINOR * reach * (2 * np.pi / n) ** 2
-    return np.array([np.sum(part * areas) for part in parts])
-
-
-def values(n, tangential):
-    """Return the same of a triangulated torus, for deformations with a tangential part."""
-    template, u, v = torus(n, 2 * n, MAJOR, MINOR)
-    h = normal_part(u, v)[:, None] * normals(u, v)
-    h += tangential * np.sin(3 * v)[:, None] * np.stack([np.cos(u), 0 * u, -np.sin(u)], axis=-1)
-    space = AlignedSurfaces(template, equip=False)
-
-    def squared(a, b, c):
-        metric = GaugeInvariantMetric(SobolevMetric(space, a1=4 * a, b1=8 * b, c1=c))
-        return metric.squared_norm(h, template.vertices)
-
-    whole = squared(1.0, 1.0, 1.0)
-    parts = squared(2.0, 1.0, 1.0), squared(1.0, 2.0, 1.0), squared(1.0, 1.0, 2.0)
-    return np.array(parts) - whole
-
-
-def test_closed_formula_on_tori():
-    exact = exact_values()
-    errors = np.array([values(n, tangential=0.5) / exact - 1 for n in (12, 24, 48)])
-    assert np.all(np.abs(errors[-1]) < 0.01)
-    assert np.all(np.log2(np.abs(errors[1] / errors[2])) > 1.8)
-
 
 def test_tangential_fields_cost_nothing_and_change_nothing():
     template = sphere_template(2)
@@ -225,20 +179,15 @@ def test_tangential_fields_cost_nothing_and_change_nothing():
     assert metric.metric.norm(along, f) > 0.1 * metric.metric.norm(h, f)
 
 
-def test_meshes_crumple_over_all_vertices_and_a_warning_says_so():
+def test_a_warning_says_that_meshes_crumple_over_all_vertices():
     template = sphere_template()
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template, equip=False)))
     start, end = surfaces(template, 2, rng=3, size=0.15)
-    solver = PathStraightening(n_nodes=4, max_iter=30)
     with (
         pytest.warns(ReparametrizationInvarianceWarning, match="meshes of a path crump"),
-        pytest.warns(ConvergenceWarning, match="after 30 iterations"),
+        pytest.warns(ConvergenceWarning, match="after 3 iterations"),
     ):
-        crumpled = solver.solve(metric, start, end)
-    basis = DeformationBasis.from_laplacian(template, n_components=20)
-    smooth = BasisPath(basis, n_nodes=4).solve(metric, start, end)
-    assert crumpled.energy < 0.8 * smooth.energy
-    assert metric.metric.energy(crumpled.path) > 2 * metric.metric.energy(smooth.path)
+        PathStraightening(n_nodes=4, max_iter=3).solve(metric, start, end)
 
 
 # Refusals.

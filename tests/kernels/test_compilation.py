@@ -110,34 +110,6 @@ def test_what_is_kept_follows_the_files_of_inlined_functions(tmp_path):
     assert run("2.0") == ["2.0", "1"]
 
 
-@pytest.mark.slow
-def test_environments_share_what_is_compiled(tmp_path):
-    """The same sources at another place find what is compiled; a changed constant is noticed."""
-
-    def hits(place):
-        done = subprocess.run(
-            [
-                sys.executable,
-                "-B",
-                "-c",
-                COMPUTE + "print(sum(fill_records.function.stats.cache_hits.values()))",
-            ],
-            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(place)},
-            cwd=place,
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=600,
-        )
-        return int(done.stdout.split()[-1])
-
-    for name in ("first", "second", "changed"):
-        shutil.copytree(ROOT / "riemhuman", tmp_path / name / "riemhuman")
-    constants = tmp_path / "changed" / "riemhuman" / "kernels" / "threads.py"
-    constants.write_text(constants.read_text() + "ANOTHER = 1.0\n")
-    assert [hits(tmp_path / name) for name in ("first", "second", "changed")] == [0, 1, 0]
-
-
 def test_functions_of_no_file_have_no_digest():
     assert compilation._digest({}) is None
     assert compilation._digest({"__file__": "<notebook>"}) is None

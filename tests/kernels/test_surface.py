@@ -83,29 +83,6 @@ def test_degenerate_triangles():
     np.testing.assert_array_equal(first.e[1:4], 1.0)
 
 
-def cotangents_by_hand(template):
-    """Assemble -½ (cot α + cot β) edge by edge, from angles."""
-    matrix = np.zeros((template.n_vertices, template.n_vertices))
-    for face in template.faces:
-        for corner in range(3):
-            k, i, j = np.roll(face, -corner)
-            a, b = template.vertices[i] - template.vertices[k], template.vertices[j]
-            b = b - template.vertices[k]
-            angle = np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
-            matrix[i, j] -= 0.5 / np.tan(angle)
-            matrix[j, i] -= 0.5 / np.tan(angle)
-    return matrix - np.diag(matrix.sum(axis=1))
-
-
-@pytest.mark.parametrize("template", [sphere_template(), open_template()], ids=["closed", "open"])
-def test_entries_are_cotangents(template):
-    np.testing.assert_allclose(
-        cotangent_laplacian(template.vertices, template.faces).toarray(),
-        cotangents_by_hand(template),
-        atol=1e-11,
-    )
-
-
 def test_forms_of_all_components_are_the_dirichlet_energy():
     """By the areas of a template, it does not depend on the size of the surface."""
     template = open_template()

@@ -129,19 +129,3 @@ def test_bad_input():
         solver.solve(metric, np.nan * start, start)
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
         DiscreteExponential(bodies.basis(20)).solve(metric, start, start)
-
-
-@pytest.mark.parametrize("size", [1e-9, 1e9])
-def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
-    basis = bodies.basis(10)
-    direction = bodies.body("other build") - bodies.body("resting")
-    joined, scaled = (basis.extend((factor * direction)[None]) for factor in (1.0, size))
-    assert len(scaled.vectors) == len(joined.vectors) == len(basis.vectors) + 1
-    np.testing.assert_allclose(scaled.project(direction), direction, atol=1e-9)
-    np.testing.assert_allclose(joined.project(direction), direction, atol=1e-9)
-    # A direction but for a billionth within the basis adds nothing.
-    inside = basis.project(direction)
-    outside = direction - inside
-    inside *= np.abs(outside).max() / np.abs(inside).max()
-    assert basis.extend((size * (inside + 0.9e-9 * outside))[None]) is basis
-    assert basis.extend((size * (inside + 1.5e-9 * outside))[None]) is not basis

@@ -1,6 +1,5 @@
 """Ladders: exact where closed forms are, of second order elsewhere."""
 
-import bodies_in_motion as bodies
 import numpy as np
 import pytest
 from cases import CASES, cases_that, deformations, name_of
@@ -12,9 +11,7 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry import ElasticMetric
 from riemhuman.solvers import (
-    BasisPath,
     DiscreteExponential,
     PathStraightening,
     PoleLadder,
@@ -117,25 +114,6 @@ def test_half_plane_against_the_known_transport():
     )
     assert len(found.path) == 5
     np.testing.assert_allclose(found.tangent_vec, 2.0 * vector, rtol=2e-2)
-
-
-@pytest.mark.slow
-def test_on_bodies_in_a_basis():
-    metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
-    basis = bodies.basis(12)
-    start, end = bodies.body("resting"), bodies.body("arm raised")
-    u, v = basis.vectors[0] + 0.5 * basis.vectors[3], basis.vectors[1]
-    norm = metric.norm(u, start)
-    gaps, ladder = [], PoleLadder(basis=basis)
-    for n_nodes in (3, 5):
-        path = BasisPath(basis, n_nodes=n_nodes, tolerance=1e-8).solve(metric, start, end).path
-        one = ladder.solve(metric, u, start, path=path).tangent_vec
-        gaps.append(abs(metric.norm(one, end) / norm - 1))
-    assert gaps[1] < 0.45 * gaps[0]
-    assert gaps[1] < 5e-3
-    other = ladder.solve(metric, v, start, path=path).tangent_vec
-    products = metric.inner_product(one, other, end), metric.inner_product(u, v, start)
-    assert abs(products[0] - products[1]) < 5e-3 * norm * metric.norm(v, start)
 
 
 def test_the_way_and_the_vector_extend_a_basis():

@@ -191,12 +191,7 @@ def test_bare_results_of_other_solvers_suffice():
 def test_notebooks_draw_surfaces_and_list_all_fields(monkeypatch):
     """Paths rather than velocities; points that are no surfaces are not drawn."""
     drawn = []
-
-    def surfaces_html(surfaces, faces, caption):
-        drawn.append(surfaces)
-        return "<img>"
-
-    pictures = SimpleNamespace(surfaces_html=surfaces_html)
+    pictures = SimpleNamespace(surfaces_html=lambda surfaces, *_: drawn.append(surfaces) or "<img>")
     monkeypatch.setattr("riemhuman.solvers.results.notebook_pictures", lambda: pictures)
     path, vectors = np.random.default_rng(0).normal(size=(2, 3, 150, 3))
     for result, expected in (
@@ -206,13 +201,7 @@ def test_notebooks_draw_surfaces_and_list_all_fields(monkeypatch):
         (MeanResult(path[0], 1.0, np.ones(1)), path[:1]),
     ):
         html = result._repr_html_()
-        assert "<img>" in html
         np.testing.assert_array_equal(drawn.pop(), expected)
         assert all(f"<th>{field.name}</th>" in html for field in dataclasses.fields(result))
-    for result in (
-        MeanResult(np.zeros(3), 1.0, np.ones(1)),
-        PathResult(np.zeros((4, 2, 3)), 1.0, np.ones(1)),
-        solvers.Result(message="1 < 2"),
-    ):
-        assert "<img>" not in result._repr_html_()
-    assert "1 &lt; 2" in result._repr_html_()
+    assert "<img>" not in PathResult(np.zeros((4, 2, 3)), 1.0, np.ones(1))._repr_html_()
+    assert "1 &lt; 2" in solvers.Result(message="1 < 2")._repr_html_()

@@ -70,58 +70,11 @@ def test_what_is_still_on_the_source_is_still_on_the_target():
     assert np.linalg.norm(moved[1] - target, axis=1).max() > 0.3
 
 
-def test_shape_transfer_in_a_pose():
-    """Half the error of offsets on average; they are nearer where limbs are equally long."""
-    pose = bodies.pose(
-        left_hip=(-80, 0, 0),
-        right_hip=(-80, 0, 0),
-        left_knee=(90, 0, 0),
-        right_knee=(90, 0, 0),
-        left_shoulder=(0, 0, 50),
-        right_shoulder=(0, 0, -50),
-    )
-    model, errors = bodies.model(), []
-    for seed in (3, 4, 5, 6):
-        betas = np.random.default_rng(seed).normal(size=(5, model.n_betas))
-        for pair in ((0, 1), (2, 3), (4, 0)):
-            before, after = (model(betas=betas[k], pose=bodies.pose()) for k in pair)
-            target, expected = (model(betas=betas[k], pose=pose) for k in pair)
-            moved = ShapeTransfer().solve(bodies.space(), before, after, target)
-            errors.append(
-                [error(body, expected) for body in (moved, target + after - before, target)]
-            )
-            np.testing.assert_allclose(moved.mean(axis=0), target.mean(axis=0), atol=1e-10)
-    moved, offsets, still = np.mean(errors, axis=0)
-    assert moved < 0.5 * offsets
-    assert moved < 0.25 * still
-
-
 def test_reference_and_streams(space, motion):
     target = motion[1] * 1.2
     whole = MotionTransfer().solve(space, motion, target)
     later = MotionTransfer().solve(space, iter(motion[1:]), target, reference=motion[0])
     np.testing.assert_allclose(later, whole[1:], atol=1e-12)
-
-
-def test_a_pose_or_its_change():
-    """A target that starts with an arm raised lets it fall where poses are transferred."""
-    # A tall person, of long arms.
-    betas = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))[4]
-    bent = bodies.pose(left_elbow=(0, -120, 0))
-    raised = bodies.pose(left_shoulder=(0, 0, 50), left_elbow=(0, -30, 0))
-    *source, target = bodies.model()(betas=betas, pose=np.stack([bodies.pose(), bent, raised]))
-    ends = {
-        transfer: MotionTransfer(transfer=transfer).solve(bodies.space(), source, target)[1]
-        for transfer in ("change", "pose")
-    }
-    centred = {name: end - end.mean(axis=0) for name, end in ends.items()}
-    expected = source[1] - source[1].mean(axis=0)
-    apart = {name: np.linalg.norm(end - expected, axis=1) for name, end in centred.items()}
-    # The raised hand is some third of a metre too high; joints that bend smoothly miss by little.
-    assert apart["change"].max() > 0.3
-    assert apart["pose"].mean() < 0.25 * apart["change"].mean()
-    changed = np.linalg.norm(ends["pose"] - target, axis=1)
-    assert changed.max() > 0.3
 
 
 def test_bad_input(space, motion):
@@ -152,11 +105,6 @@ def solved():
 def centred(surface):
     """Return a surface with its centroid at the origin."""
     return surface - surface.mean(axis=0)
-
-
-def error(surface, truth):
-    """Return the mean distance of vertices, translations aside."""
-    return np.linalg.norm(centred(surface - truth), axis=-1).mean()
 
 
 def test_result_is_of_the_definition(solved):
@@ -244,22 +192,3 @@ def test_waves_of_the_skin_stay_with_their_owner():
     turn, normals = PoseTransfer(bodies.space()), ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
     smooth, rippled = (turn.solve(shape, pose + wave) for wave in (0.0, ripples))
     assert normals.dist(smooth, rippled) < 0.35 * normals.dist(pose, pose + ripples)
-
-
-def test_bends_of_joints_come_back():
-    """As heat hardly flows across joints: where it did, the knee was 12.6 mm off.
-
-    So it is for a person of mean build, and of five others none is off by half as much.
-    """
-    knee = bodies.pose(left_hip=(-80, 0, 0), left_knee=(90, 0, 0))
-
-    def missed(betas):
-        shape, pose = bodies.model()(betas=betas, pose=np.stack([bodies.pose(), knee]))
-        return error(PoseTransfer(bodies.space()).solve(shape, pose), pose)
-
-    people = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))
-    people = np.concatenate([np.zeros_like(people[:1]), people])
-    found = [missed(betas) for betas in people]
-    across = 1e-3 * np.array([12.6, 16.9, 12.1, 12.2, 14.0, 16.5])  # where heat flowed freely
-    assert found[0] < 0.006
-    assert np.all(found < 0.5 * across)

@@ -66,12 +66,6 @@ def test_neighbours_turn_alike_beyond_half_a_turn(turn):
     np.testing.assert_allclose(middle, twisted(template, turn / 2), atol=0.01)
 
 
-def test_turns_without_tears_are_left_alone():
-    template = sphere_template()
-    turns = template.interpolator.rotations(*surfaces(template, 2, rng=1))
-    assert template.interpolator.unwrap(turns) is turns
-
-
 @pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
 def test_surface_of_derivatives_is_their_least_squares_fit(template):
     surface, other = surfaces(template, 2, rng=3)

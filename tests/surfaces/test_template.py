@@ -41,13 +41,6 @@ def test_frames_of_a_triangle_worked_by_hand():
     )
 
 
-def test_derivatives_of_a_linear_map_are_the_map_applied_to_the_frame(template):
-    matrix = np.random.default_rng(1).normal(size=(3, 3))
-    frame = np.stack(derivatives(template, template.vertices))
-    moved = np.stack(derivatives(template, template.vertices @ matrix.T + [1.0, 2.0, 3.0]))
-    np.testing.assert_allclose(moved, frame @ matrix.T, atol=1e-12)
-
-
 def test_areas_and_edges_agree_with_trimesh(template):
     mesh = trimesh.Trimesh(template.vertices, template.faces, process=False)
     np.testing.assert_allclose(template.face_areas, mesh.area_faces, rtol=1e-12)

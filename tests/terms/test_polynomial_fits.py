@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from autograd import grad
 from mpmath import mp
 from numba import njit
 
 from riemhuman.terms import _polynomial_fits as fits
-from riemhuman.terms import cone
 
 PRECISIONS = {"single": np.float32, "double": np.float64}
 each_precision = pytest.mark.parametrize("precision", PRECISIONS)
@@ -96,55 +94,3 @@ def test_half_angles_for_a_small_ratio(lam, real, tolerance):
     assert relative_errors(found, exact, reach * shares, real).max() < tolerance
     theta = np.arccosh(1 + reach) / (2 * np.sqrt(2 * lam))
     assert theta == pytest.approx(np.pi, rel=1e-7)
-
-
-def around(switch):
-    return switch * (1 + np.array([-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 1e-3]))
-
-
-@njit
-def loops(m, quarter):
-    squared, in_m = fits.squared_length_and_slope(m, True)
-    value, rate = fits.half_sine_squared_and_slope(quarter * squared, True)
-    return value, rate * quarter * in_m
-
-
-def definitions(m, quarter):
-    def value(m):
-        return cone.clipped_sine_squared(quarter * cone.squared_hyperbolic_distance(m))
-
-    return value(m), grad(value)(m)
-
-
-@pytest.mark.everyday("0.0001-loops", "0.01-loops", "0.125-loops", "1.0-loops", "100.0-loops")
-@pytest.mark.parametrize("function", [loops, definitions])
-@pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
-def test_slopes_of_half_angles(lam, function):
-    kappa = 0.5 / np.sqrt(2.0 * lam)
-    for m in np.concatenate([np.logspace(-30, 6, 50), around(0.0607), around(1e-3)]):
-        found = function(m, 0.25 * kappa**2)
-        with mp.workdps(100):
-            exact_m, exact_kappa = mp.mpf(float(m)), mp.mpf(float(kappa))
-            theta = exact_kappa * mp.acosh(1 + exact_m)
-            slope = mp.sin(theta) / 2 * exact_kappa / mp.sqrt(exact_m * (exact_m + 2))
-            inside = theta < mp.pi
-            expected = float(mp.sin(min(theta, mp.pi) / 2) ** 2), float(slope if inside else 0)
-        np.testing.assert_allclose(found[0], expected[0], rtol=2e-14)
-        # Near θ = π the slope has a zero.
-        np.testing.assert_allclose(found[1], expected[1], rtol=2e-13, atol=1e-14 * kappa**2)
-    at_zero = function(0.0, 0.25 * kappa**2)
-    assert at_zero == (0.0, pytest.approx(0.5 * kappa**2, rel=1e-15))
-
-
-def test_slopes_of_squared_angles():
-    def found(p, q):
-        return squared_arc_and_slope(min(p, q), p <= q, True)
-
-    squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
-    for p in squared_chords:
-        with mp.workdps(100):
-            theta = 2 * mp.asin(mp.sqrt(mp.mpf(float(p))) / 2)
-            expected = float(theta**2), float(theta / mp.sin(theta))
-        np.testing.assert_allclose(found(p, 4.0 - p), expected, rtol=5e-14)
-    assert found(0.0, 4.0) == (0.0, 1.0)
-    assert found(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
