@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError, shown
 
@@ -20,12 +16,6 @@ _UNITS = {
     "yards": (0.9144, ("yd", "yard", "yards")),
 }
 _SPELLINGS = {spelling: name for name, (_, some) in _UNITS.items() for spelling in some}
-# Units that are tried without being asked for; CMU's is 1 / 0.45 of an inch.
-_USUAL = ("metres", "centimetres", "millimetres", "inches", "feet")
-_CMU_UNIT = 0.0254 / 0.45
-_CMU_JOINTS = {"LHipJoint", "RHipJoint", "LowerBack", "lhipjoint", "rhipjoint", "lowerback"}
-# Legs of adults from hip to ankle, metres.
-_ADULT_LEG = 0.82
 
 
 def metres_in(unit: str | float) -> float:
@@ -39,12 +29,3 @@ def metres_in(unit: str | float) -> float:
             )
         return _UNITS[name][0]
     return real_number(unit, "unit", minimum=0.0, strict=True)
-
-
-def guessed_unit(leg: float, joint_names: Sequence[str]) -> tuple[str, float]:
-    """Return the unit in which legs are most like those of adults, and the metres in it."""
-    units = {name: _UNITS[name][0] for name in _USUAL}
-    if len(_CMU_JOINTS & set(joint_names)) >= 3:
-        units["units of CMU (1/0.45 inch)"] = _CMU_UNIT
-    name = min(units, key=lambda candidate: abs(np.log(units[candidate] * leg / _ADULT_LEG)))
-    return name, units[name]

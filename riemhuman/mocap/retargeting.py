@@ -21,12 +21,11 @@ from riemhuman.checks import (
     one_of,
     real_array,
 )
-from riemhuman.errors import warn
 from riemhuman.mocap._body_size import own_person, recorded_person, scaled_model
 from riemhuman.mocap._joint_axes import make_figure
 from riemhuman.mocap._joint_names import find_joints, model_joints
 from riemhuman.mocap._skeletons import check_bones, leg_length
-from riemhuman.mocap._units import guessed_unit, metres_in
+from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.motions import ModelMotion
 from riemhuman.mocap.performances import Performed, RetargetingErrors, perform
 from riemhuman.mocap.skeleton_motion import SkeletonMotion, nearest_frames
@@ -35,7 +34,6 @@ from riemhuman.surfaces.procrustes import AXES
 # Distances from recorded joints that the message says, metres.
 _UNLIKE = 0.10
 _RECORDED = "recorded"
-_SCALES = ("adult", _RECORDED)
 
 
 class RetargetedMotion(ModelMotion):
@@ -130,8 +128,7 @@ class RetargetedMotion(ModelMotion):
         if self._size == 1.0:
             return (
                 f"The recording was scaled to the legs of {person} of the model: one unit of the "
-                f"recording is {scale:.4g} m. Pass scale='recorded' to keep the recorded lengths"
-                + proportions
+                f"recording is {scale:.4g} m. Pass unit= to keep the recorded lengths{proportions}"
             )
         return (
             f"The recorded lengths were kept: one unit of the recording is {scale:.4g} m. Bodies "
@@ -166,7 +163,6 @@ class RetargetedMotion(ModelMotion):
     recording=instance(SkeletonMotion),
     model=instance(BodyModel),
     up=choice(*AXES),
-    scale=choice(*_SCALES),
     frames_per_second=checked_rate,
     progress=flag,
 )
@@ -178,7 +174,6 @@ def retarget(
     joints: Mapping[str, str] | None = None,
     up: str | None = None,
     unit: str | float | None = None,
-    scale: str | None = None,
     frames_per_second: float | None = None,
     progress: bool = False,
 ) -> RetargetedMotion:
@@ -214,13 +209,10 @@ def retarget(
         as well be lying on the floor as standing along another axis.
     unit : str or number, optional
         Unit of the recording's lengths: "m", "cm", "mm", "inch", "foot", in words or abbreviated,
-        or the number of metres in a unit. By default that of the recording, if it is known.
-    scale : {"adult", "recorded"}, optional
-        Whether the recording is scaled to the legs of the person ("adult"), or the person to the
-        recorded legs: a child, an adult and a giant keep their lengths. By default "recorded" if
-        the unit is given to `retarget` or the reader, or if the file names it, otherwise "adult".
-        Without a unit, "recorded" uses the unit in which legs are most like an adult's, with a
-        warning.
+        or the number of metres in a unit; by default that of the recording, if it is known. The
+        person is then scaled to the recorded legs: a child, an adult and a giant keep their
+        lengths. Without a unit, the recording is scaled to the legs of the person, as it is by
+        ``performed_by(betas)``.
     frames_per_second : float, optional
         Frame rate, at most that of the recording: the frames nearest in time are used.
     progress : bool
@@ -248,20 +240,18 @@ def retarget(
         recording.joint_names, recording.parents, joints, recording.positions
     )
     check_bones(recording.positions, joint_numbers, recording.joint_names)
-    is_recorded = scale == _RECORDED or (scale is None and metres is not None)
     size = 1.0
     performer = own_person(recording, model)
     if performer is not None and (betas is None or isinstance(betas, str)):
         betas = performer.betas
         size = performer.size
-        is_recorded = False
+        metres = None
     elif isinstance(betas, str):
         betas = recorded_person(recording.positions, joint_numbers, model)
-    if is_recorded:
+    if metres is not None:
         leg = leg_length(recording.positions, joint_numbers)
-        unit_size = _guessed_metres(leg, recording) if metres is None else metres
         person = np.zeros(model.n_betas) if betas is None else betas
-        size = unit_size * leg / make_figure(model, person).leg
+        size = metres * leg / make_figure(model, person).leg
     return RetargetedMotion(
         recording,
         model,
@@ -285,14 +275,3 @@ def _thinned(recording: SkeletonMotion, rate: float) -> SkeletonMotion:
         translations=recording.translations[frames],
         frames_per_second=rate,
     )
-
-
-def _guessed_metres(leg: float, recording: SkeletonMotion) -> float:
-    """Return the metres in the unit of a recording, with a warning."""
-    name, metres = guessed_unit(leg, recording.joint_names)
-    warn(
-        f"{recording.name or 'recording'}: lengths were taken to be in {name}, in which legs are "
-        f"{metres * leg:.2f} m long; pass unit= if they are not",
-        UserWarning,
-    )
-    return metres

@@ -1,25 +1,11 @@
-"""Units of lengths in recordings: given by a name or a number, or guessed."""
+"""Units of lengths in recordings, by a name or a number."""
 
 import numpy as np
 import pytest
-from recorded_people import RECORDING, scaled
+from recorded_people import RECORDING
 
 from riemhuman.datasets import load_bvh, retarget
 from riemhuman.errors import ArgumentError
-
-CMU = 0.0254 / 0.45
-
-
-def test_units_are_guessed_with_a_warning(recording):
-    metres = scaled(recording, CMU)
-    for name, factor in (("metres", 1.0), ("centimetres", 100.0), ("feet", 1 / 0.3048)):
-        said = f"lengths were taken to be in {name}, .* pass unit="
-        with pytest.warns(UserWarning, match=said) as warned:
-            motion = retarget(scaled(metres, factor), scale="recorded", frames_per_second=3)
-        assert {warning.filename for warning in warned} == {__file__}
-        assert motion.errors.scale == pytest.approx(1.0 / factor, rel=1e-6)
-    with pytest.warns(UserWarning, match="units of CMU"):
-        retarget(recording, scale="recorded")
 
 
 @pytest.mark.parametrize(
@@ -41,7 +27,5 @@ def test_wrong_units(recording):
         load_bvh(RECORDING, unit="cubits")
     with pytest.raises(ArgumentError, match="unit must be .*found -1"):
         retarget(recording, unit=-1)
-    with pytest.raises(ArgumentError, match="scale must be one of 'adult', 'recorded'; found 2"):
-        retarget(recording, scale=2)
     with pytest.raises(ArgumentError, match="betas must be 'recorded'|betas must be one of"):
         retarget(recording, betas="tall")
