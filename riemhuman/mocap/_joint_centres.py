@@ -19,9 +19,6 @@ from riemhuman.mocap._marker_sets import CORNERS, NEEDED, MarkerNames, Recipe, W
 from riemhuman.mocap._skeletons import frame, nearest_axis
 from riemhuman.representation import join_names
 
-HEAD_AXES = "head axes"
-"""The axes of the head, (n_frames, 3, 3), among the centres of joints."""
-
 _LEGS = NEEDED[:6]
 _TOES = ("left_toes", "right_toes")
 _ROLES = (*NEEDED, *_TOES, "head", *CORNERS)
@@ -72,15 +69,18 @@ class Markers:
 
 def find_centres(
     markers: Markers, joints: Mapping[str, str | Sequence[str]]
-) -> tuple[dict[str, Array], slice[int, int, None]]:
-    """Return the centres of joints without gaps, and the frames in which there are all."""
+) -> tuple[dict[str, Array], Array | None]:
+    """Return the centres of joints in the frames in which there are all, and axes of the head."""
     assigned = _assigned_markers(markers, joints)
     numbers = _markers_of_one_person(markers, assigned)
     centres, on_skin = _centres(markers, numbers, assigned)
     missing = [role for role in _LEGS if role not in centres]
     if missing:
         raise FileFormatError(_missing_message(markers, centres, missing))
-    head_axes = centres.pop(HEAD_AXES, None)
+    head_axes = None
+    if "head" not in assigned:
+        head, head_axes = _head(markers, numbers)
+        centres |= head
     centres, frames = _without_gaps(markers, centres)
     if on_skin:
         warn(
@@ -97,9 +97,7 @@ def find_centres(
             UserWarning,
         )
         centres |= _standing_parts(centres, absent)
-    if head_axes is not None:
-        centres[HEAD_AXES] = head_axes
-    return centres, frames
+    return centres, None if head_axes is None else head_axes[frames]
 
 
 def _missing_message(markers: Markers, centres: Mapping[str, Array], missing: list[str]) -> str:
@@ -182,10 +180,7 @@ def _centres(
         centres |= hips
         ways |= dict.fromkeys(hips, Way.CENTRE)
     on_skin = [role for role, way in ways.items() if way in (Way.LATERAL, Way.ABOVE)]
-    centres = _moved_inward(centres, ways)
-    if "head" not in assigned:
-        centres |= _head(positions, names.head(), markers)
-    return centres, on_skin
+    return _moved_inward(centres, ways), on_skin
 
 
 def _mean(positions: Array, numbers: Sequence[int]) -> Array:
@@ -285,11 +280,12 @@ def _outward_hinge(limb: Sequence[Array], outward: Array) -> Array:
     return np.asarray(unit(axis - np.sum(axis * lower, axis=1, keepdims=True) * lower))
 
 
-def _head(positions: Array, head_markers: Mapping[str, int], markers: Markers) -> dict[str, Array]:
-    """Return the centre of the head and, from three or more markers, its axes."""
+def _head(markers: Markers, numbers: Sequence[int]) -> tuple[dict[str, Array], Array | None]:
+    """Return the centre of the head by its name and, from three or more markers, its axes."""
+    names = MarkerNames([markers.names[number] for number in numbers])
     paths = {}
-    for name, number in head_markers.items():
-        path = _filled(positions[:, number], markers.frames_per_second)
+    for name, number in names.head().items():
+        path = _filled(markers.positions[:, numbers[number]], markers.frames_per_second)
         if path is not None:
             paths[name] = path
     if {"left_ear", "right_ear", "nose"} <= paths.keys():
@@ -299,13 +295,10 @@ def _head(positions: Array, head_markers: Mapping[str, int], markers: Markers) -
         foremost = 0.5 * (paths["left_head_front"] + paths["right_head_front"])
         hindmost = 0.5 * (paths["left_head_back"] + paths["right_head_back"])
         centre = 0.5 * (foremost + hindmost)
-        across = paths["left_head_front"] - paths["right_head_front"]
-        axes = frame(across, foremost - hindmost)
-    elif "head" in paths:
-        return {"head": paths["head"]}
+        axes = frame(paths["left_head_front"] - paths["right_head_front"], foremost - hindmost)
     else:
-        return {}
-    return {"head": centre, HEAD_AXES: axes}
+        return {"head": paths["head"]} if "head" in paths else {}, None
+    return {"head": centre}, axes
 
 
 def _filled(path: Array, rate: float) -> Array | None:

@@ -11,7 +11,7 @@ from riemhuman.arrays import Array
 from riemhuman.bodies.skinning import LIMBS
 from riemhuman.kernels.rotations import transpose
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.mocap._joint_centres import HEAD_AXES, Markers, find_centres
+from riemhuman.mocap._joint_centres import Markers, find_centres
 from riemhuman.mocap._joint_names import SIDES
 from riemhuman.mocap._marker_sets import NEEDED
 from riemhuman.mocap._skeletons import (
@@ -37,10 +37,8 @@ def skeleton_of(
     markers: Markers, joints: Mapping[str, str | Sequence[str]] | None = None
 ) -> SkeletonMotion:
     """Return the skeleton with joints located by markers, and rotations that show bends."""
-    centres, frames = find_centres(markers, joints or {})
-    head_axes = centres.pop(HEAD_AXES, None)
-    positions = centres | _trunk_places(centres)
-    return _skeleton(markers, positions, None if head_axes is None else head_axes[frames])
+    centres, head_axes = find_centres(markers, joints or {})
+    return _skeleton(markers, centres | _trunk_places(centres), head_axes)
 
 
 def _trunk_places(centres: Mapping[str, Array]) -> dict[str, Array]:
