@@ -12,12 +12,10 @@ from riemhuman.checks import (
     checked,
     generator,
     instance,
-    items_of,
     metric_weight,
     real_array,
-    whole_number,
 )
-from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.errors import NotDefinedError
 from riemhuman.geometry.fields import FieldMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -42,13 +40,7 @@ class VectorSpace(Manifold):
     """
 
     def __init__(self, shape: tuple[int, ...], equip: bool = True) -> None:
-        lengths = tuple(
-            whole_number(length, f"shape[{axis}]", minimum=1)
-            for axis, length in enumerate(items_of(shape, "shape", "a tuple of whole numbers"))
-        )
-        if not lengths:
-            raise ArgumentError("shape must have at least one length; found none")
-        super().__init__(math.prod(lengths), lengths, equip)
+        super().__init__(math.prod(shape), tuple(int(n) for n in shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
         return FlatMetric
@@ -102,8 +94,7 @@ class FlatMetric(FieldMetric):
             weights = np.ones(length)
         # A copy: a metric keeps its parameters.
         weights = real_array(weights, "weights", (length,), batched=False).copy()
-        for k in (weights.argmin(), weights.argmax()):
-            metric_weight(weights[k], f"weights[{k}]")
+        metric_weight(weights.min(), "the least of weights")
         self._weights = weights
 
     @property
@@ -119,8 +110,7 @@ class FlatMetric(FieldMetric):
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         """Return weighted coordinates, whose Euclidean distances equal those of the points."""
-        roots = np.repeat(np.sqrt(self._weights), int(np.prod(self.space.shape[1:])))
-        return self._numbers(self.space.check_point(points, "points")) * roots
+        return self._numbers(self.space.check_point(points, "points")) * np.sqrt(self._areas)
 
     def inner_product(
         self,

@@ -1,7 +1,7 @@
 """Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means.
 
-A solver that has not converged issues a `ConvergenceWarning`; its result says why. If it is stopped
-from the keyboard, it raises `Interrupted`, which carries the best result so far.
+A solver that has not converged issues a `ConvergenceWarning`; its result says why. If a search is
+stopped from the keyboard, it raises `Interrupted`, which carries the best result so far.
 """
 
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult

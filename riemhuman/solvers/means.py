@@ -26,13 +26,11 @@ from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import metric_of
 from riemhuman.geometry.metric import check_metric
 from riemhuman.geometry.strategies import MeanSolver
-from riemhuman.kernels.threads import is_abandoned
 from riemhuman.solvers._alignment import AlignedMembers, align_members
 from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search, with_weight
 from riemhuman.solvers._lbfgs import Minimum, minimize_from
 from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 from riemhuman.solvers.results import (
-    INTERRUPTED_MESSAGE,
     MeanResult,
     Status,
     complete_mean,
@@ -347,8 +345,7 @@ class GradientDescentMean(MeanSolver):
             point = metric.space.check_point(initial_point)
         result = self._descend(dispersion, point)
         # Points that coincide are their median.
-        is_spread = result.variance > 0.0
-        if exponent == 1 and is_spread and result.status is not Status.INTERRUPTED:
+        if exponent == 1 and result.variance > 0.0:
             smoothing = _LEAST_DISTANCE * np.sqrt(result.variance)
             result = self._descend(dispersion.smoothed(smoothing), result.point)
         return finish(self, result)
@@ -358,35 +355,30 @@ class GradientDescentMean(MeanSolver):
         values, n_evaluations = [dispersion.value(point)], 1
         floor, step = dispersion.floor(point), 1.0
         status, message = Status.MAX_ITER, "the maximum number of iterations was reached"
-        try:
-            for _ in range(self.max_iter):
-                direction = _mean_of_logarithms(dispersion, point)
-                size = float(metric.norm(direction, point))
-                spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
-                if values[-1] <= floor or size <= self.tolerance * spread:
-                    status = Status.CONVERGED
-                    message = (
-                        "the mean of the logarithms is below the tolerance, or all points coincide"
-                    )
-                    break
-                # Without this, rounding errors off the manifold would double with every step.
-                candidate = metric.space.projection(metric.exp(step * direction, point))
-                value = dispersion.value(candidate)
-                n_evaluations += 1
-                # Near the mean the variance falls by less than its rounding error.
-                if value <= values[-1] * (1 + _ROUNDING):
-                    point = candidate
-                    values.append(value)
-                    continue
-                step *= 0.5
-                if step < _SMALLEST_STEP:
-                    status = Status.STALLED
-                    message = "no step along the mean of the logarithms lowers the variance"
-                    break
-        except KeyboardInterrupt:
-            if is_abandoned():
-                raise
-            status, message = Status.INTERRUPTED, INTERRUPTED_MESSAGE
+        for _ in range(self.max_iter):
+            direction = _mean_of_logarithms(dispersion, point)
+            size = float(metric.norm(direction, point))
+            spread = np.sqrt(values[-1]) if dispersion.smoothing is None else values[-1]
+            if values[-1] <= floor or size <= self.tolerance * spread:
+                status = Status.CONVERGED
+                message = (
+                    "the mean of the logarithms is below the tolerance, or all points coincide"
+                )
+                break
+            # Without this, rounding errors off the manifold would double with every step.
+            candidate = metric.space.projection(metric.exp(step * direction, point))
+            value = dispersion.value(candidate)
+            n_evaluations += 1
+            # Near the mean the variance falls by less than its rounding error.
+            if value <= values[-1] * (1 + _ROUNDING):
+                point = candidate
+                values.append(value)
+                continue
+            step *= 0.5
+            if step < _SMALLEST_STEP:
+                status = Status.STALLED
+                message = "no step along the mean of the logarithms lowers the variance"
+                break
         variance = values[-1]
         if dispersion.smoothing is not None:
             variance = dispersion.smoothed(None).value(point)

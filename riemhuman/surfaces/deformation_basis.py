@@ -132,14 +132,19 @@ class DeformationBasis:
         """
         pairs = frames_apart(motions, step, progress=progress)
         first_start, first_end = next(pairs)
-        deformations = _Deformations(chain([(first_start, first_end)], pairs))
-        n_features = first_start.size
+        n_features, sizes = first_start.size, [0.0]
+
+        def deformations() -> Iterator[Array]:
+            for start, end in chain([(first_start, first_end)], pairs):
+                sizes[0] = max(sizes[0], float(np.abs(start).max()), float(np.abs(end).max()))
+                yield (end - start).ravel()
+
         values, rows, n_samples, total = singular_rows(
-            deformations, n_components, n_features, memory
+            deformations(), n_components, n_features, memory
         )
         # Frames are rounded, each entry by up to ε times the largest; so are the values.
         epsilon = np.finfo(np.float64).eps
-        noise = epsilon * deformations.largest * (np.sqrt(n_samples) + np.sqrt(n_features))
+        noise = epsilon * sizes[0] * (np.sqrt(n_samples) + np.sqrt(n_features))
         resolution = max(n_samples, n_features) * epsilon
         rank = int(np.sum(values > resolution * values.max() + noise))
         if rank < n_components:
@@ -335,20 +340,6 @@ class DeformationBasis:
         if ratio is not None:
             ratio = real_array(ratio, "explained_variance_ratio", (len(self),), batched=False)
             self.explained_variance_ratio = read_only(ratio)
-
-
-class _Deformations:
-    """The deformations between two frames each, as rows, and the largest entry of the frames."""
-
-    def __init__(self, pairs: Iterable[tuple[Array, Array]]) -> None:
-        self._pairs = pairs
-        self.largest = 0.0
-
-    def __iter__(self) -> Iterator[Array]:
-        for start, end in self._pairs:
-            sizes = float(np.abs(start).max()), float(np.abs(end).max())
-            self.largest = max(self.largest, *sizes)
-            yield (end - start).ravel()
 
 
 _REMEDY = "a basis needs lengths to weight deformations"

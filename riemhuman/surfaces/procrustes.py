@@ -14,7 +14,6 @@ from riemhuman.checks import (
     choice,
     longest_side,
     real_array,
-    share,
     weight_shares,
     whole,
 )
@@ -24,6 +23,9 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 # the size of the surface, and to the coordinates from which the spread was computed.
 _FLAT = 1e-12
 _ROUNDING = 100 * np.finfo(np.float64).eps
+
+# Iterations end when the mean moves by less than this share of its size.
+_TOLERANCE = 1e-10
 
 _REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 
@@ -83,13 +85,12 @@ def procrustes(
     return aligned
 
 
-@checked(scale=choice(*_SCALES), tolerance=share, max_iter=whole(minimum=1))
+@checked(scale=choice(*_SCALES), max_iter=whole(minimum=1))
 def generalized_procrustes(
     points: ArrayLike,
     *,
     scale: bool | None = False,
     weights: ArrayLike | None = None,
-    tolerance: float = 1e-10,
     max_iter: int = 200,
 ) -> tuple[Array, Array]:
     """Align surfaces in known correspondence with each other, and return their mean.
@@ -106,8 +107,6 @@ def generalized_procrustes(
         Surfaces, in metres, with at least one leading axis; the mean is over all leading axes.
     scale, weights : optional
         As for `procrustes`.
-    tolerance : float
-        The iteration stops when the mean moves by less than this fraction of its size.
     max_iter : int
         Number of steps after which the iteration stops with a `ConvergenceWarning`.
 
@@ -146,12 +145,11 @@ def generalized_procrustes(
             centred = _center(mean, shares)
             mean = mean + (size / np.sqrt(_squared_size(centred, shares)) - 1.0) * centred
         movement = _center(mean - previous, shares)
-        if _squared_size(movement, shares) <= (tolerance * size) ** 2:
+        if _squared_size(movement, shares) <= (_TOLERANCE * size) ** 2:
             break
     else:
         warn(
-            f"generalized_procrustes stopped after {max_iter} iterations, before its mean "
-            f"converged to within tolerance={tolerance:g}",
+            f"generalized_procrustes stopped after {max_iter} iterations, before it converged",
             ConvergenceWarning,
         )
     mean = _align(mean, first, shares, scale=False)

@@ -32,7 +32,6 @@ from riemhuman.io.meshes import (
     as_arrays,
     load_mesh,
     save_mesh,
-    to_pyvista,
     to_trimesh,
 )
 from riemhuman.kernels.surface import cotangent_laplacian, doubled_area_vectors
@@ -41,7 +40,6 @@ from riemhuman.surfaces._poisson import PoissonInterpolator
 from riemhuman.surfaces.measures import body_size, is_closed
 
 if TYPE_CHECKING:
-    import pyvista
     import trimesh
 
 # A triangle is flat if its height is within rounding of zero: relative to its longest side, or to
@@ -147,16 +145,8 @@ class Template:
         points : array_like, shape (V, 3), optional
             The surface; by default the template itself.
         """
-        return to_trimesh(self._surface(points), self.faces)
-
-    def to_pyvista(self, points: ArrayLike | None = None) -> pyvista.PolyData:
-        """Return the template, or a surface registered to it, as a PyVista mesh.
-
-        Parameters
-        ----------
-        points : array_like, shape (V, 3), optional
-        """
-        return to_pyvista(self._surface(points), self.faces)
+        surface = self.vertices if points is None else self.check_points(points)
+        return to_trimesh(surface, self.faces)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the template to a PLY, OBJ, OFF or GLB file.
@@ -336,9 +326,6 @@ class Template:
         difference = face_difference(integer_array(faces, name, ("n_faces", 3)), self.faces)
         if difference:
             raise ArgumentError(f"{name} must be the triangles of the template: {difference}")
-
-    def _surface(self, points: ArrayLike | None) -> Array:
-        return self.vertices if points is None else self.check_points(points)
 
     def __repr__(self) -> str:
         return f"Template(n_vertices={self.n_vertices}, n_faces={self.n_faces})"

@@ -26,6 +26,7 @@ from riemhuman.io import (
     load_trusted,
     save_glb,
     save_mesh,
+    to_pyvista,
     to_trimesh,
 )
 from riemhuman.surfaces import Template
@@ -538,7 +539,7 @@ def test_polygons_are_split_alike_from_every_source(tmp_path):
 def test_pyvista_and_back():
     pyvista = pytest.importorskip("pyvista")
     template = sphere_template()
-    mesh = template.to_pyvista(2 * template.vertices)
+    mesh = to_pyvista(2 * template.vertices, template.faces)
     np.testing.assert_allclose(mesh.area, 4 * template.face_areas.sum(), rtol=1e-6)
     np.testing.assert_array_equal(Template(mesh).faces, template.faces)
     np.testing.assert_array_equal(as_arrays(mesh)[0], 2 * template.vertices)

@@ -7,12 +7,11 @@ import bodies_in_motion as bodies
 import numpy as np
 import pytest
 
-from riemhuman.geometry import ElasticMetric, FlatMetric, VectorSpace
+from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.kernels.threads import check_interrupt, mapped
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,
-    GradientDescentMean,
     Interrupted,
     SegmentEnergy,
     Status,
@@ -59,24 +58,6 @@ def test_finished_starts_are_kept():
         known = values[: min(second, last - 1)]
         assert result.energy == pytest.approx(min(known), rel=1e-12)
         assert metric.energy(result.path) == pytest.approx(result.energy, rel=1e-10)
-
-
-@pytest.mark.parametrize("number", [2, 4])
-def test_a_descent_to_a_median_ends_with_the_best_so_far(monkeypatch, number):
-    metric = FlatMetric(VectorSpace((2,)))
-    log, calls = metric.log, iter(range(1, 10**6))
-
-    def interrupted(*arguments):
-        if next(calls) == number:
-            raise KeyboardInterrupt
-        return log(*arguments)
-
-    monkeypatch.setattr(metric, "log", interrupted)
-    with pytest.raises(Interrupted) as caught:
-        GradientDescentMean().solve(metric, SQUARE, exponent=1)
-    result = caught.value.result
-    assert result.status is Status.INTERRUPTED
-    assert result.variance == pytest.approx(np.mean(metric.squared_dist(result.point, SQUARE)))
 
 
 def test_no_search_of_a_median_in_batches_swallows_an_interrupt(monkeypatch):
