@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from typing import Self, TypeGuard
 
 from riemhuman.arrays import Array, Points, Triangles
@@ -99,21 +98,6 @@ class Manifold(PointSpace):
             raise ArgumentTypeError(f"{type(self).__name__} has no default metric: pass one")
         self.metric = make(self, **metric_kwargs)
         return self
-
-    @checked(equip=flag)
-    def new(self, equip: bool = True) -> Self:
-        """Return a manifold with the same parameters, with its default metric or without one.
-
-        Parameters
-        ----------
-        equip : bool
-        """
-        space = copy(self)
-        if space.is_equipped:
-            del space.metric
-        if equip and space.default_metric() is not None:
-            space.equip_with_metric()
-        return space
 
 
 class SurfaceSpace(Manifold):

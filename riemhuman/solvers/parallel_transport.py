@@ -185,7 +185,7 @@ class PoleLadder(TransportSolver):
             halves = equation.middle_point(start, end)
             sides = equation.both_sides(start, share * vectors[-1])
             behind, _, ahead = sides.points
-            # They end at exp_q(∓w').
+            # These two end at exp_q(∓w').
             before = equation.next_point(ahead, halves.points[1])
             after = equation.next_point(behind, halves.points[1])
             solved += [halves, sides, before, after]

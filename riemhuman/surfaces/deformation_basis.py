@@ -132,11 +132,12 @@ class DeformationBasis:
         """
         pairs = frames_apart(motions, step, progress=progress)
         first_start, first_end = next(pairs)
-        n_features, sizes = first_start.size, [0.0]
+        n_features, largest = first_start.size, 0.0
 
         def deformations() -> Iterator[Array]:
+            nonlocal largest
             for start, end in chain([(first_start, first_end)], pairs):
-                sizes[0] = max(sizes[0], float(np.abs(start).max()), float(np.abs(end).max()))
+                largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
                 yield (end - start).ravel()
 
         values, rows, n_samples, total = singular_rows(
@@ -144,7 +145,7 @@ class DeformationBasis:
         )
         # Frames are rounded, each entry by up to ε times the largest; so are the values.
         epsilon = np.finfo(np.float64).eps
-        noise = epsilon * sizes[0] * (np.sqrt(n_samples) + np.sqrt(n_features))
+        noise = epsilon * largest * (np.sqrt(n_samples) + np.sqrt(n_features))
         resolution = max(n_samples, n_features) * epsilon
         rank = int(np.sum(values > resolution * values.max() + noise))
         if rank < n_components:

@@ -194,18 +194,14 @@ def test_degenerate_triangles_are_refused_by_index():
     f = surfaces(template, 1)[0]
     flat = flattened(template, f)
     normals = ElasticMetric(space, 1.0, 1.0, 1.0)
-    stretch = ElasticMetric(space, 1.0, 1.0, 0.0)
     first = next(k for k, face in enumerate(template.faces) if {*template.faces[7, :2]} <= {*face})
-    message = rf"triangle.* must have an area.*triangle {first}, the first of 2 such triangles"
+    message = rf"triangle.* must have an area.*triangle {first}.*, the first of 2 such triangles"
     for call in (
         lambda: normals.dist(flat, f),
-        lambda: normals.energy(np.stack([flat, f])),
         lambda: space.to_fields(flat),
         lambda: space.check_immersed(flat),
-        lambda: stretch.norm(f, flat),
-        lambda: stretch.metric_matrix(flat),
     ):
-        with pytest.raises(DegenerateSurfaceError, match=message.replace(", the", r".*, the")):
+        with pytest.raises(DegenerateSurfaceError, match=message):
             call()
     with pytest.raises(DegenerateSurfaceError, match=rf"triangle {first} of item \(2,\)"):
         normals.dist_pairwise(np.stack([f, f, flat]))

@@ -52,16 +52,6 @@ def test_equip_with_metric():
     assert isinstance(space.equip_with_metric(Metric=SRNFMetric).metric, SRNFMetric)
 
 
-@every_space
-def test_new_manifolds_have_the_same_parameters(space, dim, shape, metric_class):
-    fresh = space.new()
-    assert type(fresh.metric) is metric_class
-    assert fresh.metric.space is fresh
-    assert (fresh.dim, fresh.shape) == (dim, shape)
-    assert not hasattr(space.new(equip=False), "metric")
-    assert space.metric.space is space
-
-
 def test_spaces_of_users():
     class Plane(HalfPlane):
         def default_metric(self):

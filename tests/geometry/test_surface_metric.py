@@ -167,20 +167,3 @@ def test_no_geodesic_to_antipodal_normals_unless_through_the_apex():
     np.testing.assert_allclose(path[[0, 2]], [start, end], atol=1e-12)
     middle, _ = space.project_from_product(path[1])
     np.testing.assert_allclose(middle, 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("base", [ElasticMetric, SobolevMetric])
-def test_subclasses_say_what_their_metric_ignores(base):
-    class Own(base):
-        is_translation_invariant = False
-        is_rotation_invariant = True
-        is_stretch_invariant = True
-        is_reparametrization_invariant = True
-        has_target_metric = True
-
-    metric = Own(SPACE, 1.0, 1.0, 1.0)
-    assert not metric.is_translation_invariant
-    assert metric.is_rotation_invariant
-    assert metric.is_stretch_invariant
-    assert metric.is_reparametrization_invariant
-    assert metric.has_target_metric

@@ -65,8 +65,8 @@ def test_all_coordinates_of_small_meshes_and_other_manifolds():
 def test_a_metric_in_place_of_its_space():
     case = CASES["mixed sphere"]
     assert metric_of(case.metric) is case.metric
-    assert metric_of(case.space.new()).space.template is case.space.template
+    assert metric_of(rh.AlignedSurfaces(case.space.template)).space.template is case.space.template
     with pytest.raises(ArgumentTypeError, match="equipped with a metric.*AlignedSurfaces without"):
-        metric_of(case.space.new(equip=False))
+        metric_of(rh.AlignedSurfaces(case.space.template, equip=False))
     with pytest.raises(ArgumentTypeError, match="found Template"):
         metric_of(case.space.template)

@@ -65,32 +65,6 @@ def test_inverse_of_the_exponential_in_all_coordinates(case):
     assert back.energy == pytest.approx(forward.energy, rel=1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
-def test_inverse_of_the_exponential_on_bodies(weights):
-    """With one time step exp∘log is the identity; with another it is to the second order."""
-    metric = ElasticMetric(bodies.space(), *weights)
-    basis = bodies.basis(12)
-    start, end = bodies.body("resting"), bodies.body("arm raised")
-    gaps = []
-    for n_steps in (6, 3):
-        log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, end, start)
-        assert log.converged
-        joined = basis.extend(log.path[1:] - start)
-        forward, finer = (
-            DiscreteExponential(joined, n_steps=n, n_doublings=0).solve(
-                metric, log.tangent_vec, start
-            )
-            for n in (n_steps, 2 * n_steps)
-        )
-        # A tenth of a millimetre, of displacements of decimetres.
-        assert np.abs(forward.end - end).max() < 1e-4
-        gaps.append(np.abs(finer.end - end).max())
-    again = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, forward.end, start)
-    assert np.abs(again.tangent_vec - log.tangent_vec).max() < 1e-4
-    assert orders(gaps[::-1]) > 1.4
-
-
 def test_a_solver_may_be_given():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")

@@ -29,7 +29,6 @@ from riemhuman.geometry import (
 )
 from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
 from riemhuman.solvers._dispersion import Dispersion, area_check, metric_of_search
-from riemhuman.surfaces import DeformationBasis
 from riemhuman.surfaces.measures import edge_lengths, triangle_areas
 
 
@@ -85,23 +84,14 @@ def natural_poses(person, seed):
     return natural.template, natural.points[10 * person : 10 * person + 10]
 
 
-@pytest.mark.everyday("weights1")
-@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.1), (0.0, 0.0, 1.0)])
-def test_the_default_mean_of_poses_is_a_body(weights):
-    """Over the points' differences alone its variance was more than a fourth larger, and with
-    normals alone larger than that of the vertex average; its area was 3 % too small."""
+def test_the_default_mean_of_poses_is_a_body():
+    """By normals alone its variance was larger than that of the vertex average."""
     template, points = natural_poses(3, 5)
-    space = AlignedSurfaces(template)
-    space.equip_with_metric(ElasticMetric, **dict(zip(("a", "lam", "c"), weights, strict=True)))
+    space = AlignedSurfaces(template).equip_with_metric(ElasticMetric, a=0.0, lam=0.0, c=1.0)
     mean = FrechetMean(space).fit(points)
     assert mean.result_.converged
-    dispersion = Dispersion(space.metric, points)
-    assert mean.variance_ < 0.95 * dispersion.value(points.mean(axis=0))
-    if weights[0]:
-        differences = DeformationBasis(points[1:] - points[0], orthonormalize=True)
-        over_span = BasisMean(differences, tolerance=1e-6).solve(space.metric, points)
-        assert "over the span of 9 deformations" in over_span.message
-        assert mean.variance_ < over_span.variance / 1.2
+    average = Dispersion(space.metric, points).value(points.mean(axis=0))
+    assert mean.variance_ < 0.95 * average
     areas = [triangle_areas(f, template.faces).sum() for f in points]
     area = triangle_areas(mean.estimate_, template.faces).sum()
     assert 0.99 * min(areas) < area < 1.01 * max(areas)
@@ -109,8 +99,7 @@ def test_the_default_mean_of_poses_is_a_body(weights):
     ratios = edges / edge_lengths(points, template.edges).mean(axis=0)
     assert np.median(ratios) == pytest.approx(1.0, abs=0.005)
     assert np.quantile(ratios, 0.01) > 0.85
-    # A mean that has converged is the minimum: a search that takes much longer gains next to
-    # nothing.
+    # A search that takes much longer gains next to nothing.
     longer = BasisMean(tolerance=1e-9).solve(space.metric, points)
     assert longer.variances[-1] > mean.result_.variances[-1] * (1 - 3e-3)
 
@@ -280,19 +269,6 @@ def test_wrong_points_and_settings():
     fields = NormalFields(triangle_template())
     with pytest.raises(OutsideManifoldError, match="antipodal"):
         FrechetMean(fields).fit(np.array([[[0, 0, 1.0]], [[0, 0, -1.0]]]))
-
-
-@pytest.mark.parametrize("scale", [0.0, 1e-6, 1.0, 1e6])
-def test_points_that_coincide_to_rounding(scale):
-    space = FIELDS["vectors"]
-    point = scale * np.random.default_rng(8).uniform(0.5, 1.0, space.shape)
-    for apart, coincide in ((1e-15, True), (1e-7, not scale), (1e-3, not scale)):
-        points = np.stack([point, (1.0 + apart) * point])
-        result = BasisMean().solve(space.metric, points, initial_point=point)
-        assert result.converged
-        assert ("at the level of rounding errors" in result.message) == coincide
-        assert (result.n_iterations == 0) == coincide
-        np.testing.assert_allclose(result.point, points.mean(axis=0), rtol=max(1e-2 * apart, 1e-15))
 
 
 @pytest.mark.everyday("product")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from cases import CASES, name_of
 
-from riemhuman.geometry import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,
@@ -85,7 +85,7 @@ def test_logarithm_and_exponential_that_stay(weights, basis):
 
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
 def test_means_and_medians_of_the_same_body(weights):
-    space = bodies.space().new(equip=False)
+    space = AlignedSurfaces(bodies.space().template, equip=False)
     metric = space.equip_with_metric(
         ElasticMetric, a=weights[0], lam=weights[1], c=weights[2]
     ).metric

@@ -118,12 +118,6 @@ def test_result_is_of_the_definition(solved):
     assert np.all(np.diff(solved.values) <= 1e-12)
     assert len(solved.values) == solved.n_iterations + 1
     assert solved.shape_dist < 0.5 * shape_metric.dist(shape, pose)
-    # Nearer to both than the person's own body in that pose, whose build turns normals as well.
-    betas = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))[1]
-    knee = bodies.pose(left_hip=(-80, 0, 0), left_knee=(90, 0, 0))
-    posed = bodies.model()(betas=betas, pose=knee)
-    assert solved.shape_dist < 0.9 * shape_metric.dist(shape, posed)
-    assert solved.pose_dist < 0.95 * pose_metric.dist(pose, posed)
     np.testing.assert_allclose(solved.surface.mean(axis=0), pose.mean(axis=0), atol=1e-12)
 
 
