@@ -6,12 +6,9 @@ import sys
 
 def main() -> int:
     """Run the command line."""
-    try:
-        from riemhuman.cli import main as run
+    from riemhuman.cli import main as run
 
-        return run()
-    except KeyboardInterrupt:  # before the command began
-        return 130
+    return run()
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ class OutsideManifoldError(RiemhumanError, ValueError):
 
 
 class FrameIndexError(RiemhumanError, IndexError):
-    """An index is out of range: a motion has no such frame, or bodies no such surface."""
+    """An index is out of range: a motion has no such frame."""
 
 
 class FileError(RiemhumanError, OSError):
@@ -145,13 +145,5 @@ def counted(count: int, one: str, many: str) -> str:
 
 def shown(value: object) -> str:
     """Return the text of an argument, cut short because texts in files may have any length."""
-    text = _representation(value)
+    text = repr(value)
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
-
-
-def _representation(value: object) -> str:
-    """Return the `repr` of an object, or its type if that fails."""
-    try:
-        return repr(value)
-    except Exception:  # noqa: BLE001  # a class of a user's own
-        return f"a {type(value).__name__}"

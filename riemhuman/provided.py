@@ -37,16 +37,13 @@ class NotebookPictures(Protocol):
 class Provided(Generic[T]):
     """Something of a higher floor, loaded when it is first used."""
 
-    def __init__(self) -> None:
-        self._load: Callable[[], T] | None = None
+    _load: Callable[[], T]
 
     def load_by(self, load: Callable[[], T]) -> None:
         """Say how it is loaded."""
         self._load = load
 
     def __call__(self) -> T:
-        if self._load is None:
-            raise RuntimeError("riemhuman/__init__.py provides this, but it was not run")
         return self._load()
 
 

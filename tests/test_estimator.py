@@ -30,7 +30,7 @@ ESTIMATORS = [
     GeodesicRegression(VectorSpace((2,)), max_iter=3),
     KMedoids(3, rng=np.random.default_rng(2)),
     HierarchicalClustering(3, linkage="single"),
-    LearnedMetric(VectorSpace((2,)).metric, shrinkage=0.1, n_folds=3),
+    LearnedMetric(VectorSpace((2,)).metric),
     FrechetMean(VectorSpace((2,)), GradientDescentMean()),
     NearestNeighbors(VectorSpace((2,)).metric, 3, n_components=2),
     MotionComponents(MotionMean(MotionSpace(AlignedSurfaces(triangle_template()))), 2),

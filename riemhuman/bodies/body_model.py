@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import cached_property
 
 import autograd.numpy as np
 import numpy as onp
-from numpy.typing import DTypeLike
 
 from riemhuman.arrays import Array, ArrayLike
 from riemhuman.bodies._blending import SkinningWeights
@@ -18,7 +16,7 @@ from riemhuman.bodies.model_files import read_model_fields
 from riemhuman.bodies.skinning import joint_parents, motions_of_joints, parents_first, skin_by
 from riemhuman.checks import checked, flag, joint_shape, one_of, real_array, values_of, whole
 from riemhuman.checks.labels import texts_of
-from riemhuman.errors import ArgumentError, shown
+from riemhuman.errors import ArgumentError
 from riemhuman.io.arrays import save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.io.kinds_of_files import BY_DEFINITIONS, YES, FileKind, reads
@@ -67,8 +65,6 @@ class BodyModel(Unchanging):
         right.
     hand_poses : sequence of str
         Names of the K hand poses.
-    dtype : data type
-        Precision of surfaces and joints, float64 or float32.
 
     Attributes
     ----------
@@ -104,9 +100,7 @@ class BodyModel(Unchanging):
         joint_names: Sequence[str] | Array | None = None,
         hand_directions: ArrayLike | None = None,
         hand_poses: Sequence[str] | Array = (),
-        dtype: DTypeLike = onp.float64,
     ) -> None:
-        self.dtype = _precision(dtype)
         v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
         n_vertices = len(v_template)
         self.template = Template(v_template, faces)
@@ -129,8 +123,7 @@ class BodyModel(Unchanging):
         self.hand_directions = _copy(hand_directions, "hand_directions", shape)
         self.n_vertices, self.n_joints = n_vertices, n_joints
         self.n_betas = self.shapedirs.shape[-1]
-        self._rest = self.template.vertices.astype(self.dtype, copy=False)
-        self._weights = SkinningWeights.of_table(self.weights.astype(self.dtype, copy=False))
+        self._weights = SkinningWeights.of_table(self.weights)
         _check_sums(self.joint_regressor, "J_regressor")
         _check_sums(self.weights, "weights")
         if self.weights.min() < 0:
@@ -138,13 +131,7 @@ class BodyModel(Unchanging):
 
     @classmethod
     @checked(n_betas=whole(minimum=0))
-    def from_file(
-        cls,
-        path: str | os.PathLike[str],
-        *,
-        n_betas: int | None = None,
-        dtype: DTypeLike = onp.float64,
-    ) -> BodyModel:
+    def from_file(cls, path: str | os.PathLike[str], *, n_betas: int | None = None) -> BodyModel:
         """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
 
         Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as published, see `model_contents`. A
@@ -158,13 +145,10 @@ class BodyModel(Unchanging):
         n_betas : int, optional
             Number of shape coefficients to keep, starting from the first; by default all of them,
             or 10 if the file has 300 or more.
-        dtype : data type
-            Precision of surfaces and joints, as for `BodyModel`.
         """
-        dtype = _precision(dtype)
         fields = read_model_fields(path, n_betas)
         with format_errors(file_path(path), "a body model"):
-            return cls(**fields, dtype=dtype)
+            return cls(**fields)
 
     @checked(single_precision=flag)
     def save(self, path: str | os.PathLike[str], *, single_precision: bool = False) -> None:
@@ -282,22 +266,22 @@ class BodyModel(Unchanging):
 
     def _shaped(self, betas: ArrayLike | None) -> Array:
         if betas is None:
-            return self._rest
-        betas = self._rounded(_coefficients(betas, "betas", self.n_betas))
-        return self._rest + self._offsets(betas, self._shape_rows)
+            return self.template.vertices
+        betas = _coefficients(betas, "betas", self.n_betas)
+        return self.template.vertices + self._offsets(betas, self._shape_rows)
 
     def _shaped_joints(self, betas: ArrayLike | None) -> Array:
         """Return the joints in the rest pose, linear in the betas like the vertices."""
         rest, shapes = self._joint_shapes
         if betas is None:
             return rest
-        betas = self._rounded(_coefficients(betas, "betas", self.n_betas))
+        betas = _coefficients(betas, "betas", self.n_betas)
         offsets = np.dot(betas, shapes)
         return rest + np.reshape(offsets, (*np.shape(offsets)[:-1], self.n_joints, 3))
 
     def _hand_offsets(self, hands: ArrayLike) -> Array:
         self._check_hands()
-        hands = self._rounded(_coefficients(hands, "hands", self.hand_directions.shape[-1]))
+        hands = _coefficients(hands, "hands", self.hand_directions.shape[-1])
         return self._offsets(hands, self._hand_rows)
 
     def _check_hands(self) -> None:
@@ -323,9 +307,6 @@ class BodyModel(Unchanging):
             batches[name] = onp.broadcast_to(0.0, leading)
         joint_shape(**batches)
 
-    def _rounded(self, array: Array) -> Array:
-        return array.astype(self.dtype, copy=False)
-
     def _rotations(self, pose: ArrayLike) -> Array:
         pose = real_array(pose, "pose")
         shape = np.shape(pose)
@@ -336,11 +317,11 @@ class BodyModel(Unchanging):
                 f"pose must have shape (..., {self.n_joints}, 3) or (..., {3 * self.n_joints}); "
                 f"found {shape}"
             )
-        return self._rounded(rotation_matrix(pose))
+        return rotation_matrix(pose)
 
     def _pose_offsets(self, rotations: Array) -> Array:
         limbs = onp.flatnonzero(self.parents >= 0)
-        feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self.dtype)
+        feature = rotations[..., limbs, :, :] - np.eye(3)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
         return self._offsets(feature, self._pose_rows)
 
@@ -351,7 +332,7 @@ class BodyModel(Unchanging):
 
     def _rows(self, directions: Array) -> Array:
         rows = directions.reshape(-1, directions.shape[-1]).T
-        return onp.ascontiguousarray(rows, dtype=self.dtype)
+        return onp.ascontiguousarray(rows)
 
     @cached_property
     def _shape_rows(self) -> Array:
@@ -368,7 +349,7 @@ class BodyModel(Unchanging):
     def _translated(self, points: Array, trans: ArrayLike | None) -> Array:
         if trans is None:
             return points
-        return points + self._rounded(_coefficients(trans, "trans", 3))[..., None, :]
+        return points + _coefficients(trans, "trans", 3)[..., None, :]
 
     @cached_property
     def _joint_shapes(self) -> tuple[Array, Array]:
@@ -376,7 +357,7 @@ class BodyModel(Unchanging):
         rest = self.joint_regressor @ self.template.vertices
         shapes = onp.tensordot(self.shapedirs, self.joint_regressor, axes=(0, 1))
         rows = shapes.transpose(1, 2, 0).reshape(self.n_betas, -1)
-        return rest.astype(self.dtype), rows.astype(self.dtype)
+        return rest, rows
 
 
 reads(
@@ -452,11 +433,3 @@ def _check_sums(rows: Array, name: str) -> None:
         raise ArgumentError(
             f"every row of {name} must sum to one; row {row} sums to {rows[row].sum():g}"
         )
-
-
-def _precision(dtype: DTypeLike) -> onp.dtype[onp.float64]:
-    with suppress(TypeError):
-        precision: onp.dtype[onp.float64] = onp.dtype(dtype)  # type: ignore[assignment]  # or single
-        if precision in (onp.float64, onp.float32):
-            return precision
-    raise ArgumentError(f"dtype must be float64 or float32; found {shown(dtype)}")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 from scipy import sparse
@@ -19,13 +19,13 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Points
 from riemhuman.bodies._fitting_equations import Equations, least_squares_step
-from riemhuman.bodies.skinning import Skeleton, SkinnedModel
+from riemhuman.bodies.skinning import Skeleton
 from riemhuman.checks import (
     check_resolution,
     check_same_scale,
     checked,
     flag,
-    integer_array,
+    index_array,
     longest_side,
     positive,
     real,
@@ -35,10 +35,13 @@ from riemhuman.checks import (
     weight_shares,
     whole,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning, warn
+from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
 from riemhuman.surfaces.template import Template, check_body_sizes
+
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
 
 # The first stage uses about this number of points in all, and at least this number for each joint.
 _FEW_POINTS = 1500
@@ -106,20 +109,18 @@ class ModelFit(Record):
 # More than eight arguments: each setting of the fit is a keyword of the public method `fit`.
 @checked(
     betas_prior=real(minimum=0.0),
-    pose_prior=real(minimum=0.0),
     hands_prior=real(minimum=0.0),
     tolerance=positive,
     max_iter=whole(minimum=1),
     sequence=flag,
 )
 def fit_model(
-    model: SkinnedModel,
+    model: BodyModel,
     points: ArrayLike,
     *,
     correspondence: ArrayLike | sparse.csr_array | None = None,
     weights: ArrayLike | None = None,
     betas_prior: float = 0.0,
-    pose_prior: float = 0.0,
     hands_prior: float | None = None,
     tolerance: float = 1e-6,
     max_iter: int = 100,
@@ -127,9 +128,8 @@ def fit_model(
 ) -> ModelFit:
     """Find the shape, pose and translation of a body model for registered surfaces.
 
-    Minimises Σ_i w_i ‖x_i(β, ω, t, η) − y_i‖² + b ‖β‖² + p Σ_j ‖ω_j‖² + h ‖η‖² for each surface
-    separately, with its points y, the model's points x, the weights w divided by their sum, and the
-    priors b, p and h; j runs over the joints other than the root.
+    Minimises Σ_i w_i ‖x_i(β, ω, t, η) − y_i‖² + b ‖β‖² + h ‖η‖² for each surface separately, with
+    its points y, the model's points x, the weights w divided by their sum, and the priors b and h.
 
     Parameters
     ----------
@@ -143,8 +143,6 @@ def fit_model(
         Weights of the points, for example areas; equal by default.
     betas_prior : float
         Weight b, square metres: with 1e-6, a coefficient of 1 costs as much as 1 mm for all points.
-    pose_prior : float
-        Weight p, square metres per squared radian.
     hands_prior : float, optional
         Weight h, square metres, of the coefficients η of the hand poses; by default, hands are
         relaxed.
@@ -169,7 +167,7 @@ def fit_model(
         Skeleton(model, with_hands=with_hands),
         combine,
         weight_shares(weights, combine.shape[0]),
-        _priors(model, betas_prior, pose_prior, hands_prior),
+        _priors(model, betas_prior, hands_prior),
     )
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():  # the patches are too small to be shared between threads
@@ -200,7 +198,7 @@ def fit_model(
 
 
 def _surfaces_of(
-    model: SkinnedModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
+    model: BodyModel, points: ArrayLike, combine: sparse.csr_array, whole: bool
 ) -> Array:
     """Return the surfaces to fit, which have the model's unit and, if whole, a body's size."""
     surfaces = real_array(points, "points", ("n_points", 3))
@@ -223,20 +221,18 @@ def _surfaces_of(
     return surfaces
 
 
-def _priors(
-    model: SkinnedModel, betas_prior: float, pose_prior: float, hands_prior: float | None
-) -> Array:
+def _priors(model: BodyModel, betas_prior: float, hands_prior: float | None) -> Array:
     """Return the weight of the prior of each parameter: pose, betas, hands and translation."""
-    in_pose = np.where(model.parents >= 0, pose_prior, 0.0)
+    in_pose = np.zeros(3 * model.n_joints)
     in_betas = np.full(model.n_betas, betas_prior)
     in_hands = np.zeros(0)
     if hands_prior is not None:
         in_hands = np.full(len(model.hand_pose("relaxed")), hands_prior)
-    return np.concatenate([np.repeat(in_pose, 3), in_betas, in_hands, np.zeros(3)])
+    return np.concatenate([in_pose, in_betas, in_hands, np.zeros(3)])
 
 
 def correspondence_matrix(
-    model: SkinnedModel | Template,
+    model: BodyModel | Template,
     correspondence: ArrayLike | tuple[ArrayLike, ArrayLike] | sparse.csr_array | None = None,
 ) -> sparse.csr_array:
     """Return the matrix (n_points, V) from a model's vertices to the points of a correspondence.
@@ -264,10 +260,6 @@ def correspondence_matrix(
         return sparse.eye_array(n_vertices, format="csr")
     if sparse.issparse(correspondence):
         matrix = sparse.csr_array(correspondence)
-        if matrix.dtype.kind not in "fiub":
-            raise ArgumentTypeError(
-                f"correspondence must be a matrix of real numbers; found {matrix.dtype}"
-            )
         matrix = matrix.astype(np.float64)
         if matrix.shape[1] != n_vertices:
             raise ArgumentError(
@@ -281,8 +273,7 @@ def correspondence_matrix(
         matrix = _barycentric_matrix(model, triangles, coordinates)
         _check_sums(matrix)
         return matrix
-    vertices = integer_array(correspondence, "correspondence", ("n_points",))
-    _refuse_outside(vertices, n_vertices, "vertices")
+    vertices = index_array(correspondence, "correspondence", ("n_points",), n_vertices)
     return sparse.csr_array(sparse.eye_array(n_vertices, format="csr")[vertices])
 
 
@@ -296,11 +287,11 @@ def _is_pair_of_arrays(
 
 
 def _barycentric_matrix(
-    model: SkinnedModel | Template, triangles: ArrayLike, coordinates: ArrayLike
+    model: BodyModel | Template, triangles: ArrayLike, coordinates: ArrayLike
 ) -> sparse.csr_array:
     """Return the matrix from vertices to points in triangles, given by barycentric coordinates."""
-    triangles = integer_array(triangles, "triangles of correspondence", ("n_points",))
-    _refuse_outside(triangles, len(model.faces), "triangles")
+    name, n_faces = "triangles of correspondence", len(model.faces)
+    triangles = index_array(triangles, name, ("n_points",), n_faces)
     n_points = len(triangles)
     coordinates = real_array(
         coordinates, "barycentric coordinates of correspondence", (n_points, 3), batched=False
@@ -317,15 +308,6 @@ def _check_sums(matrix: sparse.csr_array) -> None:
         worst = int(np.argmax(np.abs(sums - 1.0)))
         raise ArgumentError(
             f"correspondence must have rows that sum to one; row {worst} sums to {sums[worst]:g}"
-        )
-
-
-def _refuse_outside(numbers: Integers, count: int, name: str) -> None:
-    if not numbers.size or numbers.min() < 0 or numbers.max() >= count:
-        numbered = f"numbers from {numbers.min()} to {numbers.max()}" if numbers.size else "none"
-        raise ArgumentError(
-            f"correspondence must hold indices of {name} of the model, from 0 to {count - 1}; "
-            f"found {numbered}"
         )
 
 

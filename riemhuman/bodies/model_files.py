@@ -34,9 +34,6 @@ _USUAL_BETAS = 10
 _HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
 _LANDMARKS = ("lmk_faces_idx", "dynamic_lmk_faces_idx")
 
-# SKEL has a skin and a skeleton of bones, and axes for each joint.
-_FIELDS_OF_SKEL = ("skin_template_v", "osim_kintree_table")
-
 # By the number of joints.
 _FAMILIES = {24: "SMPL", 52: "SMPL-H", 55: "SMPL-X", 33: "SMAL", 35: "SMAL"}
 _OTHER_FAMILY = "SMPL's layout"
@@ -147,17 +144,7 @@ def _check_unit(vertices: Values, path: str | os.PathLike[str]) -> None:
 def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Stored]:
     is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
     load = load_pickled_arrays if is_pickle else load_arrays
-    try:
-        return load(path, _REQUIRED, (*_OPTIONAL, *_HANDS, *_LANDMARKS))
-    except FileFormatError as error:
-        if not load(path, (), _FIELDS_OF_SKEL):
-            raise
-        raise FileFormatError(
-            f"{os.fspath(path)} is a SKEL model, which cannot be read: its 46 angles turn bones "
-            "about anatomical axes and are not rotations of joints as in SMPL's layout. Its "
-            "skin has SMPL's mesh, so `topologies.TopologyMap` can convert bodies generated "
-            "with it"
-        ) from error
+    return load(path, _REQUIRED, (*_OPTIONAL, *_HANDS, *_LANDMARKS))
 
 
 def _contents(fields: Mapping[str, Stored], n_betas: int | None) -> ModelContents:

@@ -7,19 +7,21 @@ Pons-Moll and Black, "SMPL: A Skinned Multi-Person Linear Model", ACM Trans. Gra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import autograd.numpy as np
 import numpy as onp
 from autograd.tracer import isbox
 from numpy.typing import DTypeLike
 
-from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.bodies._blending import SkinningWeights, move
-from riemhuman.checks import integer_array, joint_shape, real_array, whole_number
+from riemhuman.checks import integer_array, joint_shape, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.compilation import FUSED, compiled
-from riemhuman.surfaces.template import Template
+
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
 
 # The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
@@ -59,39 +61,10 @@ LIMBS = (
 """Joints of legs and arms, by their usual names, from the trunk outward."""
 
 
-class SkinnedModel(Protocol):
-    """What skeletons and fits read of a body model, see `BodyModel`."""
-
-    template: Template
-    faces: Triangles
-    shapedirs: Array
-    joint_regressor: Array
-    weights: Array
-    parents: Integers
-    joint_order: tuple[int, ...]
-    posedirs: Array | None
-    joint_names: tuple[str, ...]
-    hand_directions: Array
-    n_vertices: int
-    n_joints: int
-    n_betas: int
-
-    def __call__(
-        self,
-        betas: ArrayLike | None = None,
-        pose: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-        hands: ArrayLike | None = None,
-    ) -> Array: ...
-
-    def hand_pose(self, left: str, right: str | None = None) -> Array: ...
-
-
 def joint_motions(
     joints: Array,
     rotations: Array,
     parents: Sequence[int] | Integers,
-    order: Sequence[int] | Integers,
 ) -> tuple[Array, Array]:
     """Return the rotation in space and the position of every joint (Loper et al., equations 3, 4).
 
@@ -103,33 +76,22 @@ def joint_motions(
         Rotation of each joint relative to its parent.
     parents : array of int, shape (J,)
         Index of each joint's parent, -1 for the root.
-    order : sequence of int
-        All joints, parents before children: `BodyModel.joint_order`.
 
     Examples
     --------
     >>> joints, still = np.array([[0.0, 0, 0], [0, 1, 0]]), np.tile(np.eye(3), (2, 1, 1))
-    >>> _, positions = rh.bodies.joint_motions(joints, still, [-1, 0], (0, 1))
+    >>> _, positions = rh.bodies.joint_motions(joints, still, [-1, 0])
     >>> positions[1].tolist()
     [0.0, 1.0, 0.0]
     """
     parents = check_parents(parents)
     n_joints = len(parents)
-    joints = _in_its_precision(joints, "joints", (n_joints, 3))
-    rotations = _in_its_precision(rotations, "rotations", (n_joints, 3, 3))
-    places = onp.full(n_joints, -1)
-    numbers = integer_array(order, "order", (n_joints,))
-    if sorted(numbers.tolist()) == list(range(n_joints)):
-        places[numbers] = onp.arange(n_joints)
-    if onp.any(places < 0) or onp.any(places[parents[parents >= 0]] > places[parents >= 0]):
-        raise ArgumentError(
-            f"order must hold each of the {n_joints} joints once, parents before their children; "
-            f"found {numbers.tolist()}"
-        )
+    joints = real_array(joints, "joints", (n_joints, 3))
+    rotations = real_array(rotations, "rotations", (n_joints, 3, 3))
     joint_shape(
         joints=np.zeros(np.shape(joints)[:-2]), rotations=np.zeros(np.shape(rotations)[:-3])
     )
-    return motions_of_joints(joints, rotations, parents, numbers.tolist())
+    return motions_of_joints(joints, rotations, parents, parents_first(parents, "parents"))
 
 
 def motions_of_joints(
@@ -140,8 +102,8 @@ def motions_of_joints(
     numpy = np if isbox(joints) or isbox(rotations) else onp
     n_joints = len(parents)
     shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
-    joints = joints + np.zeros((*shape, 1, 1), dtype=joints.dtype)
-    rotations = rotations + np.zeros((*shape, 1, 1, 1), dtype=rotations.dtype)
+    joints = joints + np.zeros((*shape, 1, 1))
+    rotations = rotations + np.zeros((*shape, 1, 1, 1))
     in_space: dict[int, Array] = {}
     positions: dict[int, Array] = {}
     for joint in order:
@@ -181,12 +143,12 @@ def skin_surface(
     >>> rh.bodies.skin_surface(surface, np.ones((1, 1)), joints, half_turn, joints)[0, 0]
     np.float64(-1.0)
     """
-    table = _in_its_precision(weights, "weights", ("n_vertices", "n_joints"), batched=False)
+    table = real_array(weights, "weights", ("n_vertices", "n_joints"), batched=False)
     n_vertices, n_joints = np.shape(table)
-    surface = _in_its_precision(surface, "surface", (n_vertices, 3))
-    joints = _in_its_precision(joints, "joints", (n_joints, 3))
-    rotations = _in_its_precision(rotations, "rotations", (n_joints, 3, 3))
-    positions = _in_its_precision(positions, "positions", (n_joints, 3))
+    surface = real_array(surface, "surface", (n_vertices, 3))
+    joints = real_array(joints, "joints", (n_joints, 3))
+    rotations = real_array(rotations, "rotations", (n_joints, 3, 3))
+    positions = real_array(positions, "positions", (n_joints, 3))
     joint_shape(
         surface=onp.zeros(np.shape(surface)[:-2]),
         joints=onp.zeros(np.shape(joints)[:-2]),
@@ -209,7 +171,7 @@ def skin_by(
 class Skeleton:
     """The joints of a body model; coefficients of hand poses are betas that move no joint."""
 
-    def __init__(self, model: SkinnedModel, with_hands: bool) -> None:
+    def __init__(self, model: BodyModel, with_hands: bool) -> None:
         self.model, self.parents, self.order = model, model.parents, model.joint_order
         self.limbs = onp.flatnonzero(model.parents >= 0)  # joints other than the root
         self.rest_joints = model.joint_regressor @ model.template.vertices
@@ -381,20 +343,9 @@ def joints_between(parents: Integers, first: int, last: int) -> list[int]:
     >>> rh.bodies.joints_between([-1, 0, 1, 0], 2, 3)
     [2, 1, 0, 3]
     """
-    parents = check_parents(parents)
-    for name, joint in (("first", first), ("last", last)):
-        if not 0 <= whole_number(joint, name) < len(parents):
-            raise ArgumentError(
-                f"{name} must be a joint, from 0 to {len(parents) - 1}; found {joint}"
-            )
     from_first = joints_to_root(parents, first)
     from_last = joints_to_root(parents, last)
-    shared = next((joint for joint in from_first if joint in from_last), None)
-    if shared is None:
-        raise ArgumentError(
-            f"first and last must be joints below the same root; found {first}, below "
-            f"{from_first[-1]}, and {last}, below {from_last[-1]}"
-        )
+    shared = next(joint for joint in from_first if joint in from_last)
     up = from_first[: from_first.index(shared) + 1]
     down = reversed(from_last[: from_last.index(shared)])
     return [*up, *down]
@@ -408,7 +359,7 @@ def joints_to_root(parents: Integers, joint: int) -> list[int]:
     return path
 
 
-def usual_joint_names(model: SkinnedModel) -> tuple[str, ...]:
+def usual_joint_names(model: BodyModel) -> tuple[str, ...]:
     """Return the names of a model's joints; those of SMPL's tree are named as in the open model."""
     names, n_body = tuple(model.joint_names), len(SMPL_JOINTS)
     if "left_shoulder" in names or tuple(model.parents[:n_body]) != SMPL_PARENTS:
@@ -464,16 +415,6 @@ def parents_first(parents: Integers, name: str = "kintree_table") -> tuple[int, 
         cycle = sorted(set(range(len(parents))) - set(order))
         raise ArgumentError(f"{name} has a cycle: joints {cycle} never reach the root")
     return tuple(order)
-
-
-def _in_its_precision(
-    array: ArrayLike, name: str, shape: tuple[int | str, ...], *, batched: bool = True
-) -> Array:
-    """Return an array after checking it, in the precision that it has, single or double."""
-    checked = real_array(array, name, shape, batched=batched)
-    given = getattr(array, "dtype", None)
-    is_single = given == onp.float32 and not isbox(array)
-    return checked.astype(onp.float32) if is_single else checked
 
 
 def _apply(matrices: Array, vectors: Array) -> Array:

@@ -30,6 +30,7 @@ from riemhuman.checks.arguments import (
 from riemhuman.checks.arrays import (
     check_shape,
     distance_matrix,
+    index_array,
     integer_array,
     joint_shape,
     length_of,
@@ -76,6 +77,7 @@ __all__ = [
     "flag",
     "generator",
     "having",
+    "index_array",
     "instance",
     "integer_array",
     "is_human_size",

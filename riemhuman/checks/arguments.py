@@ -215,10 +215,13 @@ def refuse_type(value: object, name: str, expected: str) -> NoReturn:
     raise ArgumentTypeError(f"{name} must be {expected}; found {type(value).__name__}")
 
 
-def check_instance(value: object, name: str, cls: type[object], expected: str = "") -> None:
+def check_instance(
+    value: object, name: str, cls: type[object] | tuple[type[object], ...], expected: str = ""
+) -> None:
     """Raise an ArgumentTypeError, which says what was found, unless an object is of this class."""
     if not isinstance(value, cls):
-        refuse_type(value, name, expected or f"a {cls.__name__}")
+        known = cls if isinstance(cls, tuple) else (cls,)
+        refuse_type(value, name, expected or " or ".join(f"a {c.__name__}" for c in known))
 
 
 def check_methods(value: object, name: str, expected: str, *methods: str) -> None:
@@ -269,9 +272,7 @@ def instance(
     """Return the check of an object of a class; `expected` describes it in messages."""
 
     def check(value: object, name: str) -> object:
-        if not isinstance(value, cls):
-            known = cls if isinstance(cls, tuple) else (cls,)
-            refuse_type(value, name, expected or " or ".join(f"a {c.__name__}" for c in known))
+        check_instance(value, name, cls, expected)
         return value
 
     return check

@@ -190,6 +190,19 @@ def integer_array(array: object, name: str, shape: Sequence[int | str]) -> Integ
     return values.astype(np.int64)
 
 
+def index_array(
+    array: object, name: str, shape: Sequence[int | str], count: int, least: int = 0
+) -> Integers:
+    """Return `array` as int64 of exactly this shape, with numbers from `least` to `count` - 1."""
+    numbers = integer_array(array, name, shape)
+    if numbers.size and not least <= numbers.min() <= numbers.max() < count:
+        raise ArgumentError(
+            f"{name} must hold whole numbers from {least} to {count - 1}; found {numbers.min()} to "
+            f"{numbers.max()}"
+        )
+    return numbers
+
+
 def mask(values: object, name: str, shapes: Sequence[tuple[int, ...]]) -> Booleans:
     """Return a Boolean array of one of these shapes."""
     array = values_of(values, name)

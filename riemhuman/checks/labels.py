@@ -153,28 +153,12 @@ def names_of(values: object, name: str, count: int, items: str) -> tuple[str, ..
     expected = f"a sequence of texts, one for each of the {count} {items}"
     if isinstance(values, Set) or not isinstance(values, Iterable):
         refuse_type(values, name, expected)
-    names = [_writable(_name(value, name), name) for value in items_of(values, name, expected)]
+    names = [
+        _writable(text, name) for text in texts_or_numbers(items_of(values, name, expected), name)
+    ]
     if len(names) != count:
         raise ArgumentError(f"{name} must name each of the {count} {items}; found {len(names)}")
     return tuple(names)
-
-
-def _name(value: object, name: str) -> str:
-    text_of_value = _text_of_name(value)
-    if text_of_value is None:
-        raise ArgumentTypeError(f"{name} must hold texts; found {shown(value)} among them")
-    return text_of_value
-
-
-def _text_of_name(value: object) -> str | None:
-    """Return a text, a finite number or a path as a text, and None for anything else."""
-    if isinstance(value, (str, PurePath)):
-        return str(value)
-    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-        return str(int(value))
-    # Times or ages.
-    is_number = isinstance(value, (float, np.floating)) and bool(np.isfinite(value))
-    return str(value) if is_number else None
 
 
 def _writable(value: str, name: str) -> str:
@@ -186,13 +170,17 @@ def _writable(value: str, name: str) -> str:
 
 
 def text_or_number(value: object, name: str) -> str:
-    """Return a name, a text of any characters, a number or a path, as a text."""
-    text_of_value = value if isinstance(value, str) else _text_of_name(value)
-    if text_of_value is None:
-        refuse_type(value, name, "a text")
-    return text_of_value
+    """Return a name, a text of any characters, a finite number or a path, as a text."""
+    if isinstance(value, (str, PurePath)):
+        return str(value)
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        return str(int(value))
+    # Times or ages.
+    if isinstance(value, (float, np.floating)) and np.isfinite(value):
+        return str(value)
+    raise ArgumentTypeError(f"{name} must be a text; found {shown(value)}")
 
 
 def texts_or_numbers(values: Iterable[object], name: str) -> tuple[str, ...]:
     """Return names, texts of any characters, numbers or paths, as Python texts."""
-    return tuple(_name(item, name) for item in items_of(values, name, "a list of names"))
+    return tuple(text_or_number(item, name) for item in items_of(values, name, "a list of names"))

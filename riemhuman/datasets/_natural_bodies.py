@@ -45,9 +45,7 @@ def natural_surfaces(
     rest = model(betas) + detail + np.tensordot(bent, bulges, axes=(1, 1))
 
     shaped_joints = model.joints(betas)
-    rotations, positions = joint_motions(
-        shaped_joints, rotation_matrix(poses), model.parents, model.joint_order
-    )
+    rotations, positions = joint_motions(shaped_joints, rotation_matrix(poses), model.parents)
     return skin_surface(rest, model.weights, shaped_joints, rotations, positions)
 
 
@@ -57,7 +55,7 @@ def reach(model: BodyModel, betas: Array, poses: Array, side: str, points: Array
     mirror = np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
     arm = [names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow", "wrist")]
     targets, outward = _touched(model, betas, poses, points * mirror)
-    joints, order = model.joints(betas), model.joint_order
+    joints = model.joints(betas)
     hand = model.weights[:, arm[-1]] > 0.9
     palm = model(betas)[:, hand].mean(axis=1) + _HALF_HAND_METRES * mirror * _PALM
     facing = mirror * _PALM / np.linalg.norm(_PALM)
@@ -68,7 +66,7 @@ def reach(model: BodyModel, betas: Array, poses: Array, side: str, points: Array
         rotations = np.repeat(defined[:, None], vectors.shape[1], axis=1)
         swings = rotation_matrix(vectors.reshape(*vectors.shape[:-1], 3, 3))
         rotations[..., arm, :, :] = swings @ rotations[..., arm, :, :]
-        frames, positions = joint_motions(joints[:, None], rotations, model.parents, order)
+        frames, positions = joint_motions(joints[:, None], rotations, model.parents)
         frame = frames[..., arm[-1], :, :]
         lever = (palm - joints[:, arm[-1]])[:, None, :, None]
         reached = positions[..., arm[-1], :] + (frame @ lever)[..., 0]

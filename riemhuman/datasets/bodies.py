@@ -14,7 +14,7 @@ from riemhuman.arrays import Array, Booleans, Integers, Labels, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import checked, distance_matrix, instance, real_array
 from riemhuman.checks.labels import class_indices, plain_text, texts_or_numbers
-from riemhuman.errors import ArgumentError, FileFormatError, FrameIndexError, shown
+from riemhuman.errors import ArgumentError, FileFormatError, shown
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, format_errors
 from riemhuman.optional import import_optional
@@ -136,15 +136,7 @@ class Bodies:
         self,
         index: SupportsIndex | Rows | Sequence[int] | Integers | Booleans,
     ) -> Array | Bodies:
-        try:
-            numbers = np.arange(len(self))[index]
-        except (IndexError, TypeError) as error:
-            raise FrameIndexError(f"{self!r} has no surfaces {shown(index)}: {error}") from error
-        if np.ndim(numbers) > 1:
-            raise FrameIndexError(
-                f"bodies are indexed by a number, a slice, a mask or a list of numbers; found "
-                f"{index!r}"
-            )
+        numbers = np.arange(len(self))[index]
         return self.points[numbers] if np.ndim(numbers) == 0 else self._choose(numbers)
 
     def select(

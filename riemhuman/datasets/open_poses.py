@@ -28,8 +28,8 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array, ArrayLike, JSONRecord
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.skinning import LIMBS
-from riemhuman.checks import checked, instance, real_array
-from riemhuman.errors import ArgumentError, shown
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import log, shortest_rotations
 from riemhuman.kernels.surface import unit_vectors
 
@@ -50,13 +50,6 @@ def read_table(name: str) -> JSONRecord:
     return table
 
 
-_EXPECTED = "must be axes and one number of degrees for each, such as ('xz', 30, -70)"
-
-
-_ANGLES = instance(Mapping, "a mapping of joints to axes and degrees")
-
-
-@checked(angles=_ANGLES, model=instance(BodyModel))
 def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     """Return the rotations of all joints from the T-pose, shape (J, 3, 3), in the body's axes.
 
@@ -77,12 +70,9 @@ def joint_rotations(angles: Mapping[str, Angles], model: BodyModel) -> Array:
     """
     rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
     for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
-        try:
-            # For a single axis, SciPy expects a number.
-            angle = degrees if len(degrees) > 1 else degrees[0]
-            rotation = Rotation.from_euler(axes, angle, degrees=True)
-        except (TypeError, ValueError) as error:
-            raise ArgumentError(f"angles[{name!r}] {_EXPECTED}: {error}") from error
+        # For a single axis, SciPy expects a number.
+        angle = degrees if len(degrees) > 1 else degrees[0]
+        rotation = Rotation.from_euler(axes, angle, degrees=True)
         rotations[model.joint_names.index(name)] = rotation.as_matrix()
     return rotations
 
@@ -91,9 +81,6 @@ def with_both_sides(angles: Mapping[str, Angles], joint_names: Sequence[str]) ->
     """Return angles by joint, those of joints without a side written out for both sides."""
     sided: dict[str, Angles] = {}
     for name, value in angles.items():
-        has_axes = isinstance(value, Sequence) and len(value) > 1 and isinstance(value[0], str)
-        if not has_axes or len(value[0]) != len(value) - 1:
-            raise ArgumentError(f"angles[{name!r}] {_EXPECTED}; found {shown(value)}")
         if name in joint_names:
             sided[name] = value
         elif f"left_{name}" in joint_names:
@@ -116,7 +103,6 @@ def mirror_angles(angles: Angles) -> Angles:
     return axes, *mirrored
 
 
-@checked(model=instance(BodyModel))
 def pose_vectors(rotations: ArrayLike, model: BodyModel) -> Array:
     """Return the model's pose vectors, shape (..., J, 3), for rotations from the T-pose.
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
 from tqdm import tqdm
 
-from riemhuman.arrays import Array, ArrayLike, Integers
+from riemhuman.arrays import Array, Integers
 from riemhuman.checks import (
     SCALES,
     UNITS,
@@ -34,7 +34,6 @@ from riemhuman.io.label_tables import LABELS, read_label_rows, rows_of_files, wi
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.mesh_seams import Seams, a_seam_choice, common_seams, find_seams
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh, load_split_mesh
-from riemhuman.mocap.photographed_bodies import load_photographed_bodies
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import AXES, make_upright, procrustes
 from riemhuman.surfaces.template import Template
@@ -310,7 +309,6 @@ def load_bodies(
     seams: str = "join",
     allow_missing: bool = False,
     progress: bool = False,
-    faces: ArrayLike | os.PathLike[str] | None = None,
 ) -> Bodies:
     r"""Load the registered meshes of a folder with labels from a table.
 
@@ -336,10 +334,6 @@ def load_bodies(
         without a mesh; otherwise they raise errors, as missing labels always do, see
         `rh.retrieval.scores`.
     progress : bool
-    faces : array_like of int, shape (F, 3), or path_like, optional
-        Triangles of bodies of SAM 3D Body, see `load_photographed_bodies`; the folder then contains
-        their .npz files, or the path is one such file. Without a table, each file is a subject, and
-        each body in it is a pose.
 
     Examples
     --------
@@ -350,17 +344,19 @@ def load_bodies(
     >>> rh.datasets.load_bodies(".").pose_names
     ('sits',)
     """
-    if faces is not None:
-        if unit is not None:
-            raise ArgumentError("unit is for mesh files: bodies of SAM 3D Body are in metres")
-        return _load_photographed(folder, labels, template, faces, align, up, allow_missing)
     files = find_meshes(folder)
     table = os.path.join(folder, LABELS) if labels is None else labels
     numbers, texts = read_labels(table, [file.name for file in files], allow_missing=allow_missing)
-    columns = _label_columns(texts)
-    files = [files[number] for number in numbers]
+    subject_names, subject = _numbered(texts["subject"])
+    pose_names, pose = _numbered(texts["pose"])
+    columns: LabelColumns = {
+        "subject": subject,
+        "pose": pose,
+        "subject_names": subject_names,
+        "pose_names": pose_names,
+    }
     return _load(
-        files,
+        [files[number] for number in numbers],
         columns,
         template,
         align=align,
@@ -492,64 +488,7 @@ def _load(
     return Bodies(points=points, template=template, ids=ids, **labels)
 
 
-def _label_columns(texts: Mapping[str, Sequence[str]]) -> LabelColumns:
-    """Return the fields of `Bodies` for the texts of the columns of a table."""
-    subject_names, subject = _numbered(texts["subject"])
-    pose_names, pose = _numbered(texts["pose"])
-    return {
-        "subject": subject,
-        "pose": pose,
-        "subject_names": subject_names,
-        "pose_names": pose_names,
-    }
-
-
 def _numbered(cells: Sequence[str]) -> tuple[tuple[str, ...], Integers]:
     """Return the different texts of a column, and the number of the text of each cell."""
     names = sorted(set(cells), key=natural_key)
     return tuple(names), np.array([names.index(text) for text in cells])
-
-
-def _load_photographed(
-    folder: str | os.PathLike[str],
-    labels: str | os.PathLike[str] | None,
-    template: Template | str | os.PathLike[str] | None,
-    faces: ArrayLike | os.PathLike[str],
-    align: bool,
-    up: str | None,
-    allow_missing: bool,
-) -> Bodies:
-    """Load bodies of SAM 3D Body, with labels of their files or, without a table, by file."""
-    photographed = load_photographed_bodies(folder, faces, up=up)
-    names = photographed.names
-    numbers = [names[:index].count(name) for index, name in enumerate(names)]  # within its file
-    table = file_path(folder) / LABELS if labels is None else file_path(labels)
-    if labels is None and not table.exists():
-        indices = list(range(len(names)))
-        subjects = list(names)
-        poses = [str(number) for number in numbers]
-    else:
-        files = list(dict.fromkeys(names))
-        rows, columns = read_labels(
-            table, [f"{name}.npz" for name in files], allow_missing=allow_missing
-        )
-        row_of_file = {files[number]: row for row, number in enumerate(rows)}
-        indices = [index for index, name in enumerate(names) if name in row_of_file]
-        subjects = [columns["subject"][row_of_file[names[index]]] for index in indices]
-        poses = [columns["pose"][row_of_file[names[index]]] for index in indices]
-    points = photographed.points[indices]
-    if template is None:
-        template = Template(points[0], photographed.faces)
-    elif not isinstance(template, Template):
-        template = Template.from_file(template)
-    difference = face_difference(photographed.faces, template.faces)
-    if difference:
-        raise ArgumentError(f"template must have the triangles of faces: {difference}")
-    if align:
-        points = procrustes(points, to=template.vertices, scale=None)
-    ids = tuple(
-        f"{names[index]}_{numbers[index]}" if names.count(names[index]) > 1 else names[index]
-        for index in indices
-    )
-    columns_of_bodies = _label_columns({"subject": subjects, "pose": poses})
-    return Bodies(points=points, template=template, ids=ids, **columns_of_bodies)

@@ -81,8 +81,7 @@ def load_shrec14(
     classes : path_like, optional
         The class file, in the format of the Princeton Shape Benchmark [2]_. By default the only
         file in the folder, or below it, that ends in ``.cla``. Its ids are names of mesh files,
-        with or without suffix. An id that is a number may also refer to the file whose name has
-        this number as its last.
+        with or without suffix.
     scale : float
         Factor from the files' unit to metres.
 
@@ -106,8 +105,7 @@ def load_shrec14(
     members = read_classes(class_file)
     by_name: dict[str, list[Path]] = {}
     for file in in_one_format(visible_files(root, *MESH_ENDINGS, deep=True)):
-        for name in {without_ending(file.name), _last_number(file.stem)}:
-            by_name.setdefault(name, []).append(file)
+        by_name.setdefault(without_ending(file.name), []).append(file)
     if not by_name:
         raise no_meshes(root)
     subject: list[int] = []
@@ -116,10 +114,7 @@ def load_shrec14(
     missing: list[str] = []
     for number, names in enumerate(members.values()):
         for name in names:
-            stem = without_ending(Path(name).name)
-            matches = by_name.get(stem, [])
-            if not matches and re.fullmatch(r"[0-9]+", stem):
-                matches = by_name.get(_last_number(stem), [])
+            matches = by_name.get(without_ending(Path(name).name), [])
             if len(matches) > 1:
                 several = ", ".join(str(file.relative_to(root).with_suffix("")) for file in matches)
                 raise FileFormatError(
@@ -184,9 +179,3 @@ def _find_class_file(root: Path) -> Path:
         several = ", ".join(str(file.relative_to(root)) for file in files)
         raise FileError(f"{root} holds {len(files)} class files: {several}; choose one, classes=")
     return files[0]
-
-
-def _last_number(text: str) -> str:
-    """Return the last number of a name, as a key that differs from all names of files."""
-    numbers = re.findall(r"[0-9]+", text)
-    return f"/{numbers[-1].lstrip('0')}" if numbers else text

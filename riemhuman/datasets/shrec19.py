@@ -15,7 +15,7 @@ from riemhuman.datasets.registered_meshes import existing_folder
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import check_file, format_errors, natural_key, read_text, visible_files
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.representation import Record, join_names
+from riemhuman.representation import Record
 
 _STRUCTURE = "Shape_df"
 _FIELDS = ("VERT", "TRIV", "smpl_matches")
@@ -123,8 +123,7 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     Raises
     ------
     FileError
-        If there are no meshes, or two with the same number, or if the list of pairs names one that
-        does not exist.
+        If there are no meshes, or if the list of pairs names one that does not exist.
     FileFormatError
         If a file does not have the expected contents.
 
@@ -145,9 +144,6 @@ def load_shrec19(folder: str | os.PathLike[str]) -> MatchedMeshes:
     if not files:
         raise FileError(f"{root} holds no meshes of SHREC'19: no file has a name such as 1.mat")
     names = tuple(file.stem for file in files)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise FileError(f"{root} holds several meshes {join_names(twice, 5)}; keep one of each")
     match_files: dict[tuple[str, str], Path] = {}
     for file in visible_files(root, ".txt", deep=True):
         pair = re.fullmatch(r"([0-9]+)_([0-9]+)", file.stem)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.arrays import Array
-from riemhuman.checks import real_array, refuse_type
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.representation import constructor_text
@@ -133,16 +133,7 @@ def meshes_of(bodies: Surfaces) -> tuple[int, Callable[[int], Mesh]]:
     if hasattr(bodies, "points") and hasattr(bodies, "template"):
         points, faces = bodies.points, bodies.template.faces
         return len(points), lambda index: (points[index], faces)
-    if not isinstance(bodies, (MeshesOnDemand, Iterable)):
-        refuse_type(bodies, "bodies", "registered bodies, or pairs of vertices and faces")
     meshes = bodies if isinstance(bodies, MeshesOnDemand) else list(bodies)
     if len(meshes) == 0:
         raise ArgumentError("bodies must hold at least one surface; found none")
-
-    def mesh(index: int) -> Mesh:
-        pair = meshes[index]
-        if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
-            refuse_type(pair, f"bodies[{index}]", "a pair of vertices and faces")
-        return pair
-
-    return len(meshes), mesh
+    return len(meshes), lambda index: meshes[index]

@@ -16,7 +16,6 @@ from tqdm import tqdm
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, choice, flag, having, real_array
 from riemhuman.descriptors.descriptor import Descriptor, Surfaces, meshes_of, pairwise
-from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from riemhuman.bodies import BodyModel
@@ -130,10 +129,6 @@ class ModelPoseVectors(_ModelVectors):
         if self.distance == "axis-angle":
             return pairwise(vectors, "euclidean")
         rows = real_array(vectors, "vectors", ("n_vectors", "3 n_joints"), batched=False)
-        if rows.shape[1] % 3:
-            raise ArgumentError(
-                f"vectors must hold 3 numbers for each joint; found {rows.shape[1]} in all"
-            )
         n_joints = rows.shape[1] // 3
         quaternions = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat()
         quaternions = quaternions.reshape(len(rows), n_joints, 4)

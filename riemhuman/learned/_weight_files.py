@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from riemhuman.arrays import Array, Integers, Values
-from riemhuman.checks import integer_array, real_array
+from riemhuman.checks import index_array, real_array
 from riemhuman.errors import FileFormatError
 from riemhuman.io.arrays import check_fields, load_arrays
 from riemhuman.surfaces import Template
@@ -45,13 +45,7 @@ class Weights:
 
     def indices(self, name: str, shape: Sequence[int], least: int, end: int) -> Integers:
         """Return whole numbers from `least` to `end` - 1."""
-        array = integer_array(self._field(name), name, shape)
-        if array.size and (array.min() < least or array.max() >= end):
-            raise FileFormatError(
-                f"{name} must hold whole numbers from {least} to {end - 1}; found "
-                f"{array.min()} to {array.max()}"
-            )
-        return array
+        return index_array(self._field(name), name, shape, end, least)
 
     def _field(self, name: str) -> Values:
         check_fields(self.fields, [name])

@@ -77,7 +77,6 @@ def scaled_model(model: BodyModel, scale: float) -> BodyModel:
         joint_names=model.joint_names,
         hand_directions=scale * model.hand_directions,
         hand_poses=model.hand_poses,
-        dtype=model.dtype,
     )
 
 

@@ -106,7 +106,7 @@ def extent_of(motion: ModelMotion, translations: Array) -> Extent:
     for part in slices(len(poses), _FRAMES_AT_A_TIME):
         matrices = Rotation.from_rotvec(poses[part].reshape(-1, 3)).as_matrix()
         rotations = matrices.reshape(*poses[part].shape, 3)
-        moved = joint_motions(joints, rotations, model.parents, model.joint_order)
+        moved = joint_motions(joints, rotations, model.parents)
         frames = skin_surface(surface[some], model.weights[some], joints, *moved)
         frames = frames + translations[part, None]
         low = np.minimum(low, frames.min(axis=(0, 1)))

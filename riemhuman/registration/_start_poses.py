@@ -85,7 +85,6 @@ def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
         joint_names=names,
         hand_directions=model.hand_directions,
         hand_poses=model.hand_poses,
-        dtype=model.dtype,
     )
 
 

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from riemhuman.arrays import Array
-from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError, RiemhumanError
+from riemhuman.errors import ClusterError, MissingDependencyError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.files import short_message
 from riemhuman.optional import import_optional
@@ -49,10 +49,6 @@ def compute_parts(
         yield from ((number, worker.compute(metric, tile)) for number, tile in tiles)
         return
     distributed = import_optional("distributed", "cluster")
-    if not isinstance(client, distributed.Client):
-        raise ArgumentTypeError(
-            f"client must be a distributed.Client; found {type(client).__name__}"
-        )
     if client.status == "closed":
         raise _lost("the client of the cluster is closed")
     with _losses(distributed, client):

@@ -14,14 +14,12 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import Array, Integers
 from riemhuman.checks import (
     a_function,
-    check_instance,
     checked,
     each,
     flag,
     instance,
-    refuse_type,
 )
-from riemhuman.checks.labels import class_numbers, texts_of
+from riemhuman.checks.labels import class_numbers
 from riemhuman.datasets import Bodies, LabelledMeshes
 from riemhuman.descriptors import (
     AreaProjectionTransform,
@@ -153,10 +151,8 @@ def benchmark(
     >>> [record.task for record in rh.retrieval.benchmark(bodies, {"shape": shape})]
     ['shape', 'pose']
     """
-    _check_bodies(bodies)
     if representations is None:
         representations = _default_metrics(bodies, task)
-    _check_representations(representations)
     labels = _labels_by_task(bodies)
 
     def score(matrices: Mapping[str, Array]) -> dict[str, RetrievalScores]:
@@ -200,24 +196,6 @@ def _default_metrics(bodies: Bodies | LabelledMeshes, task: Task) -> dict[str, R
         if hasattr(representation, "dist_pairwise"):
             metrics[name] = representation
     return metrics
-
-
-def _check_bodies(bodies: Bodies | LabelledMeshes) -> None:
-    """Refuse what is neither registered surfaces nor meshes."""
-    is_class = isinstance(bodies, type)
-    if is_class or not (hasattr(bodies, "__len__") and hasattr(bodies, "subject")):
-        refuse_type(bodies, "bodies", "Bodies or LabelledMeshes, with subject and pose")
-
-
-def _check_representations(representations: Mapping[str, Representation]) -> None:
-    check_instance(representations, "representations", Mapping, "a mapping of names to metrics")
-    texts_of(representations.keys(), "names of representations")
-    for name, representation in representations.items():
-        if not (hasattr(representation, "dist_pairwise") or hasattr(representation, "describe")):
-            raise ArgumentTypeError(
-                f"representations[{name!r}] must be a metric, with dist_pairwise, or a descriptor, "
-                f"with describe and distances; found {type(representation).__name__}"
-            )
 
 
 def _labels_by_task(bodies: Bodies | LabelledMeshes) -> dict[str, Integers]:

@@ -1,7 +1,7 @@
 """Resumable jobs: distances and paths of all pairs of points, computed part by part on disk.
 
 A job is a folder. Its manifest holds the class, the parameters and the arrays of the metric and the
-solver, and the version of the library. When a job is resumed, a handful of its results are computed
+solver, and the version of the library. When a job is resumed, some of its results are computed
 again and compared: if they differ, something that the manifest does not hold has changed, such as a
 constant in the code of a metric, and the folder is refused.
 """
@@ -13,7 +13,6 @@ import os
 import pkgutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
@@ -62,9 +61,7 @@ _COPIES_OF_PAIRS = 6
 # Pairs whose paths are solved and then written at a time.
 _PAIRS = 16
 
-# Points or tiles, and paths, that are computed again when a job is resumed, and how much rounding
-# changes them, relative to the largest number.
-_N_RECOMPUTED, _N_RECOMPUTED_PATHS = 8, 2
+# How much rounding changes what is computed again when a job is resumed, relative to the largest.
 _ROUNDING = {"single": 1e-5, "double": 1e-9}
 _ROUNDING_OF_PATHS = 1e-4
 
@@ -159,11 +156,13 @@ def pairwise_job(
         if complete and not known.all():
             raise FileFormatError(f"{job.path / _DIGESTS} is damaged: it lacks digests of points")
         points_of_job = _PointsOfJob(job, metric, points, precision, n_jobs)
-        known_blocks = [blocks[number] for number in np.flatnonzero(known)]
-        for number in np.flatnonzero(known).tolist():
+        known_numbers = np.flatnonzero(known).tolist()
+        for number in known_numbers:
             points_of_job.read(number, blocks[number])
-        finished_tiles = [] if complete else [tiles[k] for k in np.flatnonzero(job.read(_DONE))]
-        points_of_job.recompute(known_blocks, finished_tiles)
+        if known_numbers:
+            last = blocks[known_numbers[-1]].stop - 1
+            is_done = complete or bool(job.read(_DONE).all())
+            points_of_job.recompute(last, is_done)
         for number in tqdm(
             np.flatnonzero(~known),
             desc="Points",
@@ -193,7 +192,7 @@ def path_job(
     r"""Find paths between all pairs of a set of points, or resume an earlier run.
 
     The numbers are those of `rh.solvers.path_distances`. An interrupted or killed job continues
-    when it is called again with the same arguments; finished paths are kept, and two of them are
+    when it is called again with the same arguments; finished paths are kept, and one of them is
     solved again and compared. If the solver refuses a pair, all blocks of sixteen pairs without
     such a pair are solved and kept before the error is raised.
 
@@ -231,7 +230,12 @@ def path_job(
             {_ROWS: ((n_pairs, N_COLUMNS), np.float64), _DONE: ((len(blocks),), np.bool_)}
         )
         finder = PathFinder(solver, points, n_jobs)
-        _try_paths(job, metric, finder, [blocks[k] for k in np.flatnonzero(job.read(_DONE))])
+        if job.read(_DONE)[0]:
+            again = finder.compute(metric, slice(0, 1))
+            if isinstance(again, RiemhumanError):
+                raise again
+            rows = job.read(_ROWS)[:1, :2]
+            _compare(job, "the length of a path", rows, again[:, :2], _ROUNDING_OF_PATHS)
         errors = _compute(job, metric, finder, blocks, client, progress)
         if errors:
             raise type(errors[0])(
@@ -326,51 +330,21 @@ class _PointsOfJob:
         # The record follows the entries: a kill in between costs only this block.
         self.job.write(_DIGESTS, (number, np.frombuffer(digest(points), np.uint8)))
 
-    def recompute(self, blocks: list[slice[int, int, None]], tiles: list[Tile]) -> None:
-        """Compute some features and distances again, and raise an error if they differ."""
-        if not blocks:
-            return
+    def recompute(self, last: int, is_done: bool) -> None:
+        """Compute the first and the last known point's features and distance again; compare."""
         job, metric, rounding = self.job, self.metric, _ROUNDING[self.precision]
-        complete = job.exists(_RESULT)
-        numbers = {block.start for block in _spread(blocks, _N_RECOMPUTED)}
-        numbers.add(blocks[-1].stop - 1)
-        if complete:
-            pairs = list(product(numbers, repeat=2))
-        else:
-            # A corner of each of some tiles; features of their blocks were written first.
-            some_tiles = _spread(tiles, _N_RECOMPUTED)
-            pairs = [(rows.start, columns.stop - 1) for rows, columns in some_tiles]
-        order = sorted(numbers.union(*pairs))
-        parts = [checked_part(metric, self.points, slice(n, n + 1), "points") for n in order]
-        points = np.concatenate(parts)
-        if not complete:
+        ends = [checked_part(metric, self.points, slice(n, n + 1), "points") for n in (0, last)]
+        points = np.concatenate(ends)
+        if not job.exists(_RESULT):
             features = metric.features(points, self.precision)
             for name, rows in _by_file(features, points).items():
-                _compare(job, "a feature", job.read(name)[order], rows, rounding)
-        i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
-        stored = job.read(_RESULT if complete else _UNFINISHED_RESULT)[i, j]
-        distances = metric.dist_pairwise(points, self.n_jobs, precision=self.precision)
-        recomputed = distances[np.searchsorted(order, i), np.searchsorted(order, j)]
-        _compare(job, "a distance", stored, recomputed, rounding, distances.max())
+                _compare(job, "a feature", job.read(name)[[0, last]], rows, rounding)
+        if is_done:
+            table = job.read(_RESULT if job.exists(_RESULT) else _UNFINISHED_RESULT)
+            distances = metric.dist_pairwise(points, precision=self.precision)
+            _compare(job, "a distance", table[0, last], distances[0, 1], rounding)
 
 
-def _try_paths(
-    job: JobFolder,
-    metric: RiemannianMetric,
-    finder: PathFinder,
-    blocks: list[slice[int, int, None]],
-) -> None:
-    """Solve some paths of finished blocks again, and raise an error if their lengths differ."""
-    rows = job.read(_ROWS)
-    for block in _spread(blocks, _N_RECOMPUTED_PATHS):
-        pair = block.start
-        again = finder.compute(metric, slice(pair, pair + 1))
-        if isinstance(again, RiemhumanError):
-            raise again
-        _compare(job, "the length of a path", rows[pair, :2], again[0, :2], _ROUNDING_OF_PATHS)
-
-
-T = TypeVar("T")
 Part = TypeVar("Part")
 PartContra = TypeVar("PartContra", contravariant=True)
 
@@ -381,21 +355,14 @@ class JobWorker(Worker[PartContra], Protocol[PartContra]):
     def write(self, job: JobFolder, part: PartContra, values: Array, /) -> None: ...
 
 
-def _spread(items: Sequence[T], most: int) -> list[T]:
-    """Return a handful of items, evenly spaced."""
-    places = np.linspace(0, len(items) - 1, min(most, len(items))).astype(int)
-    return [items[place] for place in np.unique(places)]
-
-
 def _compare(
     job: JobFolder,
     what: str,
     stored: Array,
     recomputed: Array,
     rounding: float,
-    largest: float = 0.0,
 ) -> None:
-    size = max(largest, np.abs([stored, recomputed]).max(initial=0.0))
+    size = np.abs([stored, recomputed]).max(initial=0.0)
     gap = np.abs(stored - recomputed).max(initial=0.0)
     if not gap <= rounding * size:
         raise ArgumentError(

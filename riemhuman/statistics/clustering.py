@@ -18,8 +18,6 @@ LINKAGES = ("ward", "average", "complete", "single", "weighted")
 
 # An exchange must lower the sum of distances by more than this share of all distances.
 _ROUNDING = 1e-12
-# Runs from other medoids; more find nothing better.
-_MOST_STARTS = 10_000
 
 
 class _Clustering(Estimator):
@@ -94,7 +92,7 @@ class KMedoids(_Clustering):
     def fit(self, X: ArrayLike, y: object = None) -> Self:
         distances = distance_matrix(X, "X")
         k = whole_number(self.n_clusters, "n_clusters", minimum=1)
-        whole_number(self.n_init, "n_init", minimum=1, maximum=_MOST_STARTS)
+        whole_number(self.n_init, "n_init", minimum=1)
         if k > len(distances):
             raise ArgumentError(f"n_clusters={k} exceeds the {len(distances)} points of X")
         rng = generator(self.rng)

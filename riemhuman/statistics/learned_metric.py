@@ -12,7 +12,6 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from riemhuman.arrays import Array, ArrayLike, Integers
-from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.checks.labels import class_numbers
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
@@ -21,7 +20,8 @@ from riemhuman.geometry.metric import check_metric
 from riemhuman.kernels.projections import in_blocks, principal_components
 from riemhuman.optional import import_optional
 
-LEDOIT_WOLF = "ledoit-wolf"
+# Folds of groups for distances of those that are held out.
+_N_FOLDS = 5
 
 # Differences within classes below this share of the coordinates are rounding errors.
 _ROUNDING = 1e-9
@@ -32,7 +32,8 @@ class LearnedMetric(Estimator):
 
     Another metric maps points to coordinates x in a vector space, its
     `RiemannianMetric.lower_bound_coordinates` (for the pose metric, the normals). With S the
-    scatter of the coordinates within classes and ν the mean of its eigenvalues,
+    scatter of the coordinates within classes, ν the mean of its eigenvalues and s the shrinkage of
+    Ledoit and Wolf [2]_,
 
     .. math:: d^2(f_1, f_2) = (x_1 - x_2)^\top \left((1-s) S + s \nu I\right)^{-1} (x_1 - x_2)
 
@@ -49,10 +50,6 @@ class LearnedMetric(Estimator):
         Metric whose coordinates are used; it must have `lower_bound_coordinates`. For poses, use
         ``RotationMetric(space)``; for people, ``AreaMetric(space)``, or `rh.PersonMetric`, which
         needs no labels.
-    shrinkage : "ledoit-wolf" or float
-        The shrinkage s, from 0 (not included) to 1; by default from a formula [2]_.
-    n_folds : int
-        Number of folds of the groups in `held_out_distances`, at least 3.
 
     Attributes
     ----------
@@ -87,12 +84,8 @@ class LearnedMetric(Estimator):
     mean_: Array
     components_: Array
 
-    def __init__(
-        self, metric: RiemannianMetric, *, shrinkage: str | float = LEDOIT_WOLF, n_folds: int = 5
-    ) -> None:
+    def __init__(self, metric: RiemannianMetric) -> None:
         self.metric = metric
-        self.shrinkage = shrinkage
-        self.n_folds = n_folds
 
     def fit(self, X: Array, y: Sequence[Hashable] | Array) -> Self:
         r"""Learn the metric.
@@ -145,9 +138,9 @@ class LearnedMetric(Estimator):
     ) -> Array:
         r"""Return distances of all pairs in metrics fitted without the groups of both points.
 
-        Groups are distributed over folds. For every two folds, a metric is fitted to all others,
-        and gives the distances between points of the two folds. A distance within a fold is the
-        mean over its pairs with the other folds. All metrics thus learn from the same number of
+        Groups are distributed over five folds. For every two folds, a metric is fitted to all
+        others, and gives the distances between points of the two folds. A distance within a fold is
+        the mean over its pairs with the other folds. All metrics thus learn from the same number of
         folds, and have seen neither the query nor the points with which it is compared. Scores of
         these distances, see `rh.retrieval.scores`, say how well the metric does on people to whom
         it was not fitted.
@@ -162,16 +155,13 @@ class LearnedMetric(Estimator):
         coordinates = self._coordinates(X)
         classes = class_numbers(y, "y", len(coordinates))[0]
         members = class_numbers(groups, "groups", len(coordinates))[0]
-        n_folds = whole_number(self.n_folds, "n_folds", minimum=3)
         n_groups = members.max() + 1
-        if n_groups < n_folds:
-            raise ArgumentError(
-                f"groups must hold at least n_folds={n_folds} groups; found {n_groups}"
-            )
+        if n_groups < _N_FOLDS:
+            raise ArgumentError(f"groups must hold at least {_N_FOLDS} groups; found {n_groups}")
         _, _, reduced = _principal(coordinates)
-        folds = members % n_folds
+        folds = members % _N_FOLDS
         distances = np.zeros((len(reduced), len(reduced)))
-        for fold_a, fold_b in combinations(range(n_folds), 2):
+        for fold_a, fold_b in combinations(range(_N_FOLDS), 2):
             is_fitted = (folds != fold_a) & (folds != fold_b)
             whitening, _ = self._whitening(reduced[is_fitted], classes[is_fitted])
             points_a, points_b = np.flatnonzero(folds == fold_a), np.flatnonzero(folds == fold_b)
@@ -180,8 +170,8 @@ class LearnedMetric(Estimator):
             across = cdist(whitened_a, whitened_b)
             distances[np.ix_(points_a, points_b)] = across
             distances[np.ix_(points_b, points_a)] = across.T
-            within_a = cdist(whitened_a, whitened_a) / (n_folds - 1)
-            within_b = cdist(whitened_b, whitened_b) / (n_folds - 1)
+            within_a = cdist(whitened_a, whitened_a) / (_N_FOLDS - 1)
+            within_b = cdist(whitened_b, whitened_b) / (_N_FOLDS - 1)
             distances[np.ix_(points_a, points_a)] += within_a
             distances[np.ix_(points_b, points_b)] += within_b
         return distances
@@ -193,10 +183,6 @@ class LearnedMetric(Estimator):
 
     def _whitening(self, coordinates: Array, classes: Integers) -> tuple[Array, float]:
         """Return the rows that whiten the scatter within classes, and the shrinkage."""
-        if isinstance(self.shrinkage, str):
-            one_of(self.shrinkage, "shrinkage", (LEDOIT_WOLF,))
-        elif real_number(self.shrinkage, "shrinkage", minimum=0.0, strict=True) > 1.0:
-            raise ArgumentError(f"shrinkage must be at most 1; found {self.shrinkage:g}")
         _, directions, reduced = _principal(coordinates)
         numbers, classes = np.unique(classes, return_inverse=True)
         if len(numbers) < 2:
@@ -210,22 +196,12 @@ class LearnedMetric(Estimator):
         if np.abs(within).max(initial=0.0) <= _ROUNDING * np.abs(reduced).max(initial=0.0):
             raise ArgumentError("y must give the same class to two different points to learn from")
         scatter = within.T @ within / len(within)
-        if isinstance(self.shrinkage, str):
-            covariance = import_optional("sklearn.covariance", "statistics")
-            shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
-        else:
-            shrinkage = float(self.shrinkage)
+        covariance = import_optional("sklearn.covariance", "statistics")
+        shrinkage = float(covariance.ledoit_wolf_shrinkage(within, assume_centered=True))
         # The mean of the eigenvalues is that of the squares within classes.
         ridge = shrinkage * np.sum(within**2) / within.size
         shrunk = (1.0 - shrinkage) * scatter + ridge * np.eye(len(scatter))
-        try:
-            whitening = np.linalg.inv(np.linalg.cholesky(shrunk))
-        except np.linalg.LinAlgError as error:
-            raise ArgumentError(
-                f"shrinkage must be larger for points whose scatter within classes is singular; "
-                f"found {shrinkage:g}"
-            ) from error
-        return whitening @ directions, shrinkage
+        return np.linalg.inv(np.linalg.cholesky(shrunk)) @ directions, shrinkage
 
 
 def _whitened(metric: RiemannianMetric, mean: Array, components: Array, points: Array) -> Array:

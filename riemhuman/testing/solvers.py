@@ -92,7 +92,7 @@ def check_solver(
     if len(points) < 2:
         raise ArgumentError(f"points must hold two points or more; found {len(points)}")
     if contract is None:
-        contract = _contract_of(solver) or _geodesics(solver, metric, points)
+        contract = _contract_of(solver)
     contract = one_of(contract, "contract", tuple(_TRIALS))
     trial = _TRIALS[contract](solver, metric, points)
     properties = {"arguments are not changed": trial.unchanged, **trial.properties()}
@@ -302,22 +302,10 @@ _TRIALS: dict[type[object], _TrialClass] = {
 }
 
 
-def _contract_of(solver: Strategy) -> type[object] | None:
-    """Return the contract that the class of a solver inherits from, if any."""
+def _contract_of(solver: Strategy) -> type[object]:
+    """Return the contract that the class of a solver inherits from; by default of geodesics."""
     # `isinstance` would look at the names of methods, which are the same in all contracts.
     for contract in _TRIALS:
         if contract in type(solver).__mro__:
             return contract
-    return None
-
-
-def _geodesics(solver: Strategy, metric: RiemannianMetric, points: Array) -> type[object]:
-    """Return the contract of geodesics, unless what the solver returns is of another kind."""
-    trial = _GeodesicTrial(solver, metric, points)
-    if not hasattr(trial.solver.solve(metric, trial.start, trial.end), "path"):
-        others = ", ".join(contract.__name__ for contract in _TRIALS)
-        raise ArgumentError(
-            f"solver must return a result with a path; {type(solver).__name__} does not, and "
-            f"inherits from no contract: pass contract=, one of {others}"
-        )
     return GeodesicSolver

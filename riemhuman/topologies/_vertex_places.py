@@ -72,22 +72,20 @@ class VertexPlaces:
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """The matrix (n, n_source) that interpolates at the places."""
-        n_points = len(self.heights)
         corners = self.faces[self.places.triangles]
-        entries = (
-            self.places.barycentric.ravel(),
-            (np.repeat(np.arange(n_points), 3), corners.ravel()),
-        )
-        return sparse.csr_array(entries, shape=(n_points, self.n_source))
+        return self._combining(corners, self.places.barycentric)
 
     @cached_property
     def reconstruction(self) -> sparse.csr_array | None:
         """The matrix (n, n_source) of the weights that were learned, or None."""
         if self.columns is None or self.weights is None:
             return None
-        rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
-        entries = (self.weights.ravel(), (rows, self.columns.ravel()))
-        return sparse.csr_array(entries, shape=(len(self.columns), self.n_source))
+        return self._combining(self.columns, self.weights)
+
+    def _combining(self, columns: Integers, weights: Array) -> sparse.csr_array:
+        rows = np.repeat(np.arange(len(columns)), columns.shape[1])
+        entries = (weights.ravel(), (rows, columns.ravel()))
+        return sparse.csr_array(entries, shape=(len(columns), self.n_source))
 
     @cached_property
     def _sizes(self) -> Array:

@@ -18,6 +18,7 @@ from riemhuman.checks import (
     checked_rate,
     choice,
     flag,
+    index_array,
     instance,
     longest_side,
     real_array,
@@ -68,8 +69,9 @@ _FEWEST_VERTICES = 5000
 _SMALL_PART = 0.01
 # A registered surface slides along itself by less, metres.
 _LONGEST_SLIDE = 0.02
-# Cosine between the directions up and from feet to head, below which bodies are upside down.
+# Cosine between the directions up and away from the feet, below which bodies are upside down.
 _UPSIDE_DOWN = -0.5
+_SHARE_OF_FEET = 0.03  # of the vertices
 
 _ARRAYS = (
     "template",
@@ -360,8 +362,7 @@ class TopologyMap:
         -------
         array, shape (..., model.n_vertices, 3), or a pair of it and a ModelFit
         """
-        surfaces = self._checked(points, self.model_places, "points", up)
-        mapped = _applied(self.model_places, surfaces)
+        mapped = _applied(self.model_places, _checked(points, self.model_places, up))
         if not fit:
             return mapped
         return mapped, self.model.fit(mapped, betas_prior=1e-7, sequence=mapped.ndim == 3)
@@ -417,55 +418,7 @@ class TopologyMap:
         -------
         array, shape (..., V, 3)
         """
-        surfaces = self._checked(points, self.template_places, "points", up)
-        return _applied(self.template_places, surfaces)
-
-    def _checked(self, points: object, places: VertexPlaces, name: str, up: str | None) -> Array:
-        """Return surfaces of the source of a map, y up."""
-        if isinstance(points, (str, os.PathLike)):
-            name = os.fspath(points)
-            points = load_split_mesh(points, places.faces)
-        error = FileFormatError if name != "points" else ArgumentError
-        is_pair = isinstance(points, tuple) and len(points) == 2
-        if is_pair or hasattr(points, "faces") or hasattr(points, "cells"):
-            points, faces = as_arrays(points)
-            difference = face_difference(faces, places.faces)
-            if len(points) == places.n_source and difference:
-                raise error(f"{name} must have the triangles of the map: {difference}")
-        surfaces = real_array(points, name, ("n_vertices", 3))
-        if surfaces.shape[-2] != places.n_source:
-            raise error(
-                f"{name} must have {places.n_source:,} vertices, as the map has; found "
-                f"{surfaces.shape[-2]:,}"
-            )
-        _check_bodies(surfaces, places.faces, name, places.source, error)
-        if up is not None:
-            return make_upright(surfaces, up=up)
-        self._refuse_upside_down(surfaces, places, name, error)
-        return surfaces
-
-    def _refuse_upside_down(
-        self, surfaces: Array, places: VertexPlaces, name: str, error: type[Exception]
-    ) -> None:
-        names = list(self.model.joint_names)
-        if not {"head", "left_ankle", "right_ankle"} <= {*names}:
-            return
-        owners = self.model.weights.argmax(axis=1)
-        if places is self.model_places:
-            near = self.template_places.places
-            corner = near.barycentric.argmax(axis=1)
-            owners = owners[self.model.faces[near.triangles, corner]]
-        feet = np.isin(owners, [names.index("left_ankle"), names.index("right_ankle")])
-        head = owners == names.index("head")
-        if not (feet.any() and head.any()) or not surfaces.size:
-            return
-        upward = surfaces[..., head, :].mean(axis=-2) - surfaces[..., feet, :].mean(axis=-2)
-        cosine = float(np.median(unit_vectors(upward)[..., 1]))
-        if cosine < _UPSIDE_DOWN:
-            raise error(
-                f"{name} must have y pointing up; found heads below feet, as in camera "
-                'coordinates: up="-y" turns the bodies upright, and up="y" accepts them unchanged'
-            )
+        return _applied(self.template_places, _checked(points, self.template_places, up))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map as a compressed .npz file.
@@ -534,6 +487,44 @@ class TopologyMap:
                 ),
             )
         return cls(chosen, faces, str(arrays["message"]), model_places, template_places)
+
+
+def _checked(points: object, places: VertexPlaces, up: str | None = None) -> Array:
+    """Return surfaces of the source of a map, y up."""
+    name = "points"
+    error: type[Exception] = ArgumentError
+    if isinstance(points, (str, os.PathLike)):
+        name, error = os.fspath(points), FileFormatError
+        points = load_split_mesh(points, places.faces)
+    is_pair = isinstance(points, tuple) and len(points) == 2
+    if is_pair or hasattr(points, "faces") or hasattr(points, "cells"):
+        points, faces = as_arrays(points)
+        difference = face_difference(faces, places.faces)
+        if len(points) == places.n_source and difference:
+            raise error(f"{name} must have the triangles of the map: {difference}")
+    surfaces = real_array(points, name, ("n_vertices", 3))
+    if surfaces.shape[-2] != places.n_source:
+        raise error(
+            f"{name} must have {places.n_source:,} vertices, as the map has; found "
+            f"{surfaces.shape[-2]:,}"
+        )
+    _check_bodies(surfaces, places.faces, name, places.source, error)
+    if up is not None:
+        return make_upright(surfaces, up=up)
+    if surfaces.size and _upward(surfaces, places.source) < _UPSIDE_DOWN:
+        raise error(
+            f"{name} must have y pointing up; found heads below feet, as in camera coordinates: "
+            'up="-y" turns the bodies upright, and up="y" accepts them unchanged'
+        )
+    return surfaces
+
+
+def _upward(surfaces: Array, reference: Array) -> float:
+    """Return the median cosine between y and the direction away from the feet."""
+    # The lowest vertices of the reference, which is upright, are those of the feet.
+    feet = reference[:, 1] < np.quantile(reference[:, 1], _SHARE_OF_FEET)
+    directions = surfaces.mean(axis=-2) - surfaces[..., feet, :].mean(axis=-2)
+    return float(np.median(unit_vectors(directions)[..., 1]))
 
 
 def _rounded(points: Array) -> Array:
@@ -711,15 +702,11 @@ def _stored_places(name: str, places: VertexPlaces) -> dict[str, Values]:
 def _read_places(
     name: str, arrays: Mapping[str, Values], n_points: int, n_faces: int
 ) -> tuple[SurfacePoints, Array]:
-    triangles = arrays[f"{name}_triangles"].astype(np.int64)
+    triangles = index_array(arrays[f"{name}_triangles"], f"{name}_triangles", (n_points,), n_faces)
     barycentric = real_array(
         arrays[f"{name}_barycentric"], f"{name}_barycentric", (n_points, 3), batched=False
     )
     heights = real_array(arrays[f"{name}_heights"], f"{name}_heights", (n_points,), batched=False)
-    if triangles.shape != (n_points,) or triangles.min() < 0 or triangles.max() >= n_faces:
-        raise ArgumentError(
-            f"{name}_triangles must hold {n_points} indices of triangles below {n_faces}"
-        )
     return SurfacePoints(triangles, np.asarray(barycentric)), np.asarray(heights)
 
 
@@ -729,15 +716,11 @@ def _with_read_weights(
     """Return places with the weights in a file, if it has any."""
     if f"{name}_weights" not in arrays or f"{name}_columns" not in arrays:
         return places
-    columns = arrays[f"{name}_columns"].astype(np.int64)
-    weights = real_array(arrays[f"{name}_weights"], f"{name}_weights", ("n", "k"), batched=False)
-    if columns.shape != weights.shape or len(columns) != len(places.heights):
-        raise ArgumentError(
-            f"{name}_columns and {name}_weights must have the same shape, with "
-            f"{len(places.heights)} rows; found {columns.shape} and {weights.shape}"
-        )
-    if columns.size and (columns.min() < 0 or columns.max() >= places.n_source):
-        raise ArgumentError(f"{name}_columns must hold indices of vertices below {places.n_source}")
+    shape = (len(places.heights), "k")
+    weights = real_array(arrays[f"{name}_weights"], f"{name}_weights", shape, batched=False)
+    columns = index_array(
+        arrays[f"{name}_columns"], f"{name}_columns", weights.shape, places.n_source
+    )
     return _with_weights(places, columns, np.asarray(weights, dtype=float))
 
 
@@ -753,9 +736,7 @@ def _stored_parts(name: str, parts: Sequence[FilledPart]) -> dict[str, Values]:
 
 
 def _read_parts(name: str, arrays: Mapping[str, Values], n_vertices: int) -> tuple[FilledPart, ...]:
-    rows = arrays[f"{name}_part_numbers"].astype(np.int64)
-    if rows.ndim != 2 or rows.shape[1] != 3 or np.any(rows < 0) or np.any(rows[:, 1] >= n_vertices):
-        raise ArgumentError(f"{name}_part_numbers must hold indices of vertices below {n_vertices}")
+    rows = index_array(arrays[f"{name}_part_numbers"], f"{name}_part_numbers", ("n", 3), n_vertices)
     parts = []
     for number, part_name in enumerate(arrays[f"{name}_part_names"].tolist()):
         part_rows = rows[rows[:, 0] == number]

@@ -89,7 +89,6 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
         joint_names=model.joint_names,
         hand_directions=hand_directions,
         hand_poses=model.hand_poses,
-        dtype=model.dtype,
     )
 
 

@@ -120,9 +120,7 @@ def blended(model, betas, pose):
     """Return posed bodies by dense linear blend skinning, as papers write it, in NumPy."""
     shaped = model.template.vertices + np.tensordot(betas, model.shapedirs, axes=(1, 2))
     joints = model.joint_regressor @ shaped
-    rotations, positions = joint_motions(
-        joints, rotation_matrix(pose), model.parents, model.joint_order
-    )
+    rotations, positions = joint_motions(joints, rotation_matrix(pose), model.parents)
     shifts = positions - (rotations @ joints[..., None])[..., 0]
     motions = np.concatenate([rotations, shifts[..., None]], axis=-1)
     blends = np.tensordot(model.weights, motions, axes=(1, 1))  # (V, n, 3, 4)

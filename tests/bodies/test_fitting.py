@@ -111,7 +111,7 @@ def test_the_cost_of_a_fit_has_no_gradient(model, smpl, which, mapped):
     target = target + 0.005 * rng.normal(size=target.shape)
     shares = rng.uniform(size=len(target))
     shares /= shares.sum()
-    priors = {"betas_prior": 1e-5, "pose_prior": 1e-4} | ({"hands_prior": 1e-6} if hands else {})
+    priors = {"betas_prior": 1e-5} | ({"hands_prior": 1e-6} if hands else {})
     settings = {"weights": shares, "tolerance": 1e-15}
     fit = body.fit(target, correspondence=chosen, **priors, **settings, max_iter=500)
     assert fit.converged
@@ -119,7 +119,7 @@ def test_the_cost_of_a_fit_has_no_gradient(model, smpl, which, mapped):
     def cost(betas, pose, trans, *hands):
         points = anp.dot(combine, body(betas, pose, trans, *hands))
         gaps = anp.sum((points - target) ** 2, axis=-1)
-        prior = 1e-5 * anp.sum(betas**2) + 1e-4 * anp.sum(pose[1:] ** 2)
+        prior = 1e-5 * anp.sum(betas**2)
         return anp.sum(shares * gaps) + prior + sum(1e-6 * anp.sum(values**2) for values in hands)
 
     found = [fit.betas, fit.pose, fit.trans, fit.hands][: 3 + len(hands)]
@@ -174,11 +174,11 @@ BAD = {
     ),
     "no such vertex": (
         {"correspondence": np.arange(1, 1203)},
-        "must hold indices of vertices of the model, from 0 to 1201; found numbers from 1 ",
+        "correspondence must hold whole numbers from 0 to 1201; found 1 to 1202",
     ),
     "no such triangle": (
         {"correspondence": ([2400], [[1, 0, 0]])},
-        "hold indices of triangles of the model, from 0 to 2399; found numbers from 2400 to 2400",
+        "triangles of correspondence must hold whole numbers from 0 to 2399; found 2400 to 2400",
     ),
     "coordinates off one": (
         {"correspondence": ([0, 1], [[1, 0, 0], [0.5, 0.2, 0.2]])},

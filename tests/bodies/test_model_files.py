@@ -107,19 +107,6 @@ def test_many_shape_coefficients(tmp_path):
         BodyModel.from_file(sixteen, n_betas=17)
 
 
-def test_single_precision(tmp_path, reference):
-    model = BodyModel.from_file(archive(tmp_path / "m.npz"), dtype=np.float32)
-    rng = np.random.default_rng(4)
-    betas, pose, trans = rng.normal(size=10), 0.5 * rng.normal(size=(24, 3)), rng.normal(size=3)
-    assert reference.dtype == np.float64
-    for arguments in [(), (betas,), (betas, pose), (betas, pose, trans), (None, None, trans)]:
-        assert model(*arguments).dtype == model.joints(*arguments).dtype == np.float32
-        np.testing.assert_allclose(model(*arguments), reference(*arguments), rtol=0, atol=1e-5)
-    for dtype in ("float16", int, "word"):
-        with pytest.raises(ArgumentError, match="dtype must be float64 or float32"):
-            BodyModel.from_file(tmp_path / "m.npz", dtype=dtype)
-
-
 def test_conversion(tmp_path):
     source = written(tmp_path / "model.pkl", smpl_pickle(FIELDS))
     converted = convert_model(source, tmp_path / "model.npz")
@@ -215,14 +202,6 @@ def test_expressions_are_no_shape_coefficients(tmp_path):
     np.savez(tmp_path / "model.npz", **_smplx(20))
     with pytest.raises(ValueError, match="n_betas is 12; .* has 10 shape coefficients"):
         BodyModel.from_file(tmp_path / "model.npz", n_betas=12)
-
-
-def test_models_of_skel_are_refused_with_the_reason(tmp_path):
-    fields = {"skin_template_v": np.zeros((9, 3)), "osim_kintree_table": np.zeros((2, 24))}
-    path = written(tmp_path / "skel_male.pkl", pickled(fields | {"bone_names": ["pelvis"]}))
-    for read in (BodyModel.from_file, model_contents):
-        with pytest.raises(FileFormatError, match=r"skel_male\.pkl is a SKEL model.*46 angles"):
-            read(path)
 
 
 def test_models_in_another_unit_are_refused(tmp_path):

@@ -50,16 +50,16 @@ def test_names_are_texts_numbers_or_paths_that_pages_can_show():
     assert names_of(times, "labels", 3, "surfaces") == ("0.0", "0.5", "1.0")
     assert texts_or_numbers([Path("a.ply"), 0.25], "ids") == ("a.ply", "0.25")
     assert text_or_number(7, "subject") == "7"
-    with pytest.raises(ArgumentTypeError, match="subject must be a text; found NoneType"):
+    with pytest.raises(ArgumentTypeError, match="subject must be a text; found None"):
         text_or_number(None, "subject")
     for names, message in (
         (["a"], "names must name each of the 2 bodies; found 1"),
         ("ab", "names must be a sequence of texts, one for each of the 2 bodies; found str"),
         ({"a", "b"}, "found set"),
         ({"a": 1, "b": 2}, "found dict"),
-        (["a", None], "names must hold texts; found None among them"),
-        (["a", np.nan], "found nan among them"),
-        (["a", True], "found True among them"),
+        (["a", None], "names must be a text; found None"),
+        (["a", np.nan], "found nan"),
+        (["a", True], "found True"),
         (["a", "b\0"], "names must be a text without control characters"),
         (["a", "\ud800"], "without control characters"),
     ):

@@ -8,7 +8,6 @@ from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
     FileFormatError,
-    FrameIndexError,
 )
 from riemhuman.io.arrays import save_arrays
 from riemhuman.surfaces import Template
@@ -81,13 +80,6 @@ def test_slices_masks_and_numbers_give_bodies(index, chosen):
     assert some.template is bodies.template
 
 
-@pytest.mark.everyday
-@pytest.mark.parametrize("index", [6, -7, [0, -7], 1.5, [0.5], [[0]], [True, False], "0", None])
-def test_wrong_indices(index):
-    with pytest.raises(FrameIndexError, match="surfaces|indexed by"):
-        Bodies(**fields())[index]
-
-
 def test_select():
     bodies = Bodies(**fields())
     assert bodies.select(subject="Ben").ids == ("3", "4", "5")
@@ -143,6 +135,15 @@ def test_files_that_are_refused(tmp_path, change, message):
     save_arrays(path, {name: array for name, array in arrays.items() if array is not None})
     with pytest.raises(FileFormatError, match=message):
         Bodies.load(path)
+
+
+def test_the_sex_is_the_last_word_of_a_name():
+    bodies = Bodies(**fields(subject_names=["tall woman", "old man"]))
+    assert bodies.sex.tolist() == ["woman"] * 3 + ["man"] * 3
+    assert len(bodies[bodies.sex == "woman"]) == 3
+    assert bodies[:0].sex.shape == (0,)
+    assert set(Bodies(**fields()).sex.tolist()) == {""}
+    assert Bodies(**fields(subject_names=["", "man"])).sex.tolist() == [""] * 3 + ["man"] * 3
 
 
 def test_tables_of_pandas():

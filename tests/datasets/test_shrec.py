@@ -46,13 +46,6 @@ def test_labels_and_meshes(data):
     np.testing.assert_array_equal(meshes[-1][0], meshes[4][0])
 
 
-def test_numbers_find_names(tmp_path):
-    names = ["000", "T1", "shrec14_human_2", "3", "x4"]
-    write_meshes(tmp_path / "Data", names, "off")
-    (tmp_path / "human.cla").write_text(CLASSES)
-    assert [file.stem for file in load_shrec14(tmp_path).files] == names
-
-
 def test_formats_have_an_order_and_hidden_files_do_not_count(data):
     write_meshes(data / "Data", ["0"], "off")
     write_meshes(data / "Data", ["0"], "ply")
@@ -93,9 +86,8 @@ def test_folders(tmp_path, data):
     (tmp_path / "empty" / "x.cla").write_text(CLASSES)
     with pytest.raises(FileError, match="holds no mesh"):
         load_shrec14(tmp_path / "empty")
-    write_meshes(data / "other", ["T4"])
-    (data / "Data" / "4.obj").rename(data / "Data" / "S4.obj")
-    with pytest.raises(FileFormatError, match="the id 4 matches several meshes, Data.S4, other.T4"):
+    write_meshes(data / "other", ["4"])
+    with pytest.raises(FileFormatError, match="the id 4 matches several meshes, Data.4, other.4"):
         load_shrec14(data, data / "test.cla")
 
 

@@ -6,7 +6,7 @@ from known_surfaces import folded_sheet
 from scipy.spatial.distance import cdist
 
 from riemhuman.descriptors import ShapeDNA
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 
 
 def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
@@ -28,16 +28,3 @@ def test_bad_vectors():
     assert ShapeDNA().distances(np.ones((1, 4))).shape == (1, 1)
     rows = np.random.default_rng(0).normal(size=(5, 3))
     np.testing.assert_allclose(ShapeDNA().distances(rows), cdist(rows, rows), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("bodies", "message"),
-    [
-        (3.0, "bodies must be registered bodies, or pairs of vertices and faces"),
-        (np.zeros((2, 5, 3)), r"bodies\[0\] must be a pair of vertices and faces"),
-        ("ab", r"bodies\[0\] must be a pair of vertices and faces"),
-    ],
-)
-def test_other_than_meshes_are_refused(bodies, message):
-    with pytest.raises(ArgumentTypeError, match=message):
-        ShapeDNA(5).describe_all(bodies)

@@ -99,5 +99,3 @@ def test_surfaces_that_are_not_registered_to_the_model():
         shape.describe(np.zeros((5, 3)), FACES)
     with pytest.raises(ArgumentError, match="faces of body 1 must be the triangles of"):
         shape.describe_all([(np.zeros((4, 3)), FACES), (np.zeros((4, 3)), FACES[::-1])])
-    with pytest.raises(ArgumentError, match="3 numbers for each joint; found 4 in all"):
-        ModelPoseVectors(Model(), "rotation").distances(np.zeros((2, 4)))

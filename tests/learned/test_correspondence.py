@@ -41,5 +41,5 @@ def test_what_is_not_in_correspondence_is_refused(coarse, bodies):
         Correspondence(coarse.template, other, np.arange(1000))
     with pytest.raises(ArgumentError, match="must keep most triangles.*0% of the body"):
         Correspondence(coarse.template, other, np.zeros(coarse.n_vertices, dtype=int))
-    with pytest.raises(ArgumentError, match="must hold indices of vertices"):
+    with pytest.raises(ArgumentError, match="must hold whole numbers from 0"):
         Correspondence(coarse.template, other, np.arange(1, coarse.n_vertices + 1))

@@ -145,7 +145,7 @@ def test_flesh_that_bulges_where_a_joint_bends_belongs_to_the_pose(measurements)
     def posed(poses):
         rest = model(betas) + bent[:, None, None] * bulge
         rotations = rotation_matrix(poses)
-        motions = joint_motions(joints, rotations, model.parents, model.joint_order)
+        motions = joint_motions(joints, rotations, model.parents)
         return skin_surface(rest, model.weights, joints, *motions)
 
     arm = Measurements(measurements.definitions, ["upper arm girth", "forearm girth"])

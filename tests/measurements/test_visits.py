@@ -64,7 +64,6 @@ def test_a_change_is_found_where_it_is(bodies, number, is_told):
         model.joints(betas),
         rotation_matrix(bodies.pose_vectors[5]),
         model.parents,
-        model.joint_order,
     )
     after = skin_surface(shape, model.weights, model.joints(betas), rotations, places)
     result = compare_visits(measurements, bodies.points[number], after)

@@ -71,21 +71,6 @@ def test_people_who_lie_are_y_down_unless_told(bodies, photograph):
     np.testing.assert_allclose(np.ptp(found.points[0, :, 1]), np.ptp(bodies[0][:, 1]), rtol=1e-5)
 
 
-def test_bodies_have_the_labels_of_their_files(bodies, photograph, tmp_path):
-    photograph(bodies[:2] * TURNED, "anna.npz")
-    photograph(bodies[2] * TURNED, "ben.npz")
-    faces = bodies.template.faces
-    found = rh.datasets.load_bodies(tmp_path, faces=faces)
-    assert found.ids == ("anna_0", "anna_1", "ben")
-    assert found.subject.tolist() == [0, 0, 1]
-    assert found.pose.tolist() == [0, 1, 0]
-    (tmp_path / "labels.csv").write_text("file,subject,pose\nben,Ben,sits\nanna,Anna,walks\n")
-    found = rh.datasets.load_bodies(tmp_path, faces=faces)
-    assert [found.subject_names[number] for number in found.subject] == ["Anna", "Anna", "Ben"]
-    with pytest.raises(rh.errors.ArgumentError, match="metres"):
-        rh.datasets.load_bodies(tmp_path, faces=faces, unit="centimetres")
-
-
 def test_frames_of_one_person_have_one_shape(bodies, photograph):
     model, rng = bodies.model, np.random.default_rng(49)
     motion = rh.datasets.load_open_motions("coarse", sequences=["knees"])[0]

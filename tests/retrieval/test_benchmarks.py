@@ -121,11 +121,7 @@ def test_metrics_do_not_take_meshes_that_are_not_registered(few):
         benchmark(Meshes())
 
 
-def test_wrong_arguments(few):
-    with pytest.raises(
-        ArgumentTypeError, match=r"representations\['x'\] must be a metric.*found int"
-    ):
-        benchmark(few, {"x": 3})
+def test_labels_that_no_two_share_are_refused(few):
     alone = Some(points=few.points[:1], template=few.template, subject=[0], pose=[0])
     with pytest.raises(ArgumentError, match="no two of 1 surfaces do"):
         benchmark(alone, {"height": Heights()})

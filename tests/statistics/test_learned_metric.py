@@ -40,11 +40,11 @@ def test_people_left_out_are_retrieved_better_than_without_labels(bodies, metric
 def test_distances_across_and_within_folds(bodies, metrics):
     """Across folds, those of a metric fitted to the others; within, the mean of such metrics."""
     points, labels = bodies.points[:60], bodies.pose[:60]
-    folds = bodies.subject[:60] % 3
-    learned = rh.LearnedMetric(metrics["pose"], n_folds=3)
+    folds = bodies.subject[:60] % 5
+    learned = rh.LearnedMetric(metrics["pose"])
     distances = learned.held_out_distances(points, labels, bodies.subject[:60])
     within = []
-    for other in (1, 2):
+    for other in (1, 2, 3, 4):
         fitted = ~np.isin(folds, [0, other])
         metric = rh.LearnedMetric(metrics["pose"]).fit(points[fitted], labels[fitted])
         codes, others = (metric.transform(points[folds == fold]) for fold in (0, other))
@@ -78,7 +78,7 @@ def test_the_metric_is_a_metric_as_others_are(bodies, metrics):
 def test_agrees_with_scikit_learn(bodies, metrics):
     """Distances of linear discriminant analysis with the same shrinkage, and Ledoit and Wolf's."""
     points, labels = bodies.points[::4], bodies.subject[::4]
-    learned = rh.LearnedMetric(metrics["subject"], shrinkage=0.3).fit(points, labels)
+    learned = rh.LearnedMetric(metrics["subject"]).fit(points, labels)
     coordinates = metrics["subject"].lower_bound_coordinates(points)
     principal = np.linalg.svd(coordinates - coordinates.mean(axis=0), full_matrices=False)[0]
     centered = coordinates - coordinates.mean(axis=0)
@@ -87,15 +87,15 @@ def test_agrees_with_scikit_learn(bodies, metrics):
     means = np.stack([reduced[labels == label].mean(axis=0) for label in labels])
     within = reduced - means
     scatter = within.T @ within / len(within)
-    shrunk = 0.7 * scatter + 0.3 * np.trace(scatter) / len(scatter) * np.eye(len(scatter))
+    share = LedoitWolf(assume_centered=True).fit(within).shrinkage_
+    assert learned.shrinkage_ == pytest.approx(share)
+    ridge = np.trace(scatter) / len(scatter) * np.eye(len(scatter))
+    shrunk = (1.0 - share) * scatter + share * ridge
     difference = reduced[0] - reduced[1:]
     expected = np.sqrt(np.sum(difference * np.linalg.solve(shrunk, difference.T).T, axis=1))
     codes = learned.transform(points)
     np.testing.assert_allclose(np.linalg.norm(codes[0] - codes[1:], axis=1), expected, rtol=1e-6)
-    automatic = rh.LearnedMetric(metrics["subject"]).fit(points, labels)
-    wanted = LedoitWolf(assume_centered=True).fit(within).shrinkage_
-    assert automatic.shrinkage_ == pytest.approx(wanted)
-    lda = LinearDiscriminantAnalysis(solver="lsqr", shrinkage=0.3).fit(reduced, labels)
+    lda = LinearDiscriminantAnalysis(solver="lsqr", shrinkage=share).fit(reduced, labels)
     centres = np.stack([codes[labels == label].mean(axis=0) for label in lda.classes_])
     nearest = lda.classes_[cdist(codes, centres).argmin(axis=1)]
     np.testing.assert_array_equal(nearest, lda.predict(reduced))
@@ -114,7 +114,7 @@ def test_refusals(bodies, metrics):
     ):
         with pytest.raises(ArgumentError, match=message):
             learned.fit(*arguments)
-    with pytest.raises(ArgumentError, match="n_folds=5 groups; found 2"):
+    with pytest.raises(ArgumentError, match="at least 5 groups; found 2"):
         learned.held_out_distances(points, labels, bodies.subject[:20])
     sobolev = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template))
     with pytest.raises(NotDefinedError, match="SobolevMetric does not define lower_bound"):

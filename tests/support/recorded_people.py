@@ -77,7 +77,7 @@ def joint_paths(motion):
 def joints_in_space(model, betas, pose_vectors):
     """Return rotations of joints in space, and their places; the root stays where it rests."""
     rest = model.joints(betas)
-    return joint_motions(rest, rotation_matrix(pose_vectors), model.parents, model.joint_order)
+    return joint_motions(rest, rotation_matrix(pose_vectors), model.parents)
 
 
 @cache

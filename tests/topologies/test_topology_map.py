@@ -136,7 +136,7 @@ def test_files_hold_the_map(known, people, model, tmp_path):
     arrays = rh.io.load_arrays(tmp_path / "map.npz", ())
     arrays["to_model_columns"] = arrays["to_model_columns"] + 1_000_000
     rh.io.save_arrays(tmp_path / "wrong.npz", arrays)
-    with pytest.raises(FileFormatError, match="to_model_columns must hold indices of vertices"):
+    with pytest.raises(FileFormatError, match="to_model_columns must hold whole numbers from 0"):
         TopologyMap.load(tmp_path / "wrong.npz")
 
 

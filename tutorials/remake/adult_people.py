@@ -171,7 +171,7 @@ class PeopleFitter:
             rows = []
             for measurements, rotations in self._poses:
                 turned = np.broadcast_to(rotations, (len(skins), *rotations.shape))
-                motions = joint_motions(joints, turned, model.parents, model.joint_order)
+                motions = joint_motions(joints, turned, model.parents)
                 posed = skin_surface(skins, model.weights, joints, *motions)
                 rows += [_masses(posed, model.faces)] if not rows else []
                 together = LandmarkedBodies(measurements.definitions, posed, "space")

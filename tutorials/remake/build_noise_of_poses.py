@@ -192,14 +192,13 @@ def _in_standard_pose_as_made(measurements: Measurements, bodies: Bodies) -> nda
     straight = np.empty_like(bodies.points)
     for number, point in enumerate(bodies.points - bodies.translations[:, np.newaxis]):
         joints = model.joints(bodies.betas[number])
-        skeleton = model.parents, model.joint_order
         rotations, places = joint_motions(
-            joints, rotation_matrix(bodies.pose_vectors[number]), *skeleton
+            joints, rotation_matrix(bodies.pose_vectors[number]), model.parents
         )
         shifts = model.weights @ (places - np.einsum("jab,jb->ja", rotations, joints))
         linear = np.einsum("vj,jab->vab", model.weights, rotations)
         rest = np.linalg.solve(linear, (point - shifts)[..., np.newaxis])[..., 0]
-        motions = joint_motions(joints, rotation_matrix(pose), *skeleton)
+        motions = joint_motions(joints, rotation_matrix(pose), model.parents)
         straight[number] = skin_surface(rest, model.weights, joints, *motions)
     return straight
 
