@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,9 +30,8 @@ from riemhuman.representation import Record
 _STAGES = 4
 # Lines across the body that are compared with the recorded ones, besides bones.
 _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
-# Means over the frames above which a warning is issued.
+# Mean over the frames above which a warning is issued.
 _MOST_DEGREES = 15.0
-_MOST_METRES = 0.07
 # Distances from recorded joints, metres, that no person's proportions explain.
 _MOST_UNLIKE, _MEAN_UNLIKE = 0.16, 0.12
 # Soles of standing feet of people who are upright, by the cosine of their trunk, degrees.
@@ -120,9 +118,8 @@ def perform(
         performance = stand(source, figure, rotations, scale)
     bar.update()
     errors = _errors(source, figure, performance, scale)
-    misplaced = _misplaced(source, figure, performance)
     pitches = _pitches(source, figure, performance)
-    _warn_of_errors(recording.name, source, errors, misplaced, pitches)
+    _warn_of_errors(recording.name, source, errors, pitches)
     poses, translations = _model_parameters(figure, performance)
     bar.update()
     bar.close()
@@ -208,28 +205,6 @@ def _angles(first: Array, second: Array) -> Array:
     return angles
 
 
-def _misplaced(source: RecordedSkeleton, figure: Figure, performance: Performance) -> Array:
-    """Return how far joints are from where recorded directions lead with the figure's bones."""
-    joints = figure.joints
-    hips = middle(performance.positions, joints, "hip")
-    back = unit(trunk(source.positions, source.joints))
-    shoulders = hips + np.linalg.norm(trunk(figure.rest, joints)) * back
-    distances = []
-    for limb in LIMBS:
-        side, part = limb[0].split("_")
-        sign = 0.5 if side == "left" else -0.5
-        line = unit(bone(source.positions, source.joints, f"right_{part}", f"left_{part}"))
-        width = np.linalg.norm(figure.bone(f"right_{part}", f"left_{part}"))
-        places = [(hips if part == "hip" else shoulders) + sign * width * line]
-        for upper, lower in pairwise(limb):
-            direction = unit(bone(source.positions, source.joints, upper, lower))
-            places.append(places[-1] + np.linalg.norm(figure.bone(upper, lower)) * direction)
-        for name, place in zip(limb, places, strict=True):
-            apart = performance.positions[:, joints[name]] - place
-            distances.append(np.linalg.norm(apart, axis=1))
-    return np.stack(distances, axis=1)
-
-
 def _pitches(source: RecordedSkeleton, figure: Figure, performance: Performance) -> list[float]:
     """Return how far feet that stand still point up on average, degrees."""
     is_upright = unit(trunk(source.positions, source.joints))[:, 1] > _UPRIGHT
@@ -255,28 +230,15 @@ def _feet_point_backward(source: RecordedSkeleton) -> bool:
 
 
 def _warn_of_errors(
-    name: str,
-    source: RecordedSkeleton,
-    errors: RetargetingErrors,
-    misplaced: Array,
-    pitches: Sequence[float],
+    name: str, source: RecordedSkeleton, errors: RetargetingErrors, pitches: Sequence[float]
 ) -> None:
-    """Warn if the body is far from the recording in the mean over the frames.
-
-    Distances are those that proportions of the person do not explain.
-    """
+    """Warn if the body is far from the recording in the mean over the frames."""
     angles = np.concatenate([errors.directions, errors.rotations], axis=1).mean(axis=0)
-    distances = misplaced.mean(axis=0)
     labels = [" to ".join(pair) for pair in errors.bones] + list(errors.parts)
     doubts = [
         f"{label} by {angle:.0f} degrees"
         for label, angle in zip(labels, angles, strict=True)
         if angle > _MOST_DEGREES
-    ]
-    doubts += [
-        f"{joint} by {100.0 * distance:.0f} cm"
-        for joint, distance in zip(errors.joints, distances, strict=True)
-        if distance > _MOST_METRES
     ]
     sizes = errors.positions.mean(axis=0)
     if sizes.max() > _MOST_UNLIKE or sizes.mean() > _MEAN_UNLIKE:

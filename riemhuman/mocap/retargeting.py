@@ -184,7 +184,7 @@ def retarget(
     is lowered, is measured relative to its mean. Limbs follow the recorded directions within 3.8
     degrees, the trunk almost exactly. Feet that stand still are level and stay in place, and
     nothing sinks into the floor by more than 5 mm. A warning says if pelvis, chest, head, a bone or
-    a line is off by more than 15 degrees on average, or a joint by more than 7 cm.
+    a line is off by more than 15 degrees on average, and if no person has the proportions.
 
     A recording of the model's own skeleton, as written by `Motion.save`, is played unchanged, by
     the person whose bones it has.
