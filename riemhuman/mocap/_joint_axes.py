@@ -28,7 +28,7 @@ from riemhuman.bodies.skinning import LIMBS
 from riemhuman.kernels.rotations import log, nearest_rotations, shortest_rotations, transpose
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.mocap._joint_names import SIDES, model_joints
-from riemhuman.mocap._recorded_skeletons import RecordedSkeleton
+from riemhuman.mocap._recorded_skeletons import RecordedSkeleton, stands_on
 from riemhuman.mocap._skeletons import (
     body_frame,
     bone,
@@ -266,7 +266,8 @@ def _axes_by_floor(
         return mean_axes(rotations, sole, flat), mean_axes(toe_rotations, sole, flat)
     horizontal = 1.0 - directions[:, 1] ** 2
     # Balls on the floor are level across, more so the less the toes point down; toes lie on it.
-    grounded = source.grounded[:, SIDES.index(side)] * horizontal
+    standing = source.grounded & stands_on(source.positions, source.joints)
+    grounded = standing[:, SIDES.index(side)] * horizontal
     if grounded.mean() > _LEVEL_FEET:
         foot = frame(directions, _VERTICAL) @ frame(rest, up).T
         return mean_axes(rotations, foot, grounded), mean_axes(toe_rotations, sole, grounded)

@@ -50,6 +50,8 @@ _SHORT_FOOT, _SHORTEST_FOOT, _STRAIGHT_FOOT = 0.5, 0.06, 0.94
 # were placed.
 _STRAIGHT_LEG, _LEGS_APART = 0.985, 0.9
 _LEAST_LEAN, _MOST_LEAN = 6.0, 30.0
+# A shank stands on its foot if it points up by this cosine.
+_BELOW_KNEE = 0.5
 # Joints nearer than this are in one place, leg lengths.
 _ONE_PLACE = 1e-3
 # Bones besides those of the limbs.
@@ -148,7 +150,7 @@ def read_skeleton(
     ball_still = is_valid[:, None] & _is_still(positions[:, balls], rate, leg)
     ankle_still = is_valid[:, None] & _is_still(positions[:, ankles], rate, leg)
     grounded = ball_still & _is_near_floor(positions, balls, ball_still, is_valid, leg)
-    flat = grounded & ankle_still
+    flat = grounded & ankle_still & stands_on(positions, joints)
     carriers = joints | {
         upper: _carrier(positions, parents, joints[lower], leg)
         for upper, lower in (*BONES, *_OTHER_BONES)
@@ -230,6 +232,12 @@ def _standing_rest(
     pelvis, chest = pelvis_frame(rest, joints), body_frame(rest, joints, "shoulder")
     upright = {"pelvis": pelvis.T @ frame(hips, up), "chest": chest.T @ frame(shoulders, up)}
     return upright, standing_axes
+
+
+def stands_on(positions: Array, joints: Mapping[str, int]) -> Booleans:
+    """Return whether each foot is below its knee, as it is not if someone lies or kneels."""
+    shanks = [unit(bone(positions, joints, f"{side}_ankle", f"{side}_knee")) for side in SIDES]
+    return np.asarray(np.stack(shanks, axis=1)[..., 1] > _BELOW_KNEE)
 
 
 def _carrier(positions: Array, parents: Integers, end: int, leg: float) -> int:

@@ -105,8 +105,14 @@ def upward_axis(
         return chosen, "" if is_sure else likely
     # For people who stand along the opposite axis, the lowest place is the head, not a floor.
     is_unusual = chosen not in (usual, f"-{usual}", *convention.as_usual)
-    is_doubtful = is_unusual and evidence[usual].floor > _DOUBTFUL_FLOOR
-    return chosen, usual if is_doubtful else ""
+    if is_unusual and evidence[usual].floor > _DOUBTFUL_FLOOR:
+        return chosen, usual
+    # Someone who lies is on a floor along one usual axis, and seems to float along another.
+    for axis in sorted({usual, *convention.as_usual} - {chosen}):
+        has_floor = evidence[axis].floor > _DOUBTFUL_FLOOR and evidence[axis].supported > 0.5
+        if has_floor and evidence[chosen].floor < _SOME_FLOOR:
+            return chosen, axis
+    return chosen, ""
 
 
 class _Evidence(NamedTuple):

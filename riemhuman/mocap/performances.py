@@ -20,8 +20,8 @@ from riemhuman.mocap._body_size import own_person
 from riemhuman.mocap._joint_axes import Figure, make_figure, mean_axes
 from riemhuman.mocap._joint_names import BONES, SIDES
 from riemhuman.mocap._limbs import NECK, RUN, follow
-from riemhuman.mocap._recorded_skeletons import RecordedSkeleton, read_skeleton
-from riemhuman.mocap._skeletons import body_frame, bone, bones, middle, trunk
+from riemhuman.mocap._recorded_skeletons import RecordedSkeleton, read_skeleton, stands_on
+from riemhuman.mocap._skeletons import body_frame, bone, bones, middle
 from riemhuman.mocap._standing import Performance, stand
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 from riemhuman.representation import Record
@@ -34,8 +34,8 @@ _LINES = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
 _MOST_DEGREES = 15.0
 # Distances from recorded joints, metres, that no person's proportions explain.
 _MOST_UNLIKE, _MEAN_UNLIKE = 0.16, 0.12
-# Soles of standing feet of people who are upright, by the cosine of their trunk, degrees.
-_MOST_PITCH, _UPRIGHT = 30.0, 0.7
+# Soles of standing feet, degrees.
+_MOST_PITCH = 30.0
 # Coefficients of the same person, estimated twice, differ by less than this.
 _SAME_BETAS = 1e-5
 # Mean cosine of feet to the front of the body that says that they point backward.
@@ -207,10 +207,8 @@ def _angles(first: Array, second: Array) -> Array:
 
 def _pitches(source: RecordedSkeleton, figure: Figure, performance: Performance) -> list[float]:
     """Return how far feet that stand still point up on average, degrees."""
-    is_upright = unit(trunk(source.positions, source.joints))[:, 1] > _UPRIGHT
     pitches = []
-    for side, flat in zip(SIDES, source.flat.T, strict=True):
-        standing = flat & is_upright
+    for side, standing in zip(SIDES, source.flat.T, strict=True):
         # How far the axis to the front points up, as a sine.
         sines = performance.rotations[standing, figure.joints[f"{side}_ankle"], 1, 2]
         if standing.any():
@@ -219,13 +217,14 @@ def _pitches(source: RecordedSkeleton, figure: Figure, performance: Performance)
 
 
 def _feet_point_backward(source: RecordedSkeleton) -> bool:
-    """Return whether the toes are behind the ankles of a body with these sides."""
+    """Return whether the toes of standing feet are behind the ankles of a body with these sides."""
     forward = body_frame(source.positions, source.joints, "hip")[..., 2]
-    feet = [
-        np.sum(unit(bone(source.positions, source.joints, ankle, toes)) * forward, axis=1).mean()
-        for ankle, toes in (("left_ankle", "left_toes"), ("right_ankle", "right_toes"))
-        if toes in source.joints
-    ]
+    feet = []
+    for side, standing in zip(SIDES, stands_on(source.positions, source.joints).T, strict=True):
+        ankle, toes = f"{side}_ankle", f"{side}_toes"
+        if toes in source.joints and standing.any():
+            direction = unit(bone(source.positions, source.joints, ankle, toes))
+            feet.append(np.sum(direction * forward, axis=1)[standing].mean())
     return bool(feet) and max(feet) < -_BACKWARD
 
 

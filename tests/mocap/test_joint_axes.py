@@ -106,6 +106,21 @@ def test_feet_in_the_air_and_raised_heels(model, subject, sequence, limit):
         np.testing.assert_allclose(*heels, atol=0.015)
 
 
+@pytest.mark.parametrize(
+    ("bent", "degrees"),
+    [(["pelvis"], -90.0), (["pelvis"], 90.0), (["left_knee", "right_knee"], 100.0)],
+)
+@pytest.mark.filterwarnings("error")
+def test_feet_of_people_who_lie_and_kneel_are_not_level(model, bent, degrees):
+    poses = np.zeros((1, model.n_joints, 3))
+    poses[:, [model.joint_names.index(name) for name in bent], 0] = np.radians(degrees)
+    places = np.array([[0.0, -model(pose=poses[0])[:, 1].min(), 0.0]])
+    recording = recording_of(model, np.zeros(model.n_betas), poses, places)
+    motion = retarget(replace(recording, has_rest_pose=False), model, up="y")
+    bodies = motion[0], model(None, poses[0], places[0])
+    np.testing.assert_allclose(*bodies, atol=0.03)
+
+
 def test_a_single_frame_and_straight_limbs(model):
     poses, translations = np.zeros((1, model.n_joints, 3)), np.zeros((1, 3))
     recording = recording_of(model, np.zeros(model.n_betas), poses, translations)

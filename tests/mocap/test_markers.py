@@ -152,12 +152,18 @@ def test_frames_at_both_ends_without_markers_are_left_out(joints, video, tmp_pat
     )
 
 
+@pytest.mark.filterwarnings("ignore:.*no markers tell where left_wrist")
 def test_long_gaps_are_refused_unless_nothing_needs_them(video, tmp_path):
     video["LBigToe"][5:25] = np.nan
     with pytest.warns(UserWarning, match="left_toes was left out"):
         recording = load_trc(write_trc(tmp_path / "jump.trc", video))
     assert "left_toes" not in recording.joint_names
     n_frames = len(video["LKnee"])
+    whole = video["LWrist"].copy()
+    video["LWrist"][5:] = np.nan
+    with pytest.warns(UserWarning, match="left_wrist was left out"):
+        assert len(load_trc(write_trc(tmp_path / "jump.trc", video))) == n_frames
+    video["LWrist"] = whole
     video["LKnee"][5:25] = np.nan
     with pytest.warns(UserWarning, match=f"only frames 26 to {n_frames} of {n_frames}"):
         recording = load_trc(write_trc(tmp_path / "jump.trc", video))
