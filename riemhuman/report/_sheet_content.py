@@ -253,7 +253,7 @@ def _across(definitions: MeasurementSet, subject: SheetSubject) -> Array:
 
 def badge(subject: SheetSubject, values: SheetValues) -> tuple[str, str]:
     """Return the class and the words of the badge of a body."""
-    if subject.is_measurable and values.implausible:
+    if subject.is_measurable and values.withheld:
         return "partial", "partly trusted"
     if subject.trusted_vertices is None and subject.is_trusted:
         return "unknown", "registered mesh"
@@ -297,9 +297,9 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
         )
     elif said:
         sentences += said
-    elif subject.known_vertices.all() and not values.implausible:
+    elif subject.known_vertices.all() and not values.withheld:
         sentences.append("The whole body can be trusted.")
-    elif not values.implausible:
+    elif not values.withheld:
         sentences.append(
             "The body can be trusted, except in small places that the scan does not show."
         )
@@ -308,7 +308,7 @@ def _trust(subject: SheetSubject, values: SheetValues, units: str) -> str:
         sentences.append(
             f"Measurements are of the mean of {n_scans} scans; the pictures show {subject.name}."
         )
-    for group in values.implausible:
+    for group in values.withheld:
         sentences.append(
             f"Measurements of the {group.name} are withheld: {group.reason}. At the next scan, "
             f"{group.advice}."

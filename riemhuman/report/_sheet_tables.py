@@ -77,7 +77,7 @@ def _people(sheets: Sheets) -> Rows:
     ]
     for subject, values in sheets:
         _, trust = badge(subject, values)
-        withheld = [f"{group.name} withheld: {group.reason}" for group in values.implausible]
+        withheld = [f"{group.name} withheld: {group.reason}" for group in values.withheld]
         rows.append(
             [
                 subject.name,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Booleans, JSONValue, Points, Triangles
 from riemhuman.datasets import load_open_model
@@ -49,6 +50,16 @@ _LARGEST_LEAN = 60.0
 _DEVIATIONS = 2.0
 # Standard deviation of a scan over that among adults, up to which there is a percentile.
 _LARGEST_NOISE = 0.5
+# Where thighs touch, or a scanner closes its scan between them, nobody sees the crotch. It is
+# hidden if it is farther from the scan than this, metres, and than so many times the median vertex.
+_HIDDEN_METRES, _HIDDEN_TIMES = 0.02, 3.0
+_CROTCH = Group(
+    "inside leg",
+    {},
+    "the scan does not show the crotch, as when the thighs touch",
+    "stand with the feet further apart",
+    ("inside leg height", "crotch length (omphalion)", "posterior crotch length (omphalion)"),
+)
 _OPPOSITE = {"right": "left", "left": "right"}
 # Measurements of the right side that are also taken on the left.
 LEFT_AND_RIGHT = (
@@ -210,7 +221,7 @@ class SheetValues:
     changes: VisitComparison | None = None
     since: str = ""
     doubt: str = ""  # whether both visits are of one person
-    implausible: tuple[Group, ...] = ()  # their measurements are withheld
+    withheld: tuple[Group, ...] = ()  # groups whose measurements are left blank
     pairs: tuple[PairedRow, ...] = ()  # of the left and the right side
     visits: tuple[tuple[str, Mapping[str, float]], ...] = ()  # up to this one, if more than two
 
@@ -349,8 +360,10 @@ def _values(
         reasons = {name: reason for name, reason in reasons.items() if name != "stature"}
         if abs(measured_stature - stature) > _DEVIATIONS * deviations.get("stature", np.nan):
             remarks.append("the stature of the scan differs from the one typed in")
-    implausible = _implausible(named, deviations, subject) if standing is not None else []
-    for group in implausible:
+    withheld = []
+    if standing is not None:
+        withheld = _withheld(named, deviations, subject, measurements.definitions)
+    for group in withheld:
         for name in named.keys() & {*group.measurements}:
             named[name] = float("nan")
             reasons = {**reasons, name: group.reason}
@@ -383,7 +396,7 @@ def _values(
         average=average,
         average_faces=load_open_model(resolution).faces,
         remarks=(*remarks, *said),
-        implausible=tuple(implausible),
+        withheld=tuple(withheld),
     )
 
 
@@ -400,13 +413,33 @@ def _remarks_on_scans(subject: SheetSubject, faces: Triangles) -> list[str]:
     return remarks
 
 
-def _implausible(
-    named: Mapping[str, float], deviations: Mapping[str, float], subject: SheetSubject
+def _withheld(
+    named: Mapping[str, float],
+    deviations: Mapping[str, float],
+    subject: SheetSubject,
+    definitions: MeasurementSet,
 ) -> list[Group]:
-    """Return groups of measurements that no adult combines; none for children."""
-    if not is_of_adults(named.get("stature", float("nan")), subject.sex):
-        return []
-    return implausible_groups(named, deviations, subject.sex)
+    """Return groups that no scan shows, and those that no adult combines; none for children."""
+    groups = [_CROTCH] if _is_crotch_hidden(subject, definitions) else []
+    if is_of_adults(named.get("stature", float("nan")), subject.sex):
+        groups += implausible_groups(named, deviations, subject.sex)
+    return groups
+
+
+def _is_crotch_hidden(subject: SheetSubject, definitions: MeasurementSet) -> bool:
+    """Return whether a body is known by scans alone, of which none has points near its crotch."""
+    if "crotch" not in definitions.landmarks:
+        return False
+    vertices, weights = definitions.landmarks["crotch"]
+    for body in subject.measured_scans:
+        if body.scan is None or not len(body.scan):
+            return False
+        tree = cKDTree(body.scan)
+        gaps, _ = tree.query(body.points[body.known_vertices])
+        gap, _ = tree.query(weights @ body.points[vertices])
+        if gap < max(_HIDDEN_METRES, _HIDDEN_TIMES * np.median(gaps)):
+            return False
+    return True
 
 
 def _is_sharp(name: str, value: float, deviation: float, sex: str) -> bool:
@@ -467,12 +500,15 @@ def with_changes(
     doubt = people.text if people.is_hardly_one_person else ""
     deviations = dict(zip(comparison.names, comparison.noise.tolist(), strict=True))
     earlier = dict(zip(comparison.names, comparison.before.tolist(), strict=True))
-    withheld = {
+    blank = {
         name
-        for group in (*values.implausible, *_implausible(earlier, deviations, before))
+        for group in (
+            *values.withheld,
+            *_withheld(earlier, deviations, before, measurements.definitions),
+        )
         for name in group.measurements
     }
-    is_known = np.array([name not in withheld for name in comparison.names])
+    is_known = np.array([name not in blank for name in comparison.names])
     comparison = replace(
         comparison,
         before=np.where(is_known, comparison.before, np.nan),

@@ -172,3 +172,17 @@ def test_a_logo_is_at_the_top(bodies, tmp_path):
     (tmp_path / "text.png").write_text("no picture")
     with pytest.raises(FileError, match="text.png cannot be read as a picture"):
         rh.report.sheet(bodies[3], logo=tmp_path / "text.png")
+
+
+@pytest.mark.parametrize(("hole", "is_hidden"), [(0.0, False), (0.05, True)])
+def test_a_crotch_that_the_scan_does_not_show_has_no_height(record, measurements, hole, is_hidden):
+    vertices, weights = measurements.definitions.landmarks["crotch"]
+    points, shown = record.arrays["points"], record.arrays["points"].astype(np.float32)
+    shown = shown[np.linalg.norm(shown - weights @ points[vertices], axis=1) >= hole]
+    trusted = np.ones(len(points), dtype=bool)
+    arrays = record.arrays | {"shown": shown, "trusted_vertices": trusted}
+    sheet = rh.report.sheet(replace(record, message="", arrays=arrays), sex="woman")
+    values = {row.name: row.value for row in sheet.measurements}
+    assert np.isnan(values["inside leg height"]) == is_hidden
+    assert np.isfinite(values["outside leg length"])
+    assert ("stand with the feet further apart" in sheet.html) == is_hidden
