@@ -17,10 +17,11 @@ from riemhuman.checks import (
     instance,
     longest_side,
     real_array,
+    real_number,
     values_of,
 )
 from riemhuman.errors import ArgumentError, SeamWarning, warn
-from riemhuman.geometry.manifold import SurfaceSpace, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import SurfaceSpace, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.io import as_arrays
@@ -87,7 +88,7 @@ class AlignedSurfaces(SurfaceSpace):
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         count = sample_count(n_samples)
         noise = generator(rng).uniform(-1.0, 1.0, (count, 3, 3))
-        maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
+        maps = np.eye(3) + 0.2 * real_number(bound, "bound", minimum=0.0) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
 
     def face_areas(self, point: Points) -> Array:

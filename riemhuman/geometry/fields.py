@@ -15,11 +15,12 @@ from riemhuman.checks import (
     instance,
     joint_shape,
     real_array,
+    real_number,
     refuse_type,
     values_of,
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.product import ProductManifold
@@ -168,7 +169,7 @@ class MetricFields(TriangleFields):
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
         count = sample_count(n_samples)
         noise = generator(rng).standard_normal((count, *self.shape))
-        logarithm = 0.5 * sample_bound(bound) * cones.symmetric_part(noise)
+        logarithm = 0.5 * real_number(bound, "bound", minimum=0.0) * cones.symmetric_part(noise)
         size = np.exp(0.5 * cones.trace(logarithm))[..., None, None]
         shear = cones.traceless(logarithm)
         points = size * cones.traceless_exp(shear, np.array(1.0))

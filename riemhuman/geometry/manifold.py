@@ -10,7 +10,6 @@ from riemhuman.checks import (
     checked,
     flag,
     real_array,
-    real_number,
     refuse_type,
     values_of,
     whole_number,
@@ -205,11 +204,6 @@ def manifold_of(metric: RiemannianMetric) -> Manifold:
 def sample_count(n_samples: int) -> int:
     """Return the number of random samples, at least 1."""
     return whole_number(n_samples, "n_samples", minimum=1)
-
-
-def sample_bound(bound: float) -> float:
-    """Return the spread of random points, at least 0."""
-    return real_number(bound, "bound", minimum=0.0)
 
 
 def stack_samples(samples: Array, n_samples: int) -> Array:

@@ -14,10 +14,11 @@ from riemhuman.checks import (
     instance,
     metric_weight,
     real_array,
+    real_number,
 )
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry.fields import FieldMetric
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.surface import Derivatives, joined_axes
 from riemhuman.terms import FlatTerm
@@ -52,7 +53,7 @@ class VectorSpace(Manifold):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> Array:
-        n_samples, bound = sample_count(n_samples), sample_bound(bound)
+        n_samples, bound = sample_count(n_samples), real_number(bound, "bound", minimum=0.0)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
         return stack_samples(points, n_samples)
 
@@ -130,19 +131,6 @@ class FlatMetric(FieldMetric):
 
     def _log(self, point: Points, start: Points) -> Array:
         return point - start
-
-    def parallel_transport(
-        self,
-        tangent_vec: TangentVectors,
-        base_point: Points | None = None,
-        direction: TangentVectors | None = None,
-        end_point: Points | None = None,
-    ) -> Array:
-        # Vectors stay as they are, wherever they go.
-        start = np.zeros(self.space.shape) if base_point is None else base_point
-        if direction is None and end_point is None:
-            direction = np.zeros(self.space.shape)
-        return super().parallel_transport(tangent_vec, start, direction, end_point)
 
     def _transport(self, vector: TangentVectors, point: Points, velocity: TangentVectors) -> Array:
         return vector + np.zeros_like(point + velocity)

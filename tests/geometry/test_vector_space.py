@@ -32,11 +32,3 @@ def test_weights_of_vectors_and_of_fields_of_matrices():
         np.testing.assert_allclose(found, [[0.0, np.sqrt(expected)]], rtol=1e-14)
         coordinates = metric.lower_bound_coordinates(np.stack([a, b]))
         np.testing.assert_allclose(np.linalg.norm(np.subtract(*coordinates)), found[0, 1])
-
-
-def test_vectors_stay_as_they_are_wherever_they_go():
-    metric = FlatMetric(VectorSpace((3,)))
-    vector, start, end = np.random.default_rng(2).standard_normal((3, 3))
-    for goal in ({}, {"direction": end}, {"end_point": end}):
-        for arguments in ((vector,), (vector, start)):
-            np.testing.assert_array_equal(metric.parallel_transport(*arguments, **goal), vector)
