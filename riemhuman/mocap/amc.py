@@ -267,11 +267,6 @@ class _SkeletonReader:
             number = len(ordered)
             ordered.append(bone)
             waiting += [(child, number) for child in reversed(self._children.get(name, []))]
-        omitted = [bone.name for bone in self._bones.values() if not bone.is_placed]
-        if omitted:
-            raise FileFormatError(f"{self._file}: the hierarchy leaves out bone {omitted[0][:60]}")
-        if len(ordered) < 2:
-            raise FileFormatError(f"{self._file}: the skeleton has no bones")
         return ordered
 
 

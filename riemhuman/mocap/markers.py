@@ -25,8 +25,6 @@ from riemhuman.mocap._text_lines import LARGEST, TextLines
 from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
-# Higher rates are damage.
-_HIGHEST_RATE = 1e5
 # Columns before those of markers: the number of the frame, and its time.
 _COLUMNS_BEFORE = 2
 
@@ -128,10 +126,6 @@ def read_markers(
     rate = read.rate or frames_per_second or 0.0
     if not rate > 0.0:
         raise FileFormatError(f"{file} does not state its frame rate: pass frames_per_second=")
-    if rate > _HIGHEST_RATE:
-        raise FileFormatError(
-            f"{file}: the frame rate must be below {_HIGHEST_RATE:g}; found {rate:g}"
-        )
     # Programs write zeros or nothing if they did not see a marker, and some write huge numbers.
     unseen = ~(np.abs(read.positions) <= LARGEST).all(axis=-1)
     unseen |= (read.positions == 0.0).all(axis=-1)
