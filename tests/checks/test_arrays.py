@@ -87,14 +87,6 @@ def test_what_is_not_finite():
     assert checks.real_array(array, "f", finite=False) is array
 
 
-def test_what_is_not_finite_is_found_in_any_order_of_memory():
-    surfaces = np.random.default_rng(0).normal(size=(4, 5, 3))
-    surfaces[2, 3, 1] = np.nan
-    for array in (surfaces, np.asfortranarray(surfaces), np.repeat(surfaces, 2, axis=1)[:, ::2]):
-        with pytest.raises(ArgumentError, match=r"the first at index \(2, 3, 1\)"):
-            checks.real_array(array, "points", ("n", 3))
-
-
 def test_entries_have_a_largest_size():
     ones = np.full(100, 2.0)
     assert checks.real_array(ones, "shares", maximum=2.0) is ones

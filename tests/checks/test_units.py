@@ -93,15 +93,6 @@ def test_units_are_told_apart_wherever_bodies_meet(factor, bodies):
             meet()
 
 
-def test_other_objects_are_taken_as_they_are_once_that_is_said(bodies):
-    space = rh.AlignedSurfaces(bodies.template, scale=None)
-    ways = meetings(bodies, space, 100.0 * bodies[2])
-    for name in ("dist", "dist_pairwise", "length", "map", "LinearPath", "MotionTransfer"):
-        ways[name]()
-    far = rh.procrustes(100.0 * bodies[2], to=bodies[0], scale=None)
-    assert np.ptp(far[:, 1]) > 50
-
-
 # Sizes that no human body has.
 
 
@@ -191,9 +182,3 @@ def test_values_that_nobody_has_are_refused_wherever_values_are_taken(values, me
     for call in calls:
         with pytest.raises(ArgumentError, match=message):
             call()
-
-
-def test_the_heaviest_people_are_people():
-    assert rh.measurements.percentiles({"stature": 1.73, "body mass": 600.0})["body mass"] > 99
-    of_men = rh.measurements.percentiles({"stature": float("nan")}, "man", stature=1.75)
-    assert np.isnan(of_men["stature"])

@@ -98,11 +98,3 @@ def test_wrong_npz(tmp_path, fields, message):
     with pytest.raises(FileFormatError, match=message) as refusal:
         LatentVectors.from_file(tmp_path / "codes.npz")
     assert "codes.npz" in str(refusal.value)
-
-
-def test_wrong_files(tmp_path):
-    np.save(tmp_path / "line.npy", VECTORS[0])
-    with pytest.raises(FileFormatError, match=r"must have shape \(2, n_numbers\); found"):
-        LatentVectors.from_file(tmp_path / "line.npy")
-    with pytest.raises(FileFormatError, match=r"one of .npz, .csv, .npy; found '.txt'"):
-        LatentVectors.from_file(tmp_path / "codes.txt")

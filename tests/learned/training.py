@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 import torch
-import training
 from train_codes import find_parts, train_intrinsic_extrinsic, train_shape_pose
-from training import Training, initial_cloud, initial_networks, rotation_matrices, train
+from training import Training, initial_cloud, initial_networks, rotation_matrices
 from training_bodies import random_bodies
 
 import riemhuman as rh
-from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.learned._networks import NetworkSizes, cloud_features, network
 from riemhuman.learned.intrinsic_extrinsic_codes import CloudSizes
 from riemhuman.learned.shape_pose_codes import ShapePoseSizes
@@ -53,41 +51,6 @@ def test_learns_saves_and_loads_and_is_the_same_every_time(make, model, bodies, 
     np.testing.assert_array_equal(loaded.transform(bodies.points[:3]), found)
 
 
-@pytest.mark.parametrize("make", TRAINERS)
-def test_continues_from_a_checkpoint_bit_for_bit(make, model, bodies, tmp_path, monkeypatch):
-    _, losses = make(model, bodies, tmp_path / "whole.npz")
-    checkpoint, file = tmp_path / "checkpoint.npz", tmp_path / "resumed.npz"
-    monkeypatch.setattr(training, "STEPS_BETWEEN", 20)
-    steps = iter(range(47))
-
-    class Killed(BaseException):
-        pass
-
-    adam = torch.optim.Adam.step
-
-    def step(self, *arguments):
-        if next(steps, None) is None:
-            raise Killed
-        return adam(self, *arguments)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(torch.optim.Adam, "step", step)
-        with pytest.raises(Killed):
-            make(model, bodies, file, checkpoint=checkpoint)
-    assert checkpoint.exists()
-    _, resumed = make(model, bodies, file, checkpoint=checkpoint)
-    np.testing.assert_array_equal(resumed, losses)
-    assert file.read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
-def test_checkpoint_of_another_training_is_refused(model, bodies, tmp_path, monkeypatch):
-    options = {"checkpoint": tmp_path / "checkpoint.npz", "n_steps": 20}
-    monkeypatch.setattr(training, "STEPS_BETWEEN", 10)
-    shape_pose(model, bodies, tmp_path / "codes.npz", **options)
-    with pytest.raises(FileFormatError, match="checkpoint from another training"):
-        shape_pose(model, bodies, tmp_path / "codes.npz", **options, seed=1)
-
-
 def test_networks_agree_with_pytorch():
     rng = np.random.default_rng(0)
     parameters = initial_networks({"some": NetworkSizes(30, 20, 10)}, rng) | initial_cloud(
@@ -112,23 +75,3 @@ def test_surfaces_of_parts_agree_with_pytorch(model, bodies):
     tensor = torch.tensor(np.float32(features))
     found = parts.surfaces(tensor, torch, operator, rotation_matrices).numpy()
     np.testing.assert_allclose(found, parts.surfaces(features), atol=1e-5)
-
-
-def test_number_of_threads_is_given_back_and_infinite_losses_are_refused():
-    before = torch.get_num_threads()
-    start = {"x": np.ones(3, dtype=np.float32)}
-
-    def grows(torch, parameters, data, rng):
-        return parameters["x"].sum() * float("inf")
-
-    with pytest.raises(ArgumentError, match="loss is not finite at step 0"):
-        train(start, {}, grows, Training(n_steps=3))
-    assert torch.get_num_threads() == before
-
-
-def test_labels_must_name_people_in_several_poses(model, bodies, tmp_path):
-    alone = bodies._replace(subject=np.arange(len(bodies.points)))
-    with pytest.raises(ArgumentError, match="at least two people in at least two poses"):
-        shape_pose(model, alone, tmp_path / "codes.npz")
-    with pytest.raises(ArgumentError, match="one label per body"):
-        shape_pose(model, bodies._replace(subject=bodies.subject[:-1]), tmp_path / "codes.npz")

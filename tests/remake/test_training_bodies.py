@@ -6,17 +6,6 @@ from training_bodies import random_bodies
 from riemhuman.datasets import load_open_bodies, load_open_model
 
 
-def test_same_seed_same_bodies():
-    model = load_open_model("coarse")
-    bodies = random_bodies(model, 3, 2, rng=0)
-    again = random_bodies(model, 3, 2, rng=0)
-    np.testing.assert_array_equal(bodies.points, again.points)
-    np.testing.assert_array_equal(bodies.subject, [0, 0, 1, 1, 2, 2])
-    assert not np.array_equal(bodies.points, random_bodies(model, 3, 2, rng=1).points)
-    np.testing.assert_array_equal(bodies.betas[::2], bodies.betas[1::2])
-    np.testing.assert_allclose(bodies.points, model(bodies.betas, bodies.poses))
-
-
 def test_no_open_body_is_among_them():
     model = load_open_model("coarse")
     drawn = random_bodies(model, 150, 1, rng=0)

@@ -14,10 +14,9 @@ from cases import sphere_template, surfaces
 import riemhuman.retrieval.jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
-from riemhuman.retrieval import pairwise_job, path_job
+from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval._cluster import _check_workers, first_finished
 from riemhuman.retrieval.jobs import TileReader
-from riemhuman.solvers import LinearPath, path_distances
 
 # Workers cannot import the tests: what these send goes by value.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -106,15 +105,6 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
     np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
-
-
-@pytest.mark.slow
-def test_paths(client, tmp_path):
-    solver, metric, points = LinearPath(), VectorSpace((2,)).metric, np.eye(4, 2)
-    expected = path_distances(solver, metric, points)
-    found = path_job(solver, metric, points, tmp_path, client=client)
-    np.testing.assert_array_equal(found.lengths, expected.lengths)
-    assert found.outcome == expected.outcome
 
 
 @pytest.mark.slow

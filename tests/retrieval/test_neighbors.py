@@ -70,16 +70,6 @@ def test_every_metric_with_a_distance(case):
     assert_same(neighbors.kneighbors(n_neighbors=len(points) - 1), expected)
 
 
-@pytest.mark.parametrize(("name", "n_components"), [("pose", 0), ("shape", 60)])
-def test_parameters_change_no_result(name, n_components):
-    points = groups(sphere_template())
-    neighbors = NearestNeighbors(
-        METRICS[name], 3, algorithm="index", n_components=n_components, n_jobs=2
-    )
-    expected = by_all_distances(METRICS[name], None, points, 3)
-    assert_same(neighbors.fit(points).kneighbors(), expected)
-
-
 @pytest.mark.parametrize("name", ["pose", "srnf"])
 def test_duplicates_come_in_the_order_of_their_indices(name):
     metric = METRICS[name]
@@ -172,17 +162,6 @@ def test_blocks(name, n_points, algorithm):
     assert_same(neighbors.kneighbors(NEAR_CLOSE), by_all_distances(metric, NEAR_CLOSE, points, 4))
     everyone = neighbors.kneighbors(NEAR_CLOSE, n_points)
     assert_same(everyone, by_all_distances(metric, NEAR_CLOSE, points, n_points))
-
-
-@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
-def test_distances_that_nearly_tie(metric):
-    """More than a batch of points with distances that nearly tie."""
-    base, direction = CLOSE[0], CLOSE[1] - CLOSE[0]
-    steps = 0.2 + 1e-8 * np.random.default_rng(0).permutation(50)
-    points = np.concatenate([base + steps[:, None, None] * direction, CLOSE])
-    neighbors = NearestNeighbors(metric, 5, algorithm="index").fit(points)
-    queries = np.stack([base, base + 1e-3 * direction])
-    assert_same(neighbors.kneighbors(queries), by_all_distances(metric, queries, points, 5))
 
 
 @pytest.mark.parametrize("name", ["shape", "srnf"])

@@ -141,18 +141,6 @@ def exact_elastic(surfaces: Surfaces, i: int, j: int, a: float, lam: float, c: f
     return total
 
 
-def exact_srnf(surfaces: Surfaces, i: int, j: int) -> mp.mpf:
-    """Return the squared distance of the square root normal fields with 60 digits."""
-    total = mp.mpf(0)
-    for face in surfaces.template.faces:
-        q1, q2 = (
-            mp.sqrt(exact_area(e)) * normal(e) / mp.norm(normal(e))
-            for e in (edges(points[face]) for points in surfaces.points[[i, j]])
-        )
-        total += mp.norm(q1 - q2) ** 2
-    return total
-
-
 def edges(corners: np.ndarray) -> mp.matrix:
     """Return two edge vectors as columns."""
     p = [mp.matrix([mp.mpf(float(x)) for x in corner]) for corner in corners]
@@ -182,9 +170,3 @@ def scale_of_elastic(surfaces: Surfaces, a: float, lam: float, c: float) -> floa
     area = max(float(areas(points, faces).sum()) for points in surfaces.points)
     ebin = 2 * min(np.sqrt(2 + 4 * lam), 4 * np.sqrt(lam) / EPS) * np.sqrt(area)
     return float(np.sqrt(a) * ebin + np.sqrt(c * surfaces.template.face_areas.sum()))
-
-
-def scale_of_srnf(surfaces: Surfaces) -> float:
-    """Return how far a relative change 1 of all triangles moves a surface, to first order."""
-    faces = surfaces.template.faces
-    return float(np.sqrt(max(areas(points, faces).sum() for points in surfaces.points)))

@@ -1,4 +1,4 @@
-"""Operations that write, run in processes that die or race at a chosen moment.
+"""Operations that write, run in processes that are killed at a chosen moment.
 
 Processes are forked from a server that has imported the library and run every operation once, so
 that hundreds of deaths take seconds. Each counts its changes of files, as Python's audit events
@@ -8,11 +8,8 @@ write to a table of a job.
 
 import multiprocessing
 import os
-import resource
 import signal
 import sys
-import time
-from dataclasses import dataclass
 
 from cases import sphere_template, surfaces
 
@@ -21,7 +18,6 @@ from riemhuman.io import save_mesh
 from riemhuman.io.job_folder import JobFolder
 
 _CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate")
-_PATIENCE = 120.0  # seconds; whatever takes longer will not come
 _FOR_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
@@ -40,12 +36,7 @@ def align(inputs, outputs):
     return cli("align", inputs, "-o", outputs / "aligned", "--force", "-q")
 
 
-def mean(inputs, outputs):
-    """Write a mesh."""
-    return cli("mean", inputs, "-o", outputs / "mean.ply", "--force", "-q", "--n-components", 4)
-
-
-OPERATIONS = {function.__name__: function for function in (resumable_matrix, align, mean)}
+OPERATIONS = {function.__name__: function for function in (resumable_matrix, align)}
 
 
 def make_inputs(folder, seed):
@@ -59,24 +50,11 @@ def make_inputs(folder, seed):
     (folder / "labels.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
-@dataclass(frozen=True)
-class Faults:
-    """What befalls a process.
-
-    It is killed before the change of a file with the number `fatal_change`, and it cannot write a
-    file of more than `largest_file` bytes.
-    """
-
-    fatal_change: int | None = None
-    largest_file: int | None = None
-
-
 class Changes:
     """Counts changes of files below a folder; before one of them, a signal ends the process."""
 
-    def __init__(self, folder, faults, step):
-        self.count = 0
-        self._folder, self._faults, self._step = str(folder), faults, step
+    def __init__(self, folder, fatal):
+        self.count, self._folder, self._fatal = 0, str(folder), fatal
 
     def __call__(self, event, arguments):
         if event == "open":
@@ -93,47 +71,19 @@ class Changes:
     def add(self):
         """Count a change that is about to be made."""
         self.count += 1
-        if self.count == self._faults.fatal_change:
+        if self.count == self._fatal:
             os.kill(os.getpid(), signal.SIGKILL)
-        self._step.wait(self.count)
 
 
-class Lockstep:
-    """Processes that change files in step: none makes a change that others will only come to."""
-
-    def __init__(self, counts, number):
-        self._counts, self._number = counts, number
-
-    def wait(self, count):
-        """Wait until every process has come to its change of this number, or has ended."""
-        self._counts[self._number] = max(count, self._counts[self._number])
-        give_up = time.monotonic() + _PATIENCE
-        while min(self._counts) < count:
-            if time.monotonic() > give_up:
-                raise TimeoutError("another process makes no changes and does not end")
-            time.sleep(0.001)
-
-    def end(self):
-        """Let the others go on without this process."""
-        self._counts[self._number] = 2**31 - 1
-
-
-def child(operation, inputs, outputs, faults, step, said, pipe):
-    """Run an operation with its faults, and end the process with its code."""
+def child(operation, inputs, outputs, kill_at, said, pipe):
+    """Run an operation, and end the process with its code, or before a change of a file."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
-    if faults.largest_file is not None:
-        # Beyond the limit, writing fails as on a full disk, and would end the process by a signal.
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (faults.largest_file,) * 2)
-    changes = Changes(outputs, faults, step)
+    changes = Changes(outputs, kill_at)
     sys.addaudithook(changes)
     write = JobFolder.write
     JobFolder.write = lambda *arguments: (changes.add(), write(*arguments))
-    try:
-        code = OPERATIONS[operation](inputs, outputs)
-    finally:
-        step.end()
+    code = OPERATIONS[operation](inputs, outputs)
     pipe.send(changes.count)
     sys.exit(code)
 
@@ -149,42 +99,20 @@ class Processes:
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(["pytest", "faults_server"])
 
-    def run(self, operation, outputs, **options):
-        """Run an operation, and return how its process ended, see `race`."""
-        return self.race(operation, outputs, 1, **options)[0]
+    def run(self, operation, outputs, inputs=None, kill_at=None):
+        """Run an operation, which dies before the change of a file with the number `kill_at`.
 
-    def race(
-        self,
-        operation,
-        outputs,
-        n_processes,
-        inputs=None,
-        kill_at=None,
-        largest_file=None,
-    ):
-        """Run an operation in some processes at once, and return how they ended.
-
-        They make their changes of files in step. `kill_at` is the change of a file before which a
-        process dies, and none can write a file of more than `largest_file` bytes. The answers are
-        the exit code or minus the signal, what was written to standard error, and the number of
-        changes.
+        Returns the exit code or minus the signal, what was written to standard error, and the
+        number of changes.
         """
         outputs.mkdir(parents=True, exist_ok=True)
-        started, counts = [], self._context.Array("i", n_processes, lock=False)
-        faults = Faults(kill_at, largest_file=largest_file)
-        for number in range(n_processes):
-            said = self._folder / f"said_{number}"
-            said.write_text("")
-            ours, theirs = self._context.Pipe(duplex=False)
-            step = Lockstep(counts, number)
-            task = operation, inputs or self.inputs, outputs, faults, step, said, theirs
-            process = self._context.Process(target=child, args=task)
-            process.start()
-            theirs.close()
-            started.append((process, said, ours))
-        answers = []
-        for process, said, ours in started:
-            process.join()
-            changes = 0 if process.exitcode < 0 else ours.recv()
-            answers.append((process.exitcode, said.read_text(), changes))
-        return answers
+        said = self._folder / "said"
+        said.write_text("")
+        ours, theirs = self._context.Pipe(duplex=False)
+        task = operation, inputs or self.inputs, outputs, kill_at, said, theirs
+        process = self._context.Process(target=child, args=task)
+        process.start()
+        theirs.close()
+        process.join()
+        changes = 0 if process.exitcode < 0 else ours.recv()
+        return process.exitcode, said.read_text(), changes

@@ -172,28 +172,3 @@ def change_members(rng, content):
 
 
 ARCHIVES: tuple[Mutation, ...] = (*BYTES, *[change_fields] * 8, *[change_members] * 6)
-
-_HOSTILE_OPCODES = [
-    *(bytes([code]) for code in b"Q021bR\x81osaeu."),
-    b"cos\nsystem\n(S'" + _COMMAND.encode() + b"'\ntR",
-    b"(S'" + _COMMAND.encode() + b"'\nios\nsystem\n",
-    b"\x8c\x02os\x8c\x06system\x93\x8c" + bytes([len(_COMMAND)]) + _COMMAND.encode() + b"\x85R",
-    b'c__builtin__\neval\n(S\'open("canary","w")\'\ntR',
-    b"cbuiltins\nbytearray\n(J\xff\xff\xff\x7ftR",
-    b"]q\x01h\x01a",
-    b"}q\x01(h\x01h\x01u",
-    *(b"\x8b\xff\xff\xff\x7f", b"\x8e" + b"\xff" * 7 + b"\x7f", b"\x96" + bytes(4) + b"\1" * 4),
-    *(b"T\xff\xff\xff\x7f", b"I" + b"9" * 5000 + b"\n", b"L" + b"9" * 5000 + b"L\n"),
-    *(b"r\xff\xff\xff\xff", b"p99999999999999999999\n", b"h\xff", b"Pperson\n", b"\x82\x01"),
-    *(b"(" * 3000, b"]" * 3000, b"\x85" * 3000),
-]
-
-
-def insert_opcodes(rng, content):
-    """Put opcodes where one begins."""
-    starts = [match.start() for match in re.finditer(rb"[(\]})NRUX]", content)] or [0]
-    start = one_of(rng, starts)
-    return content[:start] + one_of(rng, _HOSTILE_OPCODES) + content[start + rng.integers(4) :]
-
-
-PICKLES: tuple[Mutation, ...] = (*BYTES, *[insert_opcodes] * 15)

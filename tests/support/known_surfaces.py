@@ -29,14 +29,6 @@ def folded_sheet(angle, **sizes):
     return folded, faces
 
 
-def rolled_sheet(radius, **sizes):
-    """Return the sheet bent into a part of a cylinder."""
-    vertices, faces = sheet(**sizes)
-    angle = vertices[:, 0] / radius
-    rolled = [radius * np.sin(angle), vertices[:, 1], radius * (1 - np.cos(angle))]
-    return np.stack(rolled, axis=1), faces
-
-
 def flat_torus(n_columns, n_rows, width, height):
     """Return a torus glued of a rectangle, laid flat in the plane in four layers.
 

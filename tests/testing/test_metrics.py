@@ -148,13 +148,6 @@ def test_what_is_not_finite_fails():
     assert {SYMMETRIC, LINEAR, STACKED, COVECTORS, LIMIT} <= {check.name for check in failures}
 
 
-def test_arguments_stay_as_they_are():
-    points, vectors = POINTS.copy(), np.ones_like(POINTS)
-    check_metric(HyperbolicDistance(HalfPlane()), points, vectors)
-    np.testing.assert_array_equal(points, POINTS)
-    np.testing.assert_array_equal(vectors, 1.0)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -285,20 +285,11 @@ def to_coarse(full_people, full):
         return made_from(others[0], faces, bodies[0], rh.datasets.load_open_model("coarse"), patch)
 
 
-@pytest.mark.slow
-def test_maps_do_not_depend_on_place_size_and_heading(to_coarse, full_people):
-    _, others, *_ = full_people
-    turn = rh.bodies.rotation_matrix(np.array([0.0, 1.1, 0.0]))
-    moved = 0.9 * others[1] @ turn.T + [3.0, 0.5, -2.0]
-    expected = 0.9 * to_coarse.to_model(others[1]) @ turn.T + [3.0, 0.5, -2.0]
-    np.testing.assert_allclose(to_coarse.to_model(moved), expected, atol=1e-9)
-
-
 class Stopped(Exception):
     """Raised in place of a registration."""
 
 
-@pytest.mark.parametrize("up", ["x", "-x", "-y", "z", "-z"])
+@pytest.mark.parametrize("up", ["-x", "-y", "z"])
 def test_bodies_in_any_axes_are_registered_upright(model, monkeypatch, up):
     """What registration gets is the body y up: a map has no way to depend on the axes of a file."""
     body, seen = model(), []

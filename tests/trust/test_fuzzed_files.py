@@ -15,7 +15,7 @@ import pytest
 SUPPORT = Path(__file__).parents[1] / "support"
 ROOT = Path(__file__).parents[2]
 GROUPS = {
-    "meshes": ["ply text", "ply binary", "obj", "off", "stl", "glb", "points"],
+    "meshes": ["ply text", "ply binary", "obj", "off", "glb"],
     "archives": ["amass", "dynamic faust"],
     "pickles and folders": ["model pickle", "job"],
 }
