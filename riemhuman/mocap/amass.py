@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -13,12 +13,11 @@ import numpy as np
 from riemhuman.arrays import Array, Integers, Values
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
-from riemhuman.checks import check_shape, checked, checked_rate, choice, real_array, refuse_type
+from riemhuman.checks import check_shape, checked, checked_rate, choice, instance, real_array
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
 from riemhuman.io.files import convert_errors, file_path, format_errors, visible_files
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
-from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.mocap._body_size import model_of_size
 from riemhuman.mocap._joint_names import model_joints
 from riemhuman.mocap._motion_files import SAVED_FIELDS, frame_digests, other_joints, poses_from_smpl
@@ -139,10 +138,10 @@ class AmassMotion(ModelMotion):
         written=WRITTEN_MOTIONS,
     )
 )
-@checked(frames_per_second=checked_rate, up=choice(*AXES))
+@checked(model=instance(BodyModel), frames_per_second=checked_rate, up=choice(*AXES))
 def load_amass(
     path: str | os.PathLike[str],
-    model: BodyModel | Mapping[str, BodyModel] | None = None,
+    model: BodyModel | None = None,
     *,
     frames_per_second: float | None = None,
     up: str | None = None,
@@ -167,10 +166,10 @@ def load_amass(
     path : path_like
         A file, or a folder with .npz files at any depth, which are read in the order of their
         names; ``shape.npz`` and ``*_stagei.npz`` hold no motion and are skipped.
-    model : BodyModel or mapping of str to BodyModel, optional
+    model : BodyModel, optional
         SMPL, SMPL-H or SMPL-X model, of 22, 24, 52 or 55 joints, or another with named joints; by
-        default the open model, "coarse". Or a model for each gender in the files, all with the same
-        triangles.
+        default the open model, "coarse". For models of men and women, load the files with each, and
+        keep the motions of its ``gender``.
     frames_per_second : float, optional
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used. Files that do not state their rate have this one.
@@ -191,7 +190,9 @@ def load_amass(
     >>> rh.datasets.load_amass("AMASS/CMU")[0][:10].shape  # doctest: +SKIP
     (10, 1202, 3)
     """
-    models = _models(load_open_model("coarse") if model is None else model)
+    model = load_open_model("coarse") if model is None else model
+    if not is_smpl(model):
+        model_joints(model)
     root = file_path(path, kind="file or folder")
     files = [root]
     if root.is_dir():
@@ -202,26 +203,18 @@ def load_amass(
     motions: list[AmassMotion | ArrayMotion | RetargetedMotion] = []
     for file in files:
         source = _read_header(file, frames_per_second, unit)
-        model_of_gender = models.get(source.gender, models.get(None))
-        if model_of_gender is None:
-            listed = ", ".join(map(repr, models))
-            raise ArgumentError(
-                f"model must have one for {source.gender!r}, as in {file}; has {listed}"
-            )
         rate = source.rate if frames_per_second is None else frames_per_second
         frames = nearest_frames(source.n_frames, source.rate, rate)
-        saved = _saved_motion(source, model_of_gender, frames, rate, up)
+        saved = _saved_motion(source, model, frames, rate, up)
         if saved is not None:
             motions.append(saved)
-        elif is_smpl(model_of_gender):
-            motions.append(AmassMotion(source, model_of_gender, rate, frames, up))
+        elif is_smpl(model):
+            motions.append(AmassMotion(source, model, rate, frames, up))
         else:
             axis = source.upward_axis if up is None else up
             recording = partial(_skeleton_motion, source, frames, rate, axis)
             motions.append(
-                RetargetedMotion(
-                    recording, model_of_gender, source.names, rate, len(frames), up=axis
-                )
+                RetargetedMotion(recording, model, source.names, rate, len(frames), up=axis)
             )
     if any(isinstance(motion, RetargetedMotion) for motion in motions):
         warn(
@@ -273,27 +266,6 @@ def _skeleton_motion(
     poses, translations = recording.poses[frames], recording.translations[frames]
     axis = up() if callable(up) else up
     return smpl_skeleton(poses, translations, rate, source.names[1], axis)
-
-
-def _models(model: BodyModel | Mapping[str, BodyModel]) -> dict[str | None, BodyModel]:
-    """Return the model of each gender, or one for all by the key None."""
-    models: dict[str | None, BodyModel] = {}
-    if isinstance(model, Mapping):
-        models.update(model.items())
-    else:
-        models[None] = model
-    if not models:
-        raise ArgumentError("model holds no model; at least one is needed")
-    first = next(iter(models.values()))
-    for gender, model_of_gender in models.items():
-        label = "model" if gender is None else f"model[{gender!r}]"
-        if not isinstance(model_of_gender, BodyModel):
-            refuse_type(model_of_gender, label, "a BodyModel")
-        if not is_smpl(model_of_gender):
-            model_joints(model_of_gender)
-        if face_difference(model_of_gender.faces, first.faces):
-            raise ArgumentError(f"{label} must have the triangles of the other models")
-    return models
 
 
 def _read_header(file: Path, rate: float | None, unit: str | float | None) -> _Source:

@@ -67,40 +67,24 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
     assert list(client.run(os.getpid).values()) != [pid]
 
 
-@pytest.mark.parametrize(("moment", "closed"), [("tiles", "client"), ("waiting", "cluster")])
-def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
+def test_closed_on_the_way(tmp_path, monkeypatch):
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
     ) as cluster:
         client = distributed.Client(cluster)
 
-        def close():
-            # Closing again, at the end of the test, does nothing.
-            (client if closed == "client" else cluster).close()
-
         def closing(*arguments):
             for k, found in enumerate(in_turn(*arguments)):
                 if k == 2:
-                    close()
+                    client.close()
                 yield found
 
-        def closing_first(*arguments, **options):
-            calls.append(arguments)
-            if len(calls) == 3:
-                close()
-            return wait(*arguments, **options)
-
-        calls, in_turn = [], riemhuman.retrieval.jobs.compute_parts
-        wait = distributed.wait
-        if moment == "tiles":
-            monkeypatch.setattr(riemhuman.retrieval.jobs, "compute_parts", closing)
-        else:
-            monkeypatch.setattr(distributed, "wait", closing_first)
+        in_turn = riemhuman.retrieval.jobs.compute_parts
+        monkeypatch.setattr(riemhuman.retrieval.jobs, "compute_parts", closing)
         with pytest.raises(ClusterError, match="the same call continues it"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
         assert np.load(tmp_path / "done.npy").any()
         monkeypatch.undo()
-        client.close()
         with pytest.raises(ClusterError, match="the client of the cluster is closed"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)

@@ -217,12 +217,6 @@ def test_rounding_errors_are_no_remainders(scale):
     assert {check.name: check.error for check in report.checks}[GRADIENT] == 0.0
 
 
-def test_vectors_point_towards_the_next_point():
-    metric, points = CASES["normals triangle"].metric, CASES["normals triangle"].points
-    towards = metric.space.to_tangent(points[[1, 2, 3, 0]] - points, points)
-    assert check_metric(metric, points) == check_metric(metric, points, towards)
-
-
 def test_points_of_the_manifold_alone_are_asked_for():
     seen = []
 
