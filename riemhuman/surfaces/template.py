@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from riemhuman.arrays import Array, Integers, Points, Triangles, Values
+from riemhuman.arrays import Array, Integers, Points, Triangles
 from riemhuman.checks import (
     check_human_size,
     check_resolution,
@@ -281,21 +281,9 @@ class Template:
         areas = np.bincount(faces.ravel(), self._areas_at_corners, minlength=self.n_vertices)
         return areas.astype(np.float64, copy=False)
 
-    def __getstate__(self) -> dict[str, Values]:
+    def __reduce__(self) -> tuple[object, ...]:
         # Cached properties are left out, since some cannot be pickled.
-        return {
-            "_vertices": self._vertices,
-            "_faces": self._faces,
-            "_face_areas": self._face_areas,
-            "_frame_coefficients": self._frame_coefficients,
-        }
-
-    def __setstate__(self, state: dict[str, Values]) -> None:
-        # Unpickled arrays are writable.
-        self._vertices = read_only(state["_vertices"])
-        self._faces = read_only(state["_faces"])
-        self._face_areas = read_only(state["_face_areas"])
-        self._frame_coefficients = read_only(state["_frame_coefficients"])
+        return type(self), (self._vertices, self._faces)
 
     def check_points(self, points: ArrayLike, name: str = "points") -> Array:
         """Return surfaces as a float64 array after checking that they fit this template.

@@ -154,19 +154,6 @@ def test_inner_products_are_those_of_the_differential(case):
     np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
 
 
-def test_differential_of_a_map_that_reshapes():
-    """Base points with more leading axes than the tangent vectors, and the reverse."""
-    metric, (x, y), v = (
-        CASES["edges"].metric,
-        CASES["edges"].points[:2],
-        CASES["edges"].tangent_vecs,
-    )
-    batch = metric.differential(v[0], np.stack([x, y]))
-    assert batch.shape == (2, 2, 3)
-    np.testing.assert_allclose(batch[1], metric.differential(v[0], y))
-    assert metric.differential(v, x).shape == (4, 2, 3)
-
-
 @every_surface_metric
 def test_dist_is_that_of_the_images(case):
     a, b = case.points[:2]

@@ -14,7 +14,6 @@ from riemhuman.kernels.drift import centroid
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,
-    DiscreteLogarithm,
     PathStraightening,
     PoissonPath,
     PoleLadder,
@@ -150,22 +149,6 @@ def test_means_of_bodies(in_batches, settings):
     np.testing.assert_allclose(seen[-1], found.point, atol=1e-9)
     # It stands as the first of the members.
     assert np.median(np.linalg.norm(found.point - members[0], axis=1)) < 0.1
-
-
-@pytest.mark.slow
-def test_logarithms_do_not_depend_on_headings():
-    metric = shape_metric()
-    start, end = bodies.body("resting"), bodies.body("arm raised")
-    solver = DiscreteLogarithm(bodies.basis(), n_steps=4, n_doublings=0)
-    expected = solver.solve(metric, end, start)
-    assert expected.converged
-    for turn in TURNS[1:]:
-        found = solver.solve(metric, turned(end, *turn), start)
-        assert found.converged
-        difference = metric.norm(found.tangent_vec - expected.tangent_vec, start)
-        assert difference <= 0.01 * metric.norm(expected.tangent_vec, start)
-        arrived = solver.inverse(found).solve(metric, found.tangent_vec, start).end
-        assert metric.dist(arrived, end) < 1e-3
 
 
 @pytest.mark.slow

@@ -2,22 +2,17 @@
 
 from itertools import pairwise
 
-import autograd.numpy as anp
 import numpy as np
 import pytest
 from autograd import grad
 from cases import open_template, sphere_template, surfaces
-from numba import njit
 
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry import AlignedSurfaces, GeneralElasticMetric
 from riemhuman.kernels import surface
 from riemhuman.terms import (
     ConeTerm,
-    EbinTerm,
     _cone_geodesics,
-    _polynomial_fits,
-    cone,
 )
 
 WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
@@ -133,65 +128,3 @@ def test_which_cones_have_a_space_of_fields():
     assert not metric.has_target_metric
     with pytest.raises(NotDefinedError, match="the fields of ConeTerm have no manifold"):
         _ = metric.target_metric
-
-
-# The pair function that all loops call.
-
-
-@njit
-def compiled_pair(a, b, inverse, angle, scale, fit, double):
-    return cone.cone_pair(a, b, inverse, angle, scale, fit, double)
-
-
-def points_of_the_cone(n):
-    """Return points (x, y, s), near to one another and far apart, the apex among them."""
-    rng = np.random.default_rng(11)
-    a = np.stack([rng.normal(size=n), np.exp(rng.normal(size=n)), rng.uniform(0.3, 2, n)], axis=1)
-    b = a + np.logspace(-8, -0.5, n)[:, None] * rng.uniform(-1, 1, (n, 3)) * [1, 0.5, 0.5]
-    a[3, 2] = b[7, 2] = 0.0
-    return np.vstack([a, a[0], a[0] + [30.0, 0.0, 0.0]]), np.vstack([b, a[0], a[0]])
-
-
-@pytest.mark.parametrize(
-    ("lam", "law"), [(1e-4, "exact"), (1e-4, "fit"), (0.009, "fit"), (0.3, "exact")]
-)
-def test_the_pair_function_is_the_definition(lam, law):
-    """Values of the exact law, with slopes, and of its fit for a small ratio b/a."""
-    term, fit, scale = EbinTerm(lam=lam), None, 0.25 / (8.0 * lam)
-    if law == "fit":
-        fit = _polynomial_fits.half_angle_fit(lam, np.dtype(float))
-        scale = 1.0 / _polynomial_fits.excess_at_pi(lam)
-
-    def definition(a, b):
-        parts = (tuple(points[..., k] for k in range(3)) for points in (a, b))
-        return anp.sum(term.squared_dist(*parts)) / (16.0 * lam)
-
-    first, second = points_of_the_cone(40)
-    slopes = [grad(definition, k)(first, second) for k in (0, 1)]
-    for k, (a, b) in enumerate(zip(first, second, strict=True)):
-        value, *found, _ = compiled_pair(
-            tuple(a), tuple(b), 0.5 / (a[1] * b[1]), 0.0, scale, fit, True
-        )
-        assert value == pytest.approx(definition(a, b), rel=1e-12, abs=1e-300)
-        if law == "fit":
-            continue
-        for slope, expected in zip(found, (slopes[0][k], slopes[1][k]), strict=True):
-            size = np.abs(expected).max()
-            np.testing.assert_allclose(slope, expected, rtol=1e-9, atol=1e-12 + 1e-10 * size)
-
-
-def test_the_slope_by_the_angle_of_normals():
-    term = ConeTerm(1.0, 1.0, 0.3, 0.7)
-    scale, turn = 0.25 * term.angle_per_length**2, 0.25 * term.angle_per_turn**2
-    a, b, n = (0.1, 1.2, 0.9), (0.4, 0.8, 1.1), np.array([0.0, 0.0, 1.0])
-
-    def definition(phi):
-        fields = [anp.array([part]) for part in b]
-        normal = anp.array([[anp.sin(phi), 0.0, anp.cos(phi)]])
-        here = (*(np.array([part]) for part in a), n[None])
-        return term.squared_dist(here, (*fields, normal))[0] / (16.0 * term.b)
-
-    phi = 0.6
-    value, _, _, rate = compiled_pair(a, b, 0.5 / (a[1] * b[1]), turn * phi**2, scale, None, True)
-    assert value == pytest.approx(definition(phi), rel=1e-13)
-    assert rate * 2.0 * turn * phi == pytest.approx(grad(definition)(phi), rel=1e-12)
