@@ -198,15 +198,16 @@ def _read_table(file: Path) -> tuple[tuple[str, ...], Array]:
     if not rows:
         raise ArgumentError("must hold a row for each frame; found none")
     columns = _coordinate_columns(rows[0])
+    first = rows[0][0].strip()
+    if not columns and (len(rows[0]) % 3 or (first[:1].isalpha() and first.lower() != "nan")):
+        raise ArgumentError(
+            "must have columns such as left_hip_x, left_hip_y and left_hip_z, or three numbers for "
+            f"each joint, with commas between them; found {len(rows[0])} columns, from {first[:40]!r}"
+        )
     numbers = np.array([[_number(cell) for cell in row] for row in rows[bool(columns) :]])
     if columns:
         places = np.array(list(columns.values()))
         return tuple(columns), numbers[:, places]
-    if numbers.shape[1] % 3:
-        raise ArgumentError(
-            f"must have columns such as left_hip_x, or three for each joint; found "
-            f"{numbers.shape[1]} columns"
-        )
     return (), numbers.reshape(len(numbers), -1, 3)
 
 

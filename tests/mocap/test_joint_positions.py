@@ -62,6 +62,10 @@ def test_files(joints, jump, tmp_path):
         assert motion.frames_per_second == RATE
         with pytest.raises(FileFormatError, match="does not state its frame rate"):
             load_recording(tmp_path / name)
+    for text in ("frame,joint,x,y,z\n0,hip,1,2,3\n", "hip_x;hip_y;hip_z\n1;2;3\n", "1,2\n"):
+        (tmp_path / "e.csv").write_text(text)
+        with pytest.raises(FileFormatError, match="must have columns such as left_hip_x"):
+            load_recording(tmp_path / "e.csv", frames_per_second=RATE)
 
 
 def test_joints_that_were_not_seen(joints):
