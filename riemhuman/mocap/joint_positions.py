@@ -202,7 +202,7 @@ def _read_table(file: Path) -> tuple[tuple[str, ...], Array]:
     if not columns and (len(rows[0]) % 3 or (first[:1].isalpha() and first.lower() != "nan")):
         raise ArgumentError(
             "must have columns such as left_hip_x, left_hip_y and left_hip_z, or three numbers for "
-            f"each joint, with commas between them; found {len(rows[0])} columns, from {first[:40]!r}"
+            f"each joint, between commas; found {len(rows[0])} columns, from {first[:40]!r}"
         )
     numbers = np.array([[_number(cell) for cell in row] for row in rows[bool(columns) :]])
     if columns:
