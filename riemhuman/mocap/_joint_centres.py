@@ -15,7 +15,7 @@ from riemhuman.bodies.skinning import LIMBS
 from riemhuman.errors import ArgumentError, FileFormatError, shown, warn
 from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.mocap._joint_names import BONES, SIDES
-from riemhuman.mocap._marker_sets import CORNERS, NEEDED, MarkerNames, Recipe, Way
+from riemhuman.mocap._marker_sets import CORNERS, NEEDED, MarkerNames, Recipe, Way, first_word
 from riemhuman.mocap._skeletons import frame, nearest_axis
 from riemhuman.representation import join_names
 
@@ -133,8 +133,9 @@ def _assigned_markers(
 
 
 def _markers_of_one_person(markers: Markers, assigned: Mapping[str, tuple[int, ...]]) -> list[int]:
-    """Return the numbers of the markers of one person: names may begin with "Anna:"."""
-    people = [name.rpartition(":")[0] for name in markers.names]
+    """Return the numbers of the markers of one person: names may begin with "Anna:" or "Anna_"."""
+    has_colons = any(":" in name for name in markers.names)
+    people = [name.rpartition(":")[0] if has_colons else first_word(name) for name in markers.names]
     groups: dict[str, list[int]] = {}
     for number, person in enumerate(people):
         groups.setdefault(person, []).append(number)
@@ -143,7 +144,8 @@ def _markers_of_one_person(markers: Markers, assigned: Mapping[str, tuple[int, .
         for person, numbers in groups.items()
         if set(_LEGS) <= _centres(markers, numbers, assigned)[0].keys()
     ]
-    if not whole:
+    # Of a single person, other words may begin names of other parts.
+    if not whole or (len(whole) == 1 and not has_colons):
         return list(range(len(people)))
     people_of_assigned = {people[number] for numbers in assigned.values() for number in numbers}
     candidates = [person for person in whole if person in people_of_assigned]

@@ -160,7 +160,8 @@ _NAMES_OF_CENTRES = frozenset(role.split("_")[1] for role in NEEDED)
 # OpenCap's suffix for markers on the skin: RShoulder is a centre, r_shoulder_study is not.
 _SKIN_WORD, _ON_SKIN = "study", " on skin"
 _SIDE_WORDS = {"left": ("left", "lx", "l"), "right": ("right", "rx", "r")}
-_LETTERS = {word for words in _SIDE_WORDS.values() for word in words}
+# Cortex puts a V before what it computed.
+_LETTERS = {"v", *(word for words in _SIDE_WORDS.values() for word in words)}
 # What may be before all names; Xsens has "pLeftASI".
 _FIRST_WORD = re.compile(r"[^_.\s-]+[_.\s-]+|p(?=[A-Z])")
 
@@ -237,12 +238,18 @@ class MarkerNames:
         return {part: numbers[0] for part, numbers in found.items() if numbers}
 
 
+def first_word(name: str) -> str:
+    """Return the first word of a marker's name, with what follows it, unless it is a side."""
+    found = _FIRST_WORD.match(name)
+    word = found[0] if found else ""
+    return "" if word.rstrip("_. -").lower() in _LETTERS else word
+
+
 def _without_prefix(names: Sequence[str]) -> list[str]:
     """Return names without a trial or a person before most of them: "251112_KUO_LASI"."""
-    words = Counter(found[0] for name in names if (found := _FIRST_WORD.match(name)))
-    for word, count in words.items():
+    for word, count in Counter(map(first_word, names)).items():
         # More than half: the others are of the room, or without a name.
-        if 2 * count > len(names) and word.rstrip("_. -").lower() not in _LETTERS:
+        if word and 2 * count > len(names):
             return _without_prefix([name.removeprefix(word) for name in names])
     return list(names)
 
