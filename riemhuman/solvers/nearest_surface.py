@@ -189,8 +189,8 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     (2400,)
     """
     shape = ("n_vertices", 3)
-    reference = real_array(reference, "reference", shape, batched=False)
-    points = real_array(points, "points", reference.shape)
+    reference = _near_one(real_array(reference, "reference", shape, batched=False))
+    points = _near_one(real_array(points, "points", reference.shape))
     faces = check_triangles(faces, len(reference))
     frames, unit = _frames(points, faces), _frames(reference, faces)
     areas = np.linalg.det(unit)
@@ -213,6 +213,13 @@ def inverted_triangles(points: Points, reference: Array, faces: Triangles) -> Bo
     expected = np.cross(images_of_edges, images_across)
     inverted: Booleans = np.sum(expected * frames[..., 2], axis=-1) <= 0
     return inverted
+
+
+def _near_one(points: Points) -> Points:
+    """Return points of about size one, divided by a power of two: normals count as edges do."""
+    exponent = np.frexp(np.abs(points).max(initial=0.0))[1]
+    scaled: Points = np.ldexp(points, -exponent)
+    return scaled
 
 
 def _frames(points: Points, faces: Triangles) -> Array:

@@ -385,8 +385,7 @@ class PairsOfPoints(Sequence[tuple[object, object]]):
         """Return the name of a pair in messages."""
         return f"points[{self._rows[number]}] and points[{self._columns[number]}]"
 
-    def __getitem__(self, number: int) -> tuple[object, object]:  # type: ignore[override]
-        # Without slices.
+    def __getitem__(self, number: int) -> tuple[object, object]:  # type: ignore[override]  # no slices
         return self._points[int(self._rows[number])], self._points[int(self._columns[number])]
 
 

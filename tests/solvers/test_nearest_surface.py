@@ -142,6 +142,13 @@ def test_smooth_deformations_invert_nothing():
     assert not found.any()
 
 
+def test_the_unit_of_length_does_not_matter():
+    rough = VERTICES + 0.12 * np.random.default_rng(0).standard_normal(VERTICES.shape)
+    found = inverted_triangles(rough, VERTICES, FACES)
+    assert 0 < found.sum() < 0.3 * len(FACES)
+    np.testing.assert_array_equal(inverted_triangles(1024.0 * rough, VERTICES, FACES), found)
+
+
 def test_mirrored_triangles_agree_with_their_neighbourhood_or_not():
     # In a plane, orientation is the sign of the area.
     flat = open_template()

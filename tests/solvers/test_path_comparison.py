@@ -16,7 +16,7 @@ from riemhuman.solvers.path_comparison import (
     compare_metrics,
     compare_paths,
 )
-from riemhuman.solvers.path_search import BasisPath, PathStraightening
+from riemhuman.solvers.path_search import BasisPath
 from riemhuman.solvers.paths import LinearPath
 
 N_TIMES = 6
@@ -24,9 +24,8 @@ N_TIMES = 6
 
 @pytest.fixture(scope="module")
 def rows():
-    """Return linear, SRNF and model paths beside ours, on an elbow that bends by 120°."""
+    """Return the straight path and that of the model, of an elbow that bends by 120°."""
     space, model = bodies_in_motion.space(), bodies_in_motion.model()
-    basis = bodies_in_motion.basis()
     metrics = {"elastic": ElasticMetric(space, 1.0, 1.0, 1.0), "srnf": SRNFMetric(space)}
     start, end = bodies_in_motion.body("resting"), bodies_in_motion.body("elbow bent")
     betas = np.random.default_rng(3).normal(size=(5, model.n_betas))[0]
@@ -37,13 +36,7 @@ def rows():
         return first if np.allclose(surface, start) else last
 
     model_path = ModelPath(model, N_TIMES, parameters=parameters)
-    solvers = {
-        "linear": (LinearPath(N_TIMES), "elastic"),
-        "SRNF": (BasisPath(basis, N_TIMES), "srnf"),
-        "model": (model_path, "elastic"),
-        "ours": (BasisPath(basis, N_TIMES), "elastic"),
-        "straightened": (PathStraightening(N_TIMES), "elastic"),
-    }
+    solvers = {"linear": (LinearPath(N_TIMES), "srnf"), "model": (model_path, "elastic")}
     reference = model_path.solve(metrics["elastic"], start, end).path
     return compare_paths(metrics, start, end, solvers, reference)
 
@@ -52,25 +45,17 @@ def by_name(rows):
     return {row.name: row for row in rows}
 
 
-def test_each_path_is_best_under_its_own_metric(rows):
-    measures = by_name(rows)
-    elastic = {name: values.energies["elastic"] for name, values in measures.items()}
-    assert elastic["straightened"] < elastic["ours"] < min(elastic["linear"], elastic["SRNF"])
-    assert measures["SRNF"].energies["srnf"] < measures["linear"].energies["srnf"]
-
-
 def test_deviation_is_from_the_reference(rows):
     measures = by_name(rows)
     assert measures["model"].mean_deviation == measures["model"].max_deviation == 0
     linear = measures["linear"]
     # The chord of the hand's arc: it passes some 20 cm inside.
     assert 100 < linear.max_deviation < 300
-    assert measures["ours"].mean_deviation < 0.5 * linear.mean_deviation < linear.max_deviation
+    assert linear.mean_deviation < 0.5 * linear.max_deviation
 
 
 def test_rows_for_tables(rows):
-    assert [row.name for row in rows] == ["linear", "SRNF", "model", "ours", "straightened"]
-    assert [row.metric for row in rows] == ["elastic", "srnf", "elastic", "elastic", "elastic"]
+    assert [(row.name, row.metric) for row in rows] == [("linear", "srnf"), ("model", "elastic")]
     for row in rows:
         assert row.result.path.shape[0] == N_TIMES
         assert row.seconds > 0

@@ -15,7 +15,6 @@ from riemhuman.solvers import (
     LinearPath,
     PathStraightening,
     PoissonPath,
-    PoleLadder,
 )
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
@@ -112,14 +111,3 @@ def test_means_by_exponentials_of_the_same_point(case):
     assert result.converged
     assert result.n_iterations <= 1
     assert result.variance <= 1e-20
-
-
-def test_transport_that_stays():
-    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 1.0)
-    body = bodies.body("elbow bent")
-    vector = bodies.basis().vectors[3]
-    ladder = PoleLadder(geodesic_solver=PATHS["straightening"](), basis=bodies.basis())
-    for end in (body, moved(body, turn=False)):
-        result = ladder.solve(metric, vector, body, end_point=end)
-        assert result.converged
-        np.testing.assert_allclose(result.tangent_vec, vector, atol=1e-9)
