@@ -15,6 +15,7 @@ from riemhuman.checks import check_human_size, real_array, values_of
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.kernels.rotations import nearest_rotations
 from riemhuman.optional import import_optional
+from riemhuman.surfaces.procrustes import make_upright
 
 if TYPE_CHECKING:
     import anny
@@ -77,7 +78,7 @@ def bodies_from_anny(vertices: ArrayLike) -> Array:
             f"vertices must be the {_N_VERTICES:,} of Anny's default topology, "
             f'Anny(topology="anny"); found {points.shape[-2]:,}'
         )
-    return _y_up(points[..., :_N_SKIN, :].astype(np.float64))
+    return make_upright(points[..., :_N_SKIN, :], up="z")
 
 
 def anny_bodies(
@@ -158,7 +159,9 @@ def anny_parameters(points: ArrayLike) -> AnnyParameters:
     model = _load_anny()
     torch = import_optional("torch", _EXTRA)
     inverter = import_optional("anny.anny_inverter", _EXTRA).AnnyInverter(model.float())
-    whole = _with_inner_parts(_z_up(bodies), model.template_vertices.numpy().astype(np.float64))
+    whole = _with_inner_parts(
+        make_upright(bodies, up="-z"), model.template_vertices.numpy().astype(np.float64)
+    )
     with torch.no_grad():
         pose, phenotypes, fitted = inverter(torch.tensor(whole, dtype=torch.float32))
     gaps = fitted.numpy()[:, :_N_SKIN] - whole[:, :_N_SKIN]
@@ -198,11 +201,3 @@ def _with_inner_parts(skins: Array, template: Array) -> Array:
         scale = np.linalg.norm(after) / np.linalg.norm(before)
         whole.append(np.concatenate([skin, scale * (inner - centre) @ rotation.T + middle]))
     return np.stack(whole)
-
-
-def _y_up(points: Array) -> Array:
-    return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
-
-
-def _z_up(points: Array) -> Array:
-    return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)

@@ -30,6 +30,7 @@ class PairedCodes(ABC):
     n_hidden: int
     code_names: ClassVar[tuple[str, str]]
     parameters_: dict[str, Array]
+    template_: Template  # that bodies must be registered to
 
     # Other whole numbers in files, which `_read` keeps; the file that ships.
     _SETTINGS: ClassVar[tuple[str, ...]]
@@ -41,8 +42,7 @@ class PairedCodes(ABC):
             self._fields = weights.fields
             self.n_hidden = weights.settings["n_hidden"]
             # The template that the network was trained on, and that of the bodies it is given.
-            self._home = weights.template
-            self._template = weights.template
+            self._home = self.template_ = weights.template
             self._read(weights)
 
     @classmethod
@@ -71,11 +71,6 @@ class PairedCodes(ABC):
         """
         save_arrays(path, self._fields, compressed=True)
 
-    @property
-    def template_(self) -> Template:
-        """Template that bodies must be registered to."""
-        return self._template
-
     def on(
         self, template: Template, correspondence: ArrayLike | sparse.csr_array | None = None
     ) -> Self:
@@ -98,7 +93,7 @@ class PairedCodes(ABC):
         if not isinstance(template, Template):
             refuse_type(template, "template", "a Template")
         codes = copy(self)
-        codes._template = template
+        codes.template_ = template
         return codes
 
     @abstractmethod
@@ -143,8 +138,8 @@ class PairedCodes(ABC):
         """Read the settings and the learned arrays from a file."""
 
     def _check_points(self, X: ArrayLike) -> Array:
-        points = self._template.check_points(X, "X")
-        shape = ("n", self._template.n_vertices, 3)
+        points = self.template_.check_points(X, "X")
+        shape = ("n", self.template_.n_vertices, 3)
         return np.asarray(real_array(points, "X", shape, batched=False))
 
     def _check_scale(self, points: Array, name: str) -> None:

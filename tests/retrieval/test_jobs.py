@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import KINDS, name_of, sphere_template, surfaces
+from cases import sphere_template, surfaces
 
 import riemhuman.retrieval.jobs
 from riemhuman.errors import (
@@ -73,12 +73,6 @@ def test_same_bits_as_in_memory(precision, tmp_path):
     kept = {"D.npy", "digests.npy", "manifest.json"}
     assert {entry.name for entry in (tmp_path / "job").iterdir()} == kept
     np.testing.assert_array_equal(np.load(tmp_path / "job" / "D.npy"), expected)
-
-
-@pytest.mark.parametrize("case", [case for case in KINDS if "dist" in case.can], ids=name_of)
-def test_every_metric_with_a_distance(case, tmp_path):
-    distances = pairwise_job(case.metric, case.points, tmp_path, n_jobs=2)
-    np.testing.assert_array_equal(distances, case.metric.dist_pairwise(case.points))
 
 
 def test_points_made_on_the_fly(tmp_path):
