@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 from train_codes import find_parts
 
-from riemhuman.errors import ArgumentError
 from riemhuman.surfaces.template import Template
 
 N_ROUND, N_ALONG = 6, 13
@@ -97,21 +96,3 @@ def test_parts_without_usable_triangles_move_with_their_parents(template, parts)
         features, _ = replace(parts, usable=parts.part_of != part).split(body)
         turns = features[0, : 3 * parts.n_parts].reshape(-1, 3)
         np.testing.assert_allclose(turns[part], 0.0, atol=1e-7)
-
-
-def test_parts_form_a_tree(parts):
-    assert np.count_nonzero(parts.parents < 0) == 1
-    assert sorted(parts.order) == list(range(parts.n_parts))
-    assert set(parts.part_of) == set(range(parts.n_parts))
-
-
-def test_refuses_too_many_parts_and_meshes_in_pieces(template):
-    bodies = bent(template, [0.0, 1.0])
-    with pytest.raises(ArgumentError, match="must be less than the number of triangles"):
-        find_parts(template, bodies, template.n_faces, np.random.default_rng(0))
-    two = Template(
-        np.concatenate([template.vertices, template.vertices + [0.0, 5.0, 0.0]]),
-        np.concatenate([template.faces, template.faces + template.n_vertices]),
-    )
-    with pytest.raises(ArgumentError, match="must be connected"):
-        find_parts(two, np.concatenate([bodies, bodies], axis=1), 4, np.random.default_rng(0))
