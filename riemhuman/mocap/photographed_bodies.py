@@ -138,7 +138,7 @@ def load_photographed_bodies(
             check_mesh(bodies[0], triangles)
             for body in bodies:
                 check_human_size(float(np.ptp(body, axis=0).max()), np.nan, _VERTICES)
-            _refuse_mirrored(bodies, triangles, str(file))
+            refuse_mirrored(bodies, triangles, str(file))
         points.append(bodies)
         names += [file.stem] * len(bodies)
     missing = tuple(
@@ -244,12 +244,15 @@ def _triangles(faces: ArrayLike | os.PathLike[str]) -> Triangles:
     return np.asarray(integer_array(faces, "faces", ("F", 3)))
 
 
-def _refuse_mirrored(surfaces: Array, faces: Triangles, name: str) -> None:
+def refuse_mirrored(
+    surfaces: Array, faces: Triangles, name: str, error: type[Exception] = FileFormatError
+) -> None:
+    """Raise an error if the triangles of a body, of shape (n, V, 3), look inward."""
     centred = surfaces - surfaces.mean(axis=1, keepdims=True)
     a, b, c = (centred[:, corner] for corner in faces.T)
     volumes = np.einsum("nfx,nfx->n", a, np.cross(b, c))  # six times the signed volumes
     if np.any(volumes < 0):
-        raise FileFormatError(
+        raise error(
             f"{name}: the triangles of body {int(np.argmin(volumes))} look inward: it is mirrored, "
             "or faces belong to other vertices"
         )

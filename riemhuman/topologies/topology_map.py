@@ -34,7 +34,7 @@ from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.mocap.motion_arrays import one_person, warn_of_varying_betas
 from riemhuman.mocap.motions import ArrayMotion
-from riemhuman.mocap.photographed_bodies import standing_axis, turn_upright
+from riemhuman.mocap.photographed_bodies import refuse_mirrored, standing_axis, turn_upright
 from riemhuman.registration import RegisteredScan, ScanRegistration
 from riemhuman.surfaces.measures import split_triangles, triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints
@@ -619,19 +619,7 @@ def _check_bodies(
         error=error,
         remedy="the map is in metres",
     )
-    centred = surfaces - surfaces.mean(axis=-2, keepdims=True)
-    first_corners, second_corners, third_corners = (centred[..., corner, :] for corner in faces.T)
-    volumes = np.atleast_1d(
-        np.einsum("...fx,...fx->...", first_corners, np.cross(second_corners, third_corners))
-    )
-    if np.any(volumes < 0):
-        wrong = np.argwhere(volumes < 0)[0].tolist() if surfaces.ndim > 2 else []
-        place = f"{name}[{', '.join(map(str, wrong))}]" if wrong else name
-        raise error(
-            f"{place} must have triangles that face outward; they face inward: the body is "
-            "mirrored, or the corners of its triangles are listed clockwise. Change the sign of "
-            "one coordinate of a mirrored body, or reverse the corners of all triangles"
-        )
+    refuse_mirrored(surfaces.reshape(-1, *surfaces.shape[-2:]), faces, name, error)
 
 
 def _dense_model(model: BodyModel) -> tuple[BodyModel, Integers]:
