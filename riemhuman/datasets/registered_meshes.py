@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TypedDict
+from typing import TypeAlias
 
 import numpy as np
 from tqdm import tqdm
@@ -50,6 +50,9 @@ _FAUST_FOLDERS = (
 )
 
 _COLUMNS = ("subject", "pose")
+
+Names: TypeAlias = tuple[tuple[str, ...], Integers]
+"""Names of people or of poses, and the number of that of each mesh."""
 
 
 class RegisteredMeshes:
@@ -270,13 +273,13 @@ def load_faust(
             f"missing: {join_names(missing, 5)}; allow_missing=True loads the others"
         )
     numbers = np.array(list(files))
-    labels: LabelColumns = {
-        "subject": numbers // _FAUST_POSES,
-        "pose": numbers % _FAUST_POSES,
-        "subject_names": tuple(f"subject {i}" for i in range(_FAUST_PEOPLE)),
-        "pose_names": tuple(f"pose {i}" for i in range(_FAUST_POSES)),
-    }
-    return _load(list(files.values()), labels, template, align=align)
+    return _load(
+        list(files.values()),
+        (tuple(f"subject {i}" for i in range(_FAUST_PEOPLE)), numbers // _FAUST_POSES),
+        (tuple(f"pose {i}" for i in range(_FAUST_POSES)), numbers % _FAUST_POSES),
+        template,
+        align=align,
+    )
 
 
 def _faust_registrations(folder: Path) -> dict[int, Path]:
@@ -347,17 +350,10 @@ def load_bodies(
     files = find_meshes(folder)
     table = os.path.join(folder, LABELS) if labels is None else labels
     numbers, texts = read_labels(table, [file.name for file in files], allow_missing=allow_missing)
-    subject_names, subject = _numbered(texts["subject"])
-    pose_names, pose = _numbered(texts["pose"])
-    columns: LabelColumns = {
-        "subject": subject,
-        "pose": pose,
-        "subject_names": subject_names,
-        "pose_names": pose_names,
-    }
     return _load(
         [files[number] for number in numbers],
-        columns,
+        _numbered(texts["subject"]),
+        _numbered(texts["pose"]),
         template,
         align=align,
         scale=scale,
@@ -447,19 +443,11 @@ def no_meshes(root: Path) -> FileError:
     return FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
 
 
-class LabelColumns(TypedDict):
-    """Labels of bodies by the names of their fields."""
-
-    subject: Integers
-    pose: Integers
-    subject_names: tuple[str, ...]
-    pose_names: tuple[str, ...]
-
-
 # More than eight arguments: those of `load_bodies`, passed on.
 def _load(
     files: Sequence[Path],
-    labels: LabelColumns,
+    subjects: Names,
+    poses: Names,
     template: Template | str | os.PathLike[str] | None,
     *,
     align: bool,
@@ -469,7 +457,7 @@ def _load(
     seams: str = "join",
     progress: bool = False,
 ) -> Bodies:
-    """Load registered meshes with their labels."""
+    """Load registered meshes with the names of people and of poses, and those of each mesh."""
     # By default the first body, because the mean of several poses has shrunken arms.
     reference = files[0] if template is None else template
     meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up, seams=seams)
@@ -485,10 +473,19 @@ def _load(
     if align:
         points = procrustes(points, to=template.vertices, scale=None)
     ids = tuple(without_ending(file.name) for file in files)
-    return Bodies(points=points, template=template, ids=ids, **labels)
+    (subject_names, subject), (pose_names, pose) = subjects, poses
+    return Bodies(
+        points,
+        subject,
+        pose,
+        template,
+        subject_names=subject_names,
+        pose_names=pose_names,
+        ids=ids,
+    )
 
 
-def _numbered(cells: Sequence[str]) -> tuple[tuple[str, ...], Integers]:
+def _numbered(cells: Sequence[str]) -> Names:
     """Return the different texts of a column, and the number of the text of each cell."""
     names = sorted(set(cells), key=natural_key)
     return tuple(names), np.array([names.index(text) for text in cells])
