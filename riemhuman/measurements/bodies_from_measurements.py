@@ -17,12 +17,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
 from riemhuman.arrays import Array, Booleans
-from riemhuman.checks import checked, choice, real_array, whole
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import checked, choice, whole
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.measurements._kinks import least_squares_with_kinks
 from riemhuman.measurements._vertex_slopes import slopes_along
@@ -110,7 +107,6 @@ def model_from_measurements(
     tolerances: Mapping[str, float] | None = None,
     resolution: str = "full",
     max_iter: int = 100,
-    start: ArrayLike | None = None,
 ) -> ProbableBody:
     """Return the most probable body of the open model with these measurements.
 
@@ -132,12 +128,6 @@ def model_from_measurements(
         Resolution of the model.
     max_iter : int
         Largest number of steps.
-    start : array, shape (B,), optional
-        Shape coefficients of the body from which the search starts, by default the mean adult.
-
-    Notes
-    -----
-    Searches from other bodies end within a thousandth of the same `cost`.
 
     Examples
     --------
@@ -150,7 +140,7 @@ def model_from_measurements(
     with single_threaded_libraries():
         given = given_values(values, sex)
         errors = errors_of_values(given, tolerances)
-        return _probable_body(given, errors, sex, resolution, max_iter, start)
+        return _probable_body(given, errors, sex, resolution, max_iter)
 
 
 def _probable_body(
@@ -159,7 +149,6 @@ def _probable_body(
     sex: str,
     resolution: str,
     max_iter: int,
-    start: ArrayLike | None,
 ) -> ProbableBody:
     standing = open_measurements(resolution)
     assert standing is not None, "the open model has measurements"
@@ -174,10 +163,7 @@ def _probable_body(
     wanted = np.array([goals[name] for name in measurements.names])
     allowed = np.array([spread[name] for name in measurements.names])
     is_given = np.array([name in given for name in measurements.names])
-    assert standing.model is not None
-    n_betas = standing.model.n_betas
-    first = None if start is None else real_array(start, "start", (n_betas,), batched=False)
-    search = _nearest_betas(measurements, sexes, wanted, allowed, is_given, max_iter, first)
+    search = _nearest_betas(measurements, sexes, wanted, allowed, is_given, max_iter)
     measured = measurements.measure(search.points, axes="space", missing="nan").to_dict()
     in_body = {name: float(measured[name]) for name in given if name in measured}
     misses = {name: value - given[name] for name, value in in_body.items()}
@@ -265,7 +251,6 @@ def _nearest_betas(
     spread: Array,
     is_given: Booleans,
     max_iter: int,
-    start: Array | None = None,
 ) -> _Search:
     """Find the shape coefficients whose measurements are nearest to the goals, and their body."""
     model, pose = measurements.definitions.model, measurements.definitions.standard_pose_vector
@@ -294,15 +279,5 @@ def _nearest_betas(
             [np.eye(len(z)), rows / spread[:, np.newaxis]]
         )
 
-    origin = np.zeros(len(mean))
-    if start is not None:
-        origin = solve_triangular(root, start - mean, lower=True)
-        residuals, _ = linearisation(origin)
-        if np.isnan(residuals).any():
-            undefined = measurements.names[int(np.isnan(residuals[len(mean) :]).argmax())]
-            raise ArgumentError(
-                f"start must be a body whose given measurements are defined; found {undefined!r} "
-                "not defined"
-            )
-    z, cost, converged = least_squares_with_kinks(linearisation, origin, max_iter)
+    z, cost, converged = least_squares_with_kinks(linearisation, np.zeros(len(mean)), max_iter)
     return _Search(mean + root @ z, body(z), float(np.linalg.norm(z)), cost, converged)

@@ -324,8 +324,9 @@ class Measurements:
             weights = np.linalg.norm(slopes, axis=-1)[0]
             shares = weights[:, ~trusted[number]].sum(axis=1) / weights.sum(axis=1)
             for which in np.flatnonzero(shares > _MOST_UNSEEN):
+                place = "path" if self.units[which] == "m" else "surface"
                 reasons[number, self.names[which]] = (
-                    f"{100 * shares[which]:.0f} % of its path lies on untrusted parts"
+                    f"{100 * shares[which]:.0f} % of its {place} lies on untrusted parts"
                 )
         return reasons
 

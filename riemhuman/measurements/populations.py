@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 from scipy.special import ndtr, ndtri, softmax
 
-from riemhuman.arrays import Array, ArrayLike, JSONRecord
+from riemhuman.arrays import Array, JSONRecord
 from riemhuman.checks import checked, choice, positive, real
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
@@ -124,10 +124,8 @@ def largest_body_mass_index(sex: str) -> float:
     sex=a_population,
     resolution=choice("full", "coarse"),
 )
-def average_adult(
-    stature: float, sex: str = "adult", resolution: str = "full", *, pose: ArrayLike | None = None
-) -> Array:
-    """Return the average body of a sex and stature.
+def average_adult(stature: float, sex: str = "adult", resolution: str = "full") -> Array:
+    """Return the average body of a sex and stature, in the standard pose.
 
     Its shape coefficients are predicted by linear regression of those of simulated adults on the
     logarithm of their stature (see `percentiles`). Its stature is accurate to 0.1 mm.
@@ -140,8 +138,6 @@ def average_adult(
         Population; for "adult", women and men are weighted by how many of them have the stature.
     resolution : {"full", "coarse"}
         Resolution of the open body model.
-    pose : array_like, shape (J, 3), optional
-        Axis-angle rotations of the joints; by default those of the standard pose.
 
     Returns
     -------
@@ -168,7 +164,7 @@ def average_adult(
     for _ in range(_STATURE_STEPS):  # the regression is off by millimetres for tall people
         body = model(_average_betas(predictor, shares), standing)
         predictor *= stature / float(measurements.measure(body, axes="space")[_STATURE])
-    return np.asarray(model(_average_betas(predictor, shares), standing if pose is None else pose))
+    return np.asarray(model(_average_betas(predictor, shares), standing))
 
 
 def _average_betas(stature: float, shares: Mapping[str, float]) -> Array:

@@ -15,7 +15,6 @@ from riemhuman.measurements.populations import largest_body_mass_index
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
 from riemhuman.report._sheet_pictures import (
-    LARGEST_CHANGE,
     Picture,
     body_pictures,
     change_picture,
@@ -47,6 +46,7 @@ _WHOLE = 0.98  # share of the vertices from which a body counts as seen
 _RULERS = {"cm": (0.2, 0.01), "in": (0.3048, 0.0254)}
 _RULER_SHARE = 0.09  # width of a ruler over the height of its picture
 _TITLE_PIXELS = 34
+_LARGEST_CHANGES = {"cm": "2 cm", "in": "0.8 in"}  # of the picture of changes
 _HIPS = ("left_trochanterion", "right_trochanterion")
 # What names functions, arguments or options says nothing to a client.
 _CODE = re.compile(r"--\w|\w=|\w\(|\w_\w|[A-Z]\w*[a-z][A-Z]|\w\.\w")
@@ -551,9 +551,10 @@ def _changes(values: SheetValues, faces: Triangles, units: str) -> ChangesText |
                 bool(result.is_significant[k]),
             )
         )
-    count = int(result.is_significant.sum())
+    is_row = np.array([name not in _repeated(values) for name in result.names])
+    count = int(result.is_significant[is_row].sum())
     note = (
-        f"{count} of {len(result.names)} measurements changed by more than their noise, two "
+        f"{count} of {is_row.sum()} measurements changed by more than their noise, two "
         "standard deviations of a difference between poses this far apart; expect about "
         f"{result.expected_by_chance:.0f} by chance alone. {result.pose_advice(units)}"
     ).strip()
@@ -561,9 +562,11 @@ def _changes(values: SheetValues, faces: Triangles, units: str) -> ChangesText |
         picture,
         units,
         "The body at this visit, coloured by how far the surface moved",
-        f"From blue (inward) to red (outward), {readable_gap(LARGEST_CHANGE, units)} at the ends.",
+        f"From blue (inward) to red (outward), {_LARGEST_CHANGES[units]} at the ends.",
     )
-    warning = f"The two visits show {values.doubt}." if values.doubt else ""
+    warning = ""
+    if values.doubt:
+        warning = "The two visits are probably not of the same person: check whose scans they are."
     return ChangesText(values.since, tuple(texts), figure, note, warning)
 
 

@@ -420,7 +420,8 @@ def _withheld(
     definitions: MeasurementSet,
 ) -> list[Group]:
     """Return groups that no scan shows, and those that no adult combines; none for children."""
-    groups = [_CROTCH] if _is_crotch_hidden(subject, definitions) else []
+    is_measured = any(np.isfinite(named.get(name, np.nan)) for name in _CROTCH.measurements)
+    groups = [_CROTCH] if is_measured and _is_crotch_hidden(subject, definitions) else []
     if is_of_adults(named.get("stature", float("nan")), subject.sex):
         groups += implausible_groups(named, deviations, subject.sex)
     return groups

@@ -63,19 +63,6 @@ TALL = {"stature": 1.827, "body mass": 93.1, "chest girth": 1.021, "hip girth": 
 TALL["waist girth (omphalion)"] = 1.08
 
 
-def test_starts_have_a_coefficient_for_each_direction():
-    for start in (np.zeros(5), np.zeros((2, 32)), np.full(32, np.nan)):
-        with pytest.raises(ArgumentError, match="start"):
-            model_from_measurements({"stature": 1.7}, resolution="coarse", start=start)
-
-
-def test_given_measurements_of_the_start_are_defined():
-    """Of a body that is turned inside out, no waist can be measured."""
-    start = np.full(32, -60.0)
-    with pytest.raises(ArgumentError, match="start must be a body whose given measurements are"):
-        model_from_measurements(TALL, "woman", resolution="coarse", start=start)
-
-
 def test_no_gradient_of_a_distant_body_ends_the_search(woman_of_four):
     """With signed errors of linearisations, the searches end 0.01 to 0.4 above these costs."""
     wanted = FOUR | {"inside leg height": 0.95}

@@ -17,7 +17,6 @@ from riemhuman.measurements import (
     open_measurements,
 )
 from riemhuman.measurements.measurement_set import DATA
-from riemhuman.surfaces import nearest_points
 
 
 @pytest.fixture(scope="module")
@@ -68,17 +67,6 @@ def test_seated_measurements(coarse):
     shares = measured["sitting height"] / stature["stature"]
     assert ((shares > 0.48) & (shares < 0.56)).all()
     assert (measured["elbow rest height"] < 0.35).all()
-
-
-def test_mapped_to_the_other_resolution(coarse):
-    """By closest points of the templates, as for any template that lies on another."""
-    full = open_measurements("full")
-    places, _ = nearest_points(full.vertices, coarse.vertices, coarse.faces)
-    mapped = full.mapped(coarse.template, places)
-    points = coarse.template(np.random.default_rng(1).normal(size=(3, 32)))
-    measurements, through = (Measurements(s).measure(points) for s in (coarse, mapped))
-    metres = [unit == "m" for unit in Measurements(coarse).units]
-    assert np.abs(measurements.values - through.values)[:, metres].max() < 0.012
 
 
 def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
