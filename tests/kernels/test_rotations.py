@@ -186,3 +186,17 @@ def test_derivative_where_several_rotations_are_nearest():
     np.testing.assert_allclose(np.linalg.det(found), 1.0)
     slope = autograd.grad(lambda x: anp.sum(so3.nearest_rotations(x)))(matrices)
     np.testing.assert_array_equal(slope, 0.0)
+
+
+def test_shortest_rotations_lead_from_one_vector_to_another():
+    """By the angle between them; by about half a turn between opposite ones."""
+    start, end = axes(20), axes(20, rng=1)
+    end[0] = -start[0]
+    found = so3.shortest_rotations(start, end)
+    ends = (found @ start[:, :, None])[:, :, 0]
+    np.testing.assert_allclose(ends[1:], end[1:], atol=1e-12)
+    np.testing.assert_allclose(ends[0], end[0], atol=0.05)
+    np.testing.assert_allclose(np.linalg.det(found), 1.0, rtol=1e-12)
+    traces = np.trace(found, axis1=1, axis2=2)
+    cosines = np.sum(start * end, axis=1)
+    np.testing.assert_allclose(traces[1:], 1.0 + 2.0 * cosines[1:], atol=1e-12)
