@@ -104,16 +104,10 @@ class TrendText:
 
 
 @dataclass(frozen=True)
-class Mark:
-    """A line of a ruler, at a distance from the top of a picture in pixels."""
+class Label:
+    """A number of a ruler or the title of a view: pixels from the top, or from the left edge."""
 
-    y: float
-    text: str
-
-
-@dataclass(frozen=True)
-class ViewTitle:
-    x: float
+    place: float
     text: str
 
 
@@ -123,8 +117,8 @@ class Drawing:
 
     picture: Picture
     ruler: int
-    marks: tuple[Mark, ...]
-    views: tuple[ViewTitle, ...]
+    marks: tuple[Label, ...]
+    views: tuple[Label, ...]
     alt: str
     caption: str
 
@@ -577,9 +571,9 @@ def _drawing(picture: Picture, units: str, alt: str, caption: str) -> Drawing:
     marks = []
     for number in range(int(np.floor(picture.high / step)) + 1):
         y = (picture.high - number * step) / picture.metres_per_pixel
-        marks.append(Mark(round(y, 1), f"{number * step / metres_per_unit:.0f}"))
+        marks.append(Label(round(y, 1), f"{number * step / metres_per_unit:.0f}"))
     views = [
-        ViewTitle(round(ruler + middle * width, 1), title)
+        Label(round(ruler + middle * width, 1), title)
         for middle, title in zip(picture.middles, picture.titles, strict=True)
     ]
     return Drawing(picture, ruler, tuple(marks), tuple(views), alt, caption)

@@ -211,7 +211,9 @@ def _since_earlier(
         return values
     before = labelled.subjects[earlier[-1]]
     if len(before.points) != len(subject.points):
-        return _with_remark(values, f"no comparison with {before.name}: its triangles differ")
+        return _with_remark(
+            values, f"no comparison with {before.name}: it was registered with another mesh"
+        )
     with progress(f"Changes of {subject.name} since {before.name}"):
         values = with_changes(measurements, values, before, subject)
     if values.doubt:

@@ -406,10 +406,11 @@ def _remarks_on_scans(subject: SheetSubject, faces: Triangles) -> list[str]:
     for scan in subject.further_scans:
         if not scan.is_measurable:
             remarks.append(f"{scan.name} is not trusted and left out")
-        elif subject.is_measurable:
-            people = person_distance(subject.points, scan.points, faces)
-            if people.is_hardly_one_person:
-                remarks.append(f"{subject.name} and {scan.name}, of one visit, are {people.text}")
+        elif (
+            subject.is_measurable
+            and person_distance(subject.points, scan.points, faces).is_hardly_one_person
+        ):
+            remarks.append(f"{subject.name} and {scan.name} are probably not of one person")
     return remarks
 
 

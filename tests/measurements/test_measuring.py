@@ -53,10 +53,6 @@ def test_derivatives(bodies, measurements):
     slopes = np.sum(measured.gradient * direction, axis=(-2, -1))
     moved = measurements.measure(point + np.array([1e-6, -1e-6])[:, None, None] * direction).values
     np.testing.assert_allclose((moved[0] - moved[1]) / 2e-6, slopes, rtol=1e-3, atol=1e-3)
-    few = Measurements(measurements.definitions, ["waist girth", "volume", "back length"])
-    both = few.measure(bodies.points[:2], gradient=True).gradient
-    gradients = [few.measure(point, gradient=True).gradient for point in bodies.points[:2]]
-    np.testing.assert_allclose(both, gradients, atol=1e-12)
 
 
 @dataclass(frozen=True, kw_only=True)

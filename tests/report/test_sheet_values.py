@@ -107,4 +107,4 @@ def test_several_scans_of_a_visit(bodies, measurements):
     assert visit.name == "scan 0"
     (values,) = values_of(measurements, [visit])
     assert values.remarks[0] == "scan 3 is not trusted and left out"
-    assert values.remarks[1].startswith("scan 0 and scan 12, of one visit, are probably not")
+    assert values.remarks[1] == "scan 0 and scan 12 are probably not of one person"

@@ -40,12 +40,6 @@ def test_a_sheet_says_what_the_body_measures(bodies, measurements):
     assert not re.search(r"(src|href)=[\"']https?:", sheet.html)
 
 
-def test_without_a_sex_both_are_meant(bodies):
-    sheet = rh.report.sheet(bodies[3])
-    assert "sex not given" in sheet.html
-    assert "women and men together" in sheet.html
-
-
 def test_a_child_has_no_percentiles_of_adults(bodies):
     child, unknown = 0.7 * bodies[0], bodies[0]
     sheet = rh.report.sheet(child, sex="woman")
