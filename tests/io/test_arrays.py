@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 
 ARRAYS = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(1)}
@@ -41,36 +41,21 @@ def test_files_are_those_of_numpy(tmp_path, compressed):
     np.testing.assert_array_equal(load_arrays(tmp_path / "ours.npz", [])["file"], ARRAYS["a"])
 
 
-def test_what_cannot_be_written_or_read(tmp_path):
-    with pytest.raises(FileError, match="nowhere"):
-        save_arrays(tmp_path / "nowhere" / "x.npz", ARRAYS)
-    with pytest.raises(FileError, match="cannot be written"):
-        save_arrays(tmp_path, ARRAYS)
-    with pytest.raises(FileError, match=r"there is no file .*missing\.npz"):
-        load_arrays(tmp_path / "missing.npz", [])
-    with pytest.raises(FileError, match="cannot be read"):
-        load_arrays(tmp_path, [])
-    with pytest.raises(ArgumentTypeError, match="path"):
-        load_arrays(3, [])
-    assert os.listdir(tmp_path) == []
-
-
-def test_missing_fields_are_named(tmp_path):
+def test_refusals(tmp_path):
     save_arrays(tmp_path / "x.npz", ARRAYS)
     with pytest.raises(FileFormatError, match=r"lacks the fields c, d; found a, b"):
         load_arrays(tmp_path / "x.npz", ["a", "c", "d"])
     np.save(tmp_path / "x.npy", ARRAYS["a"])
     with pytest.raises(FileFormatError, match="not an .npz archive"):
         load_arrays(tmp_path / "x.npy", ["a"])
+    with pytest.raises(FileError, match="cannot be written"):
+        save_arrays(tmp_path / "nowhere" / "x.npz", ARRAYS)
+    with pytest.raises(FileError, match=r"there is no file .*missing\.npz"):
+        load_arrays(tmp_path / "missing.npz", [])
 
 
 def test_only_the_fields_asked_for_are_read(tmp_path):
     np.savez(tmp_path / "x.npz", pickled=np.array([{}], dtype=object), **ARRAYS)
     assert load_arrays(tmp_path / "x.npz", ["a"], ["b", "c"]).keys() == {"a", "b"}
-    assert load_arrays(tmp_path / "x.npz", ["a"], []).keys() == {"a"}
-
-
-def test_pickles_are_refused(tmp_path):
-    np.savez(tmp_path / "x.npz", a=np.array([{}], dtype=object))
     with pytest.raises(FileFormatError, match="Python objects|plain arrays"):
-        load_arrays(tmp_path / "x.npz", ["a"])
+        load_arrays(tmp_path / "x.npz", ["pickled"])

@@ -77,25 +77,13 @@ def read(tmp_path):
     return read
 
 
-@pytest.fixture
-def read_by_trimesh(tmp_path):
-    def read(document):
-        file = tmp_path / "trimesh.glb"
-        file.write_bytes(document.content())
-        return trimesh.load(file, process=False).to_mesh()
-
-    return read
-
-
 def assert_tetrahedron(mesh, scale=1.0, atol=1e-6):
     vertices, faces = mesh
     np.testing.assert_allclose(vertices, scale * VERTICES, atol=atol)
     np.testing.assert_array_equal(faces, FACES)
 
 
-@pytest.mark.parametrize(
-    ("dtype", "normalized"), [("u1", True), ("u2", False), ("i1", False), ("i2", True)]
-)
+@pytest.mark.parametrize(("dtype", "normalized"), [("u1", True), ("u2", False), ("i2", True)])
 def test_quantized_positions(read, dtype, normalized):
     whole = np.zeros((4, 3), dtype)
     largest = np.iinfo(dtype).max if normalized else 1
@@ -104,23 +92,19 @@ def test_quantized_positions(read, dtype, normalized):
     attributes = document.primitive["attributes"]
     stride = 4 * -(-3 * np.dtype(dtype).itemsize // 4)
     attributes["POSITION"] = document.add(whole, normalized=normalized, stride=stride)
+    index = "<u4" if dtype == "u2" else "<u1"
+    document.primitive["indices"] = document.add(FACES.ravel().astype(index))
     assert_tetrahedron(read(document))
-    if dtype[0] == "i" and normalized:
+    if dtype == "i2":
         whole[3] = -np.iinfo(dtype).max - 1  # the same as one above it
         attributes["POSITION"] = document.add(whole, normalized=True, stride=stride)
         np.testing.assert_array_equal(read(document)[0][3], -1.0)
 
 
-def test_indices_of_every_width(read):
-    for dtype in ("<u1", "<u2", "<u4"):
-        assert_tetrahedron(read(Document(faces=FACES.astype(dtype))))
-
-
-def test_no_indices(read, read_by_trimesh):
+def test_no_indices(read):
     document = Document(VERTICES[FACES.ravel()], faces=None)
     vertices, faces = read(document)
     np.testing.assert_array_equal(vertices[faces], VERTICES[FACES])
-    np.testing.assert_allclose(read_by_trimesh(document).triangles, VERTICES[FACES])
 
 
 def test_interleaved_rows(read):
@@ -151,9 +135,7 @@ def test_sparse_accessors(read, from_zeros):
 
 
 MIRRORS = {
-    "one axis": [{"mesh": 0, "scale": [-1, 1, 1]}],
     "three axes": [{"mesh": 0, "scale": [-1, -1, -1]}],
-    "two axes": [{"mesh": 0, "scale": [-1, -1, 1]}],
     "matrix": [{"mesh": 0, "matrix": [1, 0, 0, 0, 0, -2, 0, 0, 0, 0, 1, 0, 3, 0, 0, 1]}],
     "parent": [{"children": [1], "scale": [1, 1, -1]}, {"mesh": 0, "translation": [1, 2, 3]}],
     "twice": [{"children": [1], "scale": [1, 1, -1]}, {"mesh": 0, "scale": [1, -1, 1]}],
@@ -161,11 +143,12 @@ MIRRORS = {
 
 
 @pytest.mark.parametrize("name", MIRRORS)
-def test_mirrored_nodes_stay_outside_out(read, read_by_trimesh, name):
+def test_mirrored_nodes_stay_outside_out(read, tmp_path, name):
     document = Document(nodes=MIRRORS[name])
     vertices, faces = read(document)
     assert signed_volume(vertices, faces) > 0
-    np.testing.assert_allclose(vertices, read_by_trimesh(document).vertices, atol=1e-6)
+    by_trimesh = trimesh.load(tmp_path / "made.glb", process=False).to_mesh()
+    np.testing.assert_allclose(vertices, by_trimesh.vertices, atol=1e-6)
 
 
 def test_strips_and_fans_beside_triangles(read):
@@ -188,16 +171,6 @@ def test_strips_and_fans_beside_triangles(read):
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert (normals[:-1, 2] > 0).all()
-
-
-def test_nothing_but_points_or_cameras(read):
-    document = Document()
-    document.primitive["mode"] = 0
-    with pytest.raises(FileFormatError, match="holds no triangles: 1 sets of points or lines"):
-        read(document)
-    document.json["nodes"] = [{"camera": 0}]
-    with pytest.raises(FileFormatError, match="holds no triangles$"):
-        read(document)
 
 
 def skinned(document, joints, matrices, weights):
@@ -254,23 +227,19 @@ def test_morph_targets_at_the_weights_of_mesh_or_node(read):
         read(document)
 
 
-def test_targets_and_joints_without_end(read):
-    document = Document(nodes=[{"mesh": 0, "skin": 0}], skins=[{"joints": [0] * 1000}])
-    with pytest.raises(FileFormatError, match="skin 0 has more joints than there are nodes"):
-        read(document)
-    document = Document()
-    document.primitive["targets"] = [{"POSITION": 0}] * 2000
-    document.json["meshes"][0]["weights"] = [1.0] * 2000
-    with pytest.raises(FileFormatError, match="its accessors are read too often"):
-        read(document)
-
-
 def test_few_bytes_take_little_memory_and_time(read):
     doubled = [{"children": [i + 1] * 2} for i in range(60)] + [{"mesh": 0}]
+
+    def targets_without_end(mesh):
+        mesh["primitives"][0]["targets"] = [{"POSITION": 0}] * 2000
+        mesh["weights"] = [1.0] * 2000
+
     for change in (
         lambda j: j["accessors"][0].update(count=60_000_000),
         lambda j: j["meshes"][0].update(primitives=3000 * j["meshes"][0]["primitives"]),
         lambda j: j.update(nodes=doubled),
+        lambda j: j.update(nodes=[{"mesh": 0, "skin": 0}], skins=[{"joints": [0] * 1000}]),
+        lambda j: targets_without_end(j["meshes"][0]),
         lambda j: j["bufferViews"][0].update(byteStride=2**62),
     ):
         document = Document()
@@ -282,12 +251,11 @@ def test_few_bytes_take_little_memory_and_time(read):
         tracemalloc.stop()
 
 
-def test_scenes(read, read_by_trimesh):
+def test_scenes(read):
     nodes = [{"mesh": 0}, {"mesh": 0, "translation": [5, 0, 0]}, {"children": [1, 0]}]
     document = Document(nodes=nodes, scenes=[{"nodes": [0]}, {"nodes": [2]}], scene=1)
     vertices, _ = read(document)
     np.testing.assert_allclose(vertices, np.concatenate([VERTICES + [5, 0, 0], VERTICES]))
-    assert len(read_by_trimesh(document).vertices) == 8
     del document.json["scene"]
     with pytest.raises(FileFormatError, match="its node 0 has more than one parent"):
         read(document)  # the first scene lists a node that is below another
@@ -313,22 +281,11 @@ def test_data_within_the_text(read):
         read(document)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("KHR_draco_mesh_compression", "compressed .*draco"),
-        ("EXT_meshopt_compression", "compressed .*meshopt"),
-        ("EXT_new_geometry", "needs the extension EXT_new_geometry"),
-    ],
-)
-def test_extensions_that_are_needed(read, name, message):
-    with pytest.raises(FileFormatError, match=message):
-        read(Document(extensionsRequired=[name]))
-    assert_tetrahedron(read(Document(extensionsUsed=[name])))
-    assert_tetrahedron(read(Document(extensionsRequired=["KHR_materials_unlit"])))
-
-
 def test_compressed_parts_are_named(read):
+    with pytest.raises(FileFormatError, match="compressed .*meshopt"):
+        read(Document(extensionsRequired=["EXT_meshopt_compression"]))
+    assert_tetrahedron(read(Document(extensionsUsed=["KHR_draco_mesh_compression"])))
+    assert_tetrahedron(read(Document(extensionsRequired=["KHR_materials_unlit"])))
     document = Document()
     document.primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0}}
     assert_tetrahedron(read(document))  # with what readers without it can read
@@ -342,26 +299,20 @@ def test_compressed_parts_are_named(read):
         read(document)
 
 
-def _changed(change):
-    document = Document()
-    change(document.json, document.primitive)
-    return document
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda j, p: j["nodes"][0].update(mesh=1), r"meshes\[1\] of 1"),
         (lambda j, p: j["nodes"][0].update(mesh=-1), r"meshes\[-1\] of 1"),
+        (lambda j, p: j.update(extensionsRequired=["EXT_new"]), "needs the extension EXT_new"),
         (lambda j, p: p["attributes"].pop("POSITION"), "primitive 0 has no positions"),
         (lambda j, p: p.update(indices=0), "indices must be unsigned"),
         (lambda j, p: p["attributes"].update(POSITION=1), "VEC3 numbers expected, found SCALAR"),
         (lambda j, p: j["accessors"][0].update(count=5), "5 rows need 60 bytes; found 48"),
         (lambda j, p: j["accessors"][0].update(count=3), "refers to vertex 3 of 3"),
-        (
-            lambda j, p: j["accessors"][1].update(count=11),
-            "11 corners do not make complete",
-        ),
+        (lambda j, p: j["accessors"][1].update(count=11), "11 corners do not make complete"),
+        (lambda j, p: p.update(mode=0), "holds no triangles: 1 sets of points or lines"),
+        (lambda j, p: j["nodes"][0].pop("mesh"), "holds no triangles$"),
         (lambda j, p: j["bufferViews"][0].update(byteOffset=-4), "rows need 48 bytes"),
         (lambda j, p: j["bufferViews"][0].update(byteStride=8), "8 bytes apart, not from 12"),
         (lambda j, p: j["nodes"][0].update(children=[0]), "more than one parent"),
@@ -372,5 +323,7 @@ def _changed(change):
     ],
 )
 def test_errors_name_the_part(read, change, message):
+    document = Document()
+    change(document.json, document.primitive)
     with pytest.raises(FileFormatError, match=rf"made\.glb: .*{message}"):
-        read(_changed(change))
+        read(document)

@@ -42,11 +42,6 @@ def test_another_job_is_refused_by_its_first_difference(job):
         JobFolder(job.path).claim({"metric": {"a": 1.0}}, LAYOUT)
 
 
-def test_a_folder_that_somebody_looked_into_is_empty(tmp_path):
-    (tmp_path / ".DS_Store").touch()
-    assert JobFolder(tmp_path).claim(JOB, LAYOUT) == LAYOUT
-
-
 def test_one_process_at_a_time(job):
     with (
         job.locked(),
@@ -59,7 +54,7 @@ def test_one_process_at_a_time(job):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[1]", "[" * 100_000, '{"layout": 3}', '{"layout": {"tile": 0}}', '{"layout": {}}']
+    "text", ["", "[1]", '{"layout": 3}', '{"layout": {"tile": 0}}', '{"layout": {}}']
 )
 def test_a_damaged_manifest(job, text):
     (job.path / "manifest.json").write_text(text)
@@ -85,6 +80,7 @@ def test_folders_with_other_files(tmp_path):
     # A process that was killed before it made a manifest is no other job.
     (tmp_path / "thesis.tex").rename(tmp_path / ".manifest.1a2b.part.json")
     (tmp_path / "job.lock").touch()
+    (tmp_path / ".DS_Store").touch()  # of somebody who looked into the folder
     # A command writes its table there, too.
     neighbour(tmp_path / "D.npz").mkdir()
     assert JobFolder(tmp_path).claim(JOB, LAYOUT) == LAYOUT
@@ -99,10 +95,3 @@ def test_no_space(job, monkeypatch):
     with pytest.raises(FileError, match="cannot be written: No space left"):
         job.make_tables({"E.npy": ((100,), np.float64)})
     assert set(job.path.iterdir()) == before
-
-
-def test_disk_space_is_reserved(job):
-    job.make_tables({"large.npy": ((2**20,), np.float64)})
-    status = (job.path / "large.npy").stat()
-    assert status.st_blocks * 512 >= 2**23
-    assert not job.read("large.npy").any()

@@ -8,7 +8,6 @@ from riemhuman.io.mesh_arrays import (
     check_mesh,
     distinct_pairs,
     face_difference,
-    triangle_sides,
 )
 
 
@@ -17,11 +16,6 @@ def test_checks_of_meshes():
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
     with pytest.raises(ArgumentError, match=r"faces\[1\] = \(0, 0, 9\) \(and 1 more\).* holds 2"):
         check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]])
-
-
-def test_sides_keep_the_direction_of_their_triangle():
-    sides = triangle_sides(np.array([[4, 7, 5], [1, 0, 2]]))
-    assert sides.tolist() == [[4, 7], [7, 5], [5, 4], [1, 0], [0, 2], [2, 1]]
 
 
 def test_distinct_pairs_are_those_of_numpy():

@@ -117,12 +117,10 @@ def assert_refused(file, message=""):
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-@pytest.mark.parametrize(
-    ("scalar", "name"), [("float", "vertex_indices"), ("double", "vertex_index")]
-)
-def test_ply_of_every_encoding(mesh, tmp_path, encoding, scalar, name):
-    file = write(tmp_path, "body.PLY", ply(elements_of(*mesh, scalar, name), encoding))
-    assert_reads(file, mesh, single=scalar == "float")
+def test_ply_of_every_encoding(mesh, tmp_path, encoding):
+    for scalar, name in (("float", "vertex_indices"), ("double", "vertex_index")):
+        file = write(tmp_path, "body.PLY", ply(elements_of(*mesh, scalar, name), encoding))
+        assert_reads(file, mesh, single=scalar == "float")
 
 
 VERTICES = [[0.5, 0, 1], [1, 0.25, 0], [0, 1, 0], [2, 2, 2]]
@@ -148,44 +146,18 @@ LAYOUTS = {
         FACE,
     ],
     "something behind": [VERTEX, FACE, ("edge", [("int", "vertex1")], [[0]])],
-    "elements without rows": [("camera", VERTEX[1], []), VERTEX, FACE, ("s", [RAGGED_LIST], [])],
+    "nothing around": [("camera", VERTEX[1], []), VERTEX, FACE, ("s", [RAGGED_LIST], [])],
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("encoding", "line_end"),
-    [("ascii", "\n"), ("binary_little_endian", "\r\n"), ("binary_big_endian", "\n")],
-)
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_ply_of_every_layout(tmp_path, layout, encoding, line_end):
-    content = ply(LAYOUTS[layout], encoding, line_end)
-    assert_reads(write(tmp_path, "body.ply", content), (VERTICES, FACES))
-    latin = content.replace(b"a body", "ein Körper".encode("latin-1"))
-    assert_reads(write(tmp_path, "body.ply", latin), (VERTICES, FACES))
-    if encoding != "ascii":
-        assert_refused(write(tmp_path, "body.ply", content[:-1]))
-
-
-@pytest.mark.everyday
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        (b"float x", b"float u"),
-        (b"element face", b"element vertex"),
-        (b"vertex_indices", b"corners"),
-        (b"list uchar int", b"int"),
-        (b"vertex 4", b"vertex -4"),
-        (b"vertex 4", b"vertex 99999999999"),
-        (b"3 0 1 2", b"-1 0 1 2"),
-        (b"3 0 1 2", b"4 0 1 2"),
-        (b"3 0 1 2", b"3 0 1 9"),
-        (b"0.5 0", b"nan 0"),
-    ],
-)
-def test_damaged_ply(tmp_path, old, new):
-    content = ply([VERTEX, FACE], "ascii")
-    assert old in content
-    assert_refused(write(tmp_path, "body.ply", content.replace(old, new, 1)))
+def test_ply_of_every_layout(tmp_path, layout):
+    for encoding, line_end in zip(ENCODINGS, ("\n", "\r\n", "\n"), strict=True):
+        content = ply(LAYOUTS[layout], encoding, line_end)
+        content = content.replace(b"a body", "ein Körper".encode("latin-1"))
+        assert_reads(write(tmp_path, "body.ply", content), (VERTICES, FACES))
+        if encoding != "ascii":
+            assert_refused(write(tmp_path, "body.ply", content[:-1]))
 
 
 @pytest.mark.parametrize("pattern", ["{0}", "{0}/{1}", "{0}//{1}", "{0}/{1}/{1}"])
@@ -212,7 +184,6 @@ def test_plain_and_unusual_layouts_are_read_alike(tmp_path, name):
     for text in (
         plain,
         plain.replace("\n", "\r\n"),
-        plain.replace(" ", "  "),
         plain.replace(" ", "\t"),
         plain.replace("\n", " \n\n"),
         plain.replace("\n", " # a comment\n"),
@@ -222,7 +193,7 @@ def test_plain_and_unusual_layouts_are_read_alike(tmp_path, name):
         vertices, faces = load_mesh(write(tmp_path, name, text))
         np.testing.assert_array_equal(vertices, points)
         assert faces.tolist() == [[0, 1, 2], [2, 1, 3]]
-    for wrong in ("0.1.5", "0x1", "1-2", "0,1", "1e", "1_0", "0.1 2 3 x"):
+    for wrong in ("0.1.5", "0x1", "1-2", "0,1", "1_0", "0.1 2 3 x"):
         file = write(tmp_path, name, plain.replace("0.1", wrong))
         assert_refused(file, f"line {1 if is_obj else 3} is not valid")
     corner = str(first + 3)
@@ -230,18 +201,16 @@ def test_plain_and_unusual_layouts_are_read_alike(tmp_path, name):
         assert_refused(write(tmp_path, name, plain[::-1].replace(corner, wrong[::-1], 1)[::-1]))
 
 
-def test_obj_with_relative_indices_and_continued_lines(mesh, tmp_path):
-    vertices, faces = mesh
-    lines = [f"v {x!r} \\\n {y!r} {z!r}\n" for x, y, z in vertices.tolist()]
-    lines += ["f {} {} {}\r\n".format(*(face - len(vertices))) for face in faces]
-    assert_reads(write(tmp_path, "body.obj", "".join(lines)), mesh)
+def test_obj_with_relative_indices(tmp_path):
     indented = " v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     assert len(load_mesh(write(tmp_path, "indented.obj", indented))[0]) == 4
     early = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -3\nv 9 9 9\n"
     assert load_mesh(write(tmp_path, "early.obj", early))[1].tolist() == [[2, 1, 0]]
 
 
-@pytest.mark.parametrize("head", ["OFF\n{}", "OFF {}", "# a body\nOFF # mesh\n\n{}", "COFF\r\n{}"])
+@pytest.mark.parametrize(
+    "head", ["OFF {}", "# a body\nOFF # mesh\n\n{}", "COFF\r\n{}", "OFF{}", "\n{}", "ncoff\n{}"]
+)
 def test_off_of_every_kind(mesh, tmp_path, head):
     vertices, faces = mesh
     text = head.format(f"{len(vertices)} {len(faces)} 0\n")
@@ -261,15 +230,18 @@ def test_stl(tmp_path, file_type):
     assert len(vertices) == len(sphere.vertices)
     assert (np.diff(np.unique(faces, return_index=True)[1]) > 0).all()
     content = file.read_bytes()
-    for broken in (content[: len(content) // 2], content[:-30], b"solid\nvertex 0 0 0\n", b""):
-        assert_refused(write(tmp_path, "broken.stl", broken))
+    for broken, message in (
+        (content[: len(content) // 2], "truncated: its header" if file_type == "stl" else ""),
+        (content[:-30], ""),
+        (b"solid\nvertex 0 0 0\n", ""),
+        (b"", ""),
+    ):
+        assert_refused(write(tmp_path, "broken.stl", broken), message)
 
 
 def test_glb_of_ours(mesh, tmp_path):
     file = tmp_path / "body.glb"
     save_glb(file, [mesh[0], 2 * mesh[0]], mesh[1])
-    assert_reads(file, mesh, single=True)
-    save_mesh(file, *mesh)
     assert_reads(file, mesh, single=True)
     (by_trimesh,) = trimesh.load(file, process=False).geometry.values()
     np.testing.assert_array_equal(by_trimesh.vertices, mesh[0].astype(np.float32))
@@ -294,13 +266,8 @@ def test_glb_of_a_scene_of_trimesh(tmp_path):
         content[:-200],
         content.replace(b'"count":', b'"count":9'),
         content.replace(b'"bufferView":', b'"sparse":'),
-        content.replace(b'"nodes":[', b'"nodes":[0,0],"x":['),
-        content.replace(b'"mesh":0', b'"mesh":9'),
     ):
-        assert broken != content
-        file = write(tmp_path, "broken.glb", broken)
-        if b'"x"' not in broken:
-            assert_refused(file)
+        assert_refused(write(tmp_path, "broken.glb", broken))
 
 
 def test_other_formats_are_read_by_meshio(tmp_path):
@@ -371,33 +338,25 @@ def test_arguments_of_save_mesh(mesh, tmp_path):
 
 
 def test_places_of_files(mesh, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("~anna.ply", *([os.fsdecode(b"\xff.ply")] if sys.platform == "linux" else [])):
+        save_mesh(name, *mesh)
+        assert os.path.exists(tmp_path / name)
+        assert_reads(Path(name), mesh)
     monkeypatch.setenv("HOME", str(tmp_path))
     save_mesh("~/body.ply", *mesh)
     assert_reads(Path("~/body.ply"), mesh)
-    with pytest.raises(FileError, match=r"there is no file .*none\.ply"):
-        load_mesh(tmp_path / "none.ply")
-    with pytest.raises(FileError, match="(?i)name too long"):
-        load_mesh("n" * 300 + ".ply")
-    with pytest.raises(FileError, match="is a folder"):
-        load_mesh(tmp_path)
-    with pytest.raises(ArgumentTypeError, match="path must be the path of a file; found 3"):
-        load_mesh(3)
-    for name in ("scan.pcd", "scan.e57"):
-        for load in (load_mesh, load_points):
-            with pytest.raises(FileFormatError, match="convert it to PLY first"):
-                load(tmp_path / name)
-    for name in ("scan", "scan.npz"):
-        with pytest.raises(FileFormatError, match=r"must be one of \.ply, \.obj, \.off, \.stl"):
-            load_mesh(tmp_path / name)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux alone")
-@pytest.mark.parametrize("name", ["~anna.ply", "~.ply", os.fsdecode(b"\xff.ply"), "a\nb.ply"])
-def test_names_of_every_kind(mesh, tmp_path, monkeypatch, name):
-    monkeypatch.chdir(tmp_path)
-    save_mesh(name, *mesh)
-    assert os.listdir() == [name]
-    np.testing.assert_array_equal(load_mesh(name)[1], mesh[1])
+    for load, path, error, message in [
+        (load_mesh, "none.ply", FileError, r"there is no file .*none\.ply"),
+        (load_mesh, "n" * 300 + ".ply", FileError, "(?i)name too long"),
+        (load_mesh, tmp_path, FileError, "is a folder"),
+        (load_mesh, 3, ArgumentTypeError, "path must be the path of a file; found 3"),
+        (load_mesh, "scan.pcd", FileFormatError, "convert it to PLY first"),
+        (load_points, "scan.e57", FileFormatError, "convert it to PLY first"),
+        (load_mesh, "scan", FileFormatError, r"must be one of \.ply, \.obj, \.off, \.stl"),
+    ]:
+        with pytest.raises(error, match=message):
+            load(path)
 
 
 def test_truncated_files_are_refused(mesh, tmp_path):
@@ -411,6 +370,10 @@ def test_truncated_files_are_refused(mesh, tmp_path):
             assert_refused(write(tmp_path, file.name, content[: int(share * most)]))
 
 
+FACET = "solid a\nvertex 0 0 0\nvertex 0,5 0 0\nvertex 0 1 0\nendfacet\nendsolid\n"
+
+
+@pytest.mark.everyday
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -419,37 +382,41 @@ def test_truncated_files_are_refused(mesh, tmp_path):
         ("a.obj", "v 0 0 0\nf 1 0 1\n", "line 2: a face refers to vertex 0; .* from 1, or back"),
         ("a.obj", "v 0 0 0\nf 1 1 -2\n", "line 2: a face refers to vertex -2; .* to -1$"),
         ("a.obj", "v 0,5 0,1 0,2\nf 1 1 1\n", "'v 0,5 0,1 0,2'; decimals need a point"),
-        ("a.off", "OFF 1 1 0\n0,5 0,1 0,2\n3 0 0 0\n", "'0,5 0,1 0,2'; decimals need a point"),
         ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 1\n", r"faces\[0\] = \(0, 0, 1\).*out of range"),
         ("a.off", "OFF\n1 1 0\n0 0\n3 0 0 0\n", "line 3 is not valid: '0 0'"),
         ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0\n0\n", "1 faces, 3 lines follow"),
         ("a.off", "OFF\n99999999999 1 0\n0 0 0\n", "1 lines follow"),
+        ("a.off", "OFF BINARY\n4 4 0\n", "a binary OFF file; save it as text"),
+        ("a.off", "4OFF\n1 0 0\n0 0 0 1\n", "four or more coordinates"),
+        ("a.stl", FACET, "not all numbers; decimals need a point"),
     ],
 )
 def test_damage_of_text_files_is_named(tmp_path, name, content, message):
     assert_refused(write(tmp_path, name, content), message)
 
 
-VARIANTS = {
-    "spaces.ply": lambda files: files["a.ply"].replace(b"\n", b" \n", 9),
-    "capitals.ply": lambda files: files["a.ply"].replace(b"element vertex", b"ELEMENT  Vertex"),
-    "mark.ply": lambda files: b"\xef\xbb\xbf" + files["a.ply"],
-    "blank.ply": lambda files: files["a.ply"].replace(b"property", b"\nproperty", 1) + b"\n\n",
-    "cr.ply": lambda files: files["a.ply"].replace(b"\n", b"\r"),
-    "cr_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\r"),
-    "crlf_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\r\n"),
-    "spaces_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\t \n") + b"\n",
-    "byte.stl": lambda files: files["b.stl"] + b"\n",
-    "bytes.stl": lambda files: files["b.stl"] + 40 * b"\0",
-    "solid.stl": lambda files: b"solid made by a program".ljust(80) + files["b.stl"][80:],
-    "capitals.stl": lambda files: files["a.stl"].upper(),
-    "cr.stl": lambda files: b"\xef\xbb\xbf" + files["a.stl"].replace(b"\n", b"\r"),
-    "joined.off": lambda files: files["a.off"].replace(b"OFF\n", b"OFF"),
-    "small.off": lambda files: files["a.off"].replace(b"OFF\n", b"# a mesh\noff "),
-    "bare.off": lambda files: files["a.off"].replace(b"OFF\n", b"\n"),
-    "utf16.off": lambda files: files["a.off"].decode().encode("utf-16"),
-    "normals.off": lambda files: files["a.off"].replace(b"OFF\n", b"NCOFF\n"),
-}
+@pytest.mark.everyday
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("float x", "float u", ""),
+        ("element face", "element vertex", ""),
+        ("element face", "element tristrips", "strips of triangles are not"),
+        ("element face 2", "element face 1", "declares fewer rows than follow"),
+        ("vertex_indices", "corners", ""),
+        ("list uchar int", "int", ""),
+        ("vertex 4", "vertex -4", ""),
+        ("vertex 4", "vertex 99999999999", ""),
+        ("3 0 1 2", "-1 0 1 2", ""),
+        ("3 0 1 2", "4 0 1 2", ""),
+        ("3 0 1 2", "3 0 1 9", ""),
+        ("0.5 0", "nan 0", ""),
+    ],
+)
+def test_damaged_ply(tmp_path, old, new, message):
+    content = ply([VERTEX, FACE], "ascii").decode()
+    assert old in content
+    assert_refused(write(tmp_path, "body.ply", content.replace(old, new, 1)), message)
 
 
 def with_header(content, old, new):
@@ -457,8 +424,26 @@ def with_header(content, old, new):
     return (header + end).replace(old, new) + body
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-def test_variants_that_other_programs_write(tmp_path, name):
+VARIANTS = {
+    "unusual.ply": lambda files: (
+        b"\xef\xbb\xbf"
+        + files["a.ply"]
+        .replace(b"\n", b" \n", 9)
+        .replace(b"element vertex", b"ELEMENT  Vertex")
+        .replace(b"property", b"\nproperty", 1)
+        + b"\n\n"
+    ),
+    "cr.ply": lambda files: files["a.ply"].replace(b"\n", b"\r"),
+    "cr_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\r"),
+    "spaces_binary.ply": lambda files: with_header(files["b.ply"], b"\n", b"\t \n") + b"\n",
+    "byte.stl": lambda files: files["b.stl"] + b"\n",
+    "solid.stl": lambda files: b"solid made by a program".ljust(80) + files["b.stl"][80:],
+    "unusual.stl": lambda files: b"\xef\xbb\xbf" + files["a.stl"].upper().replace(b"\n", b"\r"),
+    "utf16.off": lambda files: files["a.off"].decode().encode("utf-16"),
+}
+
+
+def test_variants_that_other_programs_write(tmp_path):
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     # The first corner is at 0, 0, 0.625, which begins like a line end in binary files.
     vertices = np.array([[0, 0, 0.625], [0, 1, 0], [1, 0, 0], [0, 0, 1.0]])
@@ -473,38 +458,11 @@ def test_variants_that_other_programs_write(tmp_path, name):
         "a.stl": trimesh.exchange.stl.export_stl_ascii(body).encode(),
         "b.stl": trimesh.exchange.stl.export_stl(body),
     }
-    content = VARIANTS[name](files)
-    assert content not in files.values()
-    found = load_mesh(write(tmp_path, name, content))
-    np.testing.assert_allclose(found[0][found[1]], vertices[faces], rtol=1e-6)
-
-
-def test_reasons_and_how_to_mend_a_file(mesh, tmp_path):
-    text = ply(elements_of(*mesh), "ascii")
-    n_faces = b"element face %d" % len(mesh[1])
-    stl = trimesh.exchange.stl.export_stl(trimesh.creation.box())
-    facet = "vertex 0 0 0\nvertex 0,5 0 0\nvertex 0 1 0\n"
-    for name, content, message in (
-        (
-            "a.ply",
-            text.replace(n_faces, b"element face 9"),
-            "declares fewer rows than follow: 53 li",
-        ),
-        (
-            "a.ply",
-            text.replace(b"element face", b"element tristrips"),
-            "strips of triangles are not",
-        ),
-        ("a.stl", stl[:-60], "truncated: its header declares 12 triangles, and 10 follow"),
-        (
-            "a.stl",
-            f"solid a\n{facet}endfacet\nendsolid\n",
-            "not all numbers; decimals need a point",
-        ),
-        ("a.off", "OFF BINARY\n4 4 0\n", "a binary OFF file; save it as text"),
-        ("a.off", "4OFF\n1 0 0\n0 0 0 1\n", "four or more coordinates"),
-    ):
-        assert_refused(write(tmp_path, name, content), message)
+    for name, change in VARIANTS.items():
+        content = change(files)
+        assert content not in files.values()
+        found = load_mesh(write(tmp_path, name, content))
+        np.testing.assert_allclose(found[0][found[1]], vertices[faces], rtol=1e-6, err_msg=name)
 
 
 def test_polygons_are_split_alike_from_every_source(tmp_path):
@@ -569,16 +527,9 @@ def test_a_polygon_of_many_corners(tmp_path):
     """Its vertices are mapped into memory, and its corners are more than a byte counts."""
     angles = np.linspace(0, 2 * np.pi, 500, endpoint=False)
     circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    header = (
-        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(circle)}\n"
-        "property double x\nproperty double y\nproperty double z\nelement face 1\n"
-        "property list uint int vertex_indices\nend_header\n"
-    )
-    corners = np.arange(len(circle), dtype="<i4")
-    length = np.array(len(circle), dtype="<u4")
-    (tmp_path / "circle.ply").write_bytes(
-        header.encode() + circle.astype("<f8").tobytes() + length.tobytes() + corners.tobytes()
-    )
-    vertices, faces = load_mesh(tmp_path / "circle.ply")
+    vertex, _ = elements_of(circle, [])
+    face = ("face", [("uint", "int", "vertex_indices")], [[list(range(len(circle)))]])
+    content = ply([vertex, face], "binary_little_endian")
+    vertices, faces = load_mesh(write(tmp_path, "circle.ply", content))
     assert np.array_equal(vertices, circle)
     assert faces[-1].tolist() == [0, 498, 499]

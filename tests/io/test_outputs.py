@@ -41,6 +41,7 @@ def test_files_that_can_be_written(tmp_path, monkeypatch):
         ("new", FileFormatError, "ending must be .npz; found none"),
         ("old.npz", FileError, "exists; --force replaces it"),
         ("link.npz", FileError, "exists; --force replaces it"),
+        ("absent.npz", FileError, "make it first: mkdir -p '.*absent'"),
         ("folder.npz", FileError, "is a folder"),
         ("absent/new.npz", FileError, "make it first: mkdir -p '.*absent'"),
         ("old.npz/new.npz", FileError, "old.npz is a file, not a folder"),
@@ -50,8 +51,9 @@ def test_files_that_cannot_be_written(tmp_path, name, error, message):
     (tmp_path / "old.npz").touch()
     (tmp_path / "folder.npz").mkdir()
     os.symlink(tmp_path / "nowhere", tmp_path / "link.npz")
+    os.symlink(tmp_path / "absent" / "new.npz", tmp_path / "absent.npz")
     with pytest.raises(error, match=message):
-        check_output_file(tmp_path / name, [".npz"], force=False)
+        check_output_file(tmp_path / name, [".npz"], force=name == "absent.npz")
 
 
 def test_folders(tmp_path):
@@ -85,9 +87,9 @@ def test_folders(tmp_path):
         check_output_folder(tmp_path / "link", CONTENT, force=True)
 
 
-@pytest.mark.parametrize("name", [".DS_Store", "Thumbs.db"])
-def test_folders_that_somebody_looked_into(tmp_path, name):
+def test_folders_that_somebody_looked_into(tmp_path):
     """File managers add files, which neither make a result nor somebody's own folder."""
+    name = "Thumbs.db"
     (tmp_path / name).touch()
     check_output_folder(tmp_path, CONTENT, force=False)
     (tmp_path / "time_0").touch()
@@ -116,7 +118,6 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
 
     for error, expected in (
         (KeyboardInterrupt(), KeyboardInterrupt),
-        (BrokenPipeError(), BrokenPipeError),
         (OSError(28, "No space left on device"), FileError),
     ):
         with pytest.raises(expected):
@@ -133,26 +134,16 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of Unix")
-@pytest.mark.parametrize("is_link", [False, True])
-def test_pipes_and_devices_are_not_replaced(tmp_path, is_link):
+def test_pipes_and_devices_are_not_replaced(tmp_path):
     """Not even through links, as with ``ln -s /dev/null log.npz``."""
-    special = tmp_path / ("pipe" if is_link else "pipe.npz")
-    os.mkfifo(special)
+    os.mkfifo(tmp_path / "pipe")
     path = tmp_path / "pipe.npz"
-    if is_link:
-        path.symlink_to(special)
+    path.symlink_to(tmp_path / "pipe")
     with pytest.raises(FileError, match=r"pipe\.npz cannot be written: it is not a regular file"):
         check_output_file(path, [".npz"], force=True)
 
 
-def test_a_link_is_written_where_it_points(tmp_path):
-    (tmp_path / "link.npz").symlink_to(tmp_path / "absent" / "new.npz")
-    with pytest.raises(FileError, match="make it first: mkdir -p '.*absent'"):
-        check_output_file(tmp_path / "link.npz", [".npz"], force=True)
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
-def test_a_folder_that_cannot_be_moved_leaves_the_old_one(tmp_path, monkeypatch, error):
+def test_a_folder_that_cannot_be_moved_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "path"
     path.mkdir()
     (path / "time_0").write_text("old")
@@ -160,11 +151,11 @@ def test_a_folder_that_cannot_be_moved_leaves_the_old_one(tmp_path, monkeypatch,
 
     def stopped(source, target):
         if target == path and (source / "time_0").read_text() == "new":
-            raise error
+            raise KeyboardInterrupt
         rename(source, target)
 
     monkeypatch.setattr(os, "rename", stopped)
-    with pytest.raises((KeyboardInterrupt, FileError)), atomic_folder(path, CONTENT) as temporary:
+    with pytest.raises(KeyboardInterrupt), atomic_folder(path, CONTENT) as temporary:
         (temporary / "time_0").write_text("new")
     assert [place.name for place in tmp_path.iterdir()] == ["path"]
     assert (path / "time_0").read_text() == "old"
@@ -188,27 +179,6 @@ def test_disks_that_set_no_permissions(tmp_path, monkeypatch):
     assert (tmp_path / "old.txt").read_text() == "newest"
     assert (tmp_path / "time" / "time_0").read_text() == "new"
     assert sorted(os.listdir(tmp_path)) == ["old.txt", "time"]
-
-
-def test_files_of_several_folders_appear_together(tmp_path):
-    places = {name: tmp_path / name / "table.csv" for name in ("first", "second")}
-    for place in places.values():
-        place.parent.mkdir()
-
-    def write(error=None):
-        with files_together(places) as hidden:
-            assert {file.name for file in hidden.values()} == {"table.csv"}
-            for name, file in hidden.items():
-                file.write_text(name)
-            if error is not None:
-                raise error
-
-    with pytest.raises(KeyboardInterrupt):
-        write(KeyboardInterrupt())
-    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
-    write()
-    assert all(place.read_text() == name for name, place in places.items())
-    assert not list(tmp_path.rglob(".*"))
 
 
 def test_errors_within_a_folder_name_its_place(tmp_path):

@@ -45,37 +45,23 @@ def with_field(value):
     return pickled(FIELDS | {"weights": value})
 
 
-class Exploit:
-    """Pickles as a call."""
-
-    def __init__(self, function, *arguments):
-        self.function, self.arguments = function, arguments
-
-    def __reduce__(self):
-        return self.function, self.arguments
-
-
 # These do harm when Python reads them, which is checked.
 LIVE = {
     "os.system": pickled(Call("os system", (COMMAND,))),
-    "in a field": with_field(Call("posix system", (COMMAND,))),
     "protocol 0": pickled(Call("os system", (COMMAND,)), 0),
-    "as Python 3 writes it": pickle.dumps(FIELDS | {"f": Exploit(os.system, COMMAND)}),
+    "as Python 3 writes it": stack_global("posix", "system") + text(COMMAND) + b"\x85R.",
     "of a built-in": with_field(Call("__builtin__ exec", (PROGRAMME,))),
     "nested in a call of an allowed one": with_field(
         Call("numpy dtype", (Call("os system", (COMMAND,)),))
     ),
     "old instance": b"(S" + repr(COMMAND).encode() + b"\nios\nsystem\n.",
     "old object": b"(cos\nsystem\nS" + repr(COMMAND).encode() + b"\no.",
-    "stack global": stack_global("os", "system") + text(COMMAND) + b"\x85R.",
     "after the model": pickled(FIELDS)[:-1] + b"0" + pickled(Call("os system", (COMMAND,)))[2:],
 }
 
 STILL = {
     "a dotted name": stack_global("numpy", "f2py.os.system") + text(COMMAND) + b"\x85R.",
     "a dotted name of an allowed class": stack_global("numpy", "ndarray.tofile") + b".",
-    "the class of an allowed class": stack_global("numpy", "dtype.__class__") + b".",
-    "load": with_field(Call("numpy load", ("x.npy", None, True))),
     "an allowed name, called where it is not": with_field(Call("chumpy.ch Ch", ("x",))),
     "ndarray, called": with_field(Call("numpy ndarray", ((2**40,),))),
     "arguments for chumpy": with_field(Raw(b"cchumpy.ch\nCh\nK\x01\x85\x81")),
@@ -91,12 +77,10 @@ STILL = {
         array_opcodes((1,), data=Raw(b"X\x18\x00\x00\x00" + "€".encode() * 8))
     ),
     "a vast text": b"\x80\x04\x8d" + struct.pack("<Q", 2**40) + b"a.",
-    "a vast bytearray": b"\x80\x05\x96" + struct.pack("<Q", 2**40) + b"a.",
     "a negative length": b"\x80\x02T" + struct.pack("<i", -1) + b"a.",
     "a vast number": b"\x80\x02\x8b" + struct.pack("<i", 10**6) + b"\x7f" * 10**6 + b".",
     "a vast number in digits": b"L" + b"9" * 10**6 + b"L\n.",
     "many opcodes": b"\x80\x02" + b"]" * 60_000 + b".",
-    "a deep nest": b"\x80\x02]" + b"\x85" * 45_000 + b".",
     "a deep nest as a key": b"\x80\x02}]" + b"\x85" * 45_000 + b"Ns.",
     "one text for many arrays": pickled(
         {"a": Raw(b"T\xa0\x86\x01\x00" + b"a" * 100_000 + b"q\x01")}
@@ -109,7 +93,6 @@ STILL = {
     "no end": smpl_pickle(FIELDS)[:-1],
     "an unknown opcode": b"\x80\x02\xff.",
     "a list": pickled([1]),
-    "nothing": b"",
 }
 
 HOSTILE = LIVE | STILL
@@ -160,13 +143,6 @@ def test_objects_in_fields_that_are_not_read_stay_records(folder):
     assert list(load_pickled_arrays("model.pkl", ["f"])) == ["f"]
 
 
-def test_sets_of_python_3(folder):
-    content = {"a": np.arange(2), "dirty": {"x", ("y", 1)}, "frozen": frozenset([1])}
-    for protocol in range(6):
-        (folder / "model.pkl").write_bytes(pickle.dumps(content, protocol))
-        assert load_pickled_arrays("model.pkl", ["a"])["a"].tolist() == [0, 1]
-
-
 @pytest.mark.parametrize("case", LIVE)
 def test_the_live_ones_do_run_in_pythons_own_reader(folder, case):
     with contextlib.suppress(AttributeError, TypeError, pickle.UnpicklingError):
@@ -194,9 +170,10 @@ def test_arrays_share_nothing_that_can_be_written(folder):
     assert not found["a"].flags.writeable
 
 
-def test_scalars_and_big_endian_numbers(folder):
+def test_scalars_sets_and_big_endian_numbers(folder):
     for protocol in range(6):
         content = {"a": np.float64(2.5), "b": np.arange(4, dtype=">i4"), "c": np.array(7)}
+        content |= {"dirty": {"x", ("y", 1)}, "frozen": frozenset([1])}  # of Python 3
         (folder / "model.pkl").write_bytes(pickle.dumps(content, protocol=protocol))
         found = load_pickled_arrays("model.pkl", ["a", "b", "c"])
         assert found["a"] == 2.5
@@ -214,16 +191,15 @@ def test_whole_numbers_that_no_array_holds(folder, numbers):
 ROWS = np.random.default_rng(0).normal(size=(6, 72))
 
 
-@pytest.mark.parametrize("order", ["little", "big"])
-def test_tensors_of_any_strides(tmp_path, order):
-    stored = ROWS.astype("<f8" if order == "little" else ">f8")
+def test_tensors_of_any_strides(tmp_path):
+    stored = ROWS.astype(">f8")
     content = {
         "rows": Tensor(stored),
         "turned": Tensor(stored, strides=(1, 72), shape=(72, 6)),
         "repeated": Tensor(stored, offset=72, shape=(3, 72), strides=(0, 1)),
         "name": "ann",
     }
-    tree = load_torch_tree(torch_file(tmp_path / "a.pt", content, byteorder=order))
+    tree = load_torch_tree(torch_file(tmp_path / "a.pt", content, byteorder="big"))
     assert tree["name"] == "ann"
     np.testing.assert_array_equal(tree["rows"], ROWS)
     np.testing.assert_array_equal(tree["turned"], ROWS.T)
@@ -235,7 +211,6 @@ def test_tensors_of_any_strides(tmp_path, order):
     [
         (Tensor(ROWS, "QInt8Storage"), r"asks for torch\.QInt8Storage"),
         (Tensor(ROWS, shape=(7, 72)), "larger than its data"),
-        (Tensor(ROWS, offset=1), "larger than its data"),
         (Tensor(ROWS, strides=(-72, 1)), "malformed tensor"),
         (Tensor(ROWS, shape=(2**30, 72), strides=(0, 1)), "more often than its size allows"),
     ],
