@@ -75,7 +75,7 @@ GROUPS = (
             "ankle girth": 0.0,
         },
         "the person seems to wear shoes, or the floor is part of the scan",
-        "scan without shoes",
+        "take off the shoes",
         ("ankle height",),
     ),
 )
