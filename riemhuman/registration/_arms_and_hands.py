@@ -17,13 +17,13 @@ from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._constants import (
     ARM_LEAST_LIKELY,
-    ARM_METRES,
     ARM_MOST_FARTHER,
     ARM_STIFFNESSES,
     DENSE_SCALES,
     DIFFERENT_METRES,
     FOREARM_ANGLES,
     HAND_METRES,
+    LIMB_METRES,
     N_ARM_COMPARED,
     N_FIRST_STEPS,
     UNEXPLAINED_METRES,
@@ -81,7 +81,7 @@ class ArmsFit:
 
     task: DenseTask
     pose: Pose
-    doubtful_arms: dict[ArmSurface, list[Pose]]  # which other poses bring about as near to the scan
+    arm_fits: dict[ArmSurface, list[ArmFit]]  # as it is, then others that are about as near
     hand_fits: dict[ArmSurface, list[HandFit]]  # in all poses of the hand
 
 
@@ -91,7 +91,7 @@ class BodyFit:
 
     task: DenseTask
     fit: ElasticFit
-    doubtful_arms: dict[ArmSurface, list[Pose]]
+    arm_fits: dict[ArmSurface, list[ArmFit]]
     hand_fits: dict[ArmSurface, list[HandFit]]
 
 
@@ -99,38 +99,26 @@ def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
     """Return the body whose forearms and hands are nearest to a scan."""
     if known or dense.is_refused:  # arms are as a moment before, or do not matter
         return ArmsFit(dense.task, dense.pose, {}, {})
-    pose, doubtful = rotate_forearms(dense.task, dense.pose)
+    pose, arm_fits = rotate_forearms(dense.task, dense.pose)
     task, pose, hand_fits = pose_hands(dense.task, pose)
-    return ArmsFit(task, pose, doubtful, hand_fits)
+    return ArmsFit(task, pose, arm_fits, hand_fits)
 
 
-def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[Pose]]]:
-    """Return a body whose forearms are turned to be nearest to the scan, and doubtful arms."""
-    doubtful = {}
+def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[ArmFit]]]:
+    """Return a body whose forearms are turned to be nearest to the scan, and what else is near."""
+    arm_fits = {}
     for arm in task.body.arm_surfaces:
         points = points_on(task.scan.points, task.body.surface(pose), arm.vertices)
-        if not len(points):
-            continue
-        near = near_arms(task, pose, arm, points)
+        near = near_arms(task, pose, arm, points) if len(points) else []
         if not near:
             continue
-        doubtful[arm] = [pose, *near]
-        current, *others = elastic_arms(task, arm, points, doubtful[arm])
+        current, *others = elastic_arms(task, arm, points, [pose, *near])
         nearest = min(others, key=lambda fit: fit.cost)
+        arm_fits[arm] = [current, *others]
         if are_less(nearest.strained, current.strained):
             pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, DENSE_SCALES)
-    return pose, doubtful
-
-
-def other_arms_again(task: DenseTask, pose: Pose, arm: ArmSurface, poses: list[Pose]) -> list[Pose]:
-    """Return a body with one arm as in other poses, fitted again where that moves it."""
-    starts = []
-    for candidate in poses:
-        local = pose.local.copy()
-        local[arm.joints[1:]] = candidate.local[arm.joints[1:]]
-        starts.append(pose._replace(local=local))
-    fitted = fit_starts(task, arm.joints[1:], arm.samples, starts, DENSE_SCALES[N_FIRST_STEPS:])
-    return _different(arm, fitted, [pose])
+            arm_fits[arm] = [nearest, current, *others]
+    return pose, arm_fits
 
 
 def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array) -> list[Pose]:
@@ -170,7 +158,7 @@ def elastic_arms(
 def _cost(arm: ArmSurface, points: Array, pose: Pose) -> float:
     """Return the mean distance of points from an arm, raised if the arm is implausible."""
     surface = pose_body(arm.skin, pose).points
-    distances = limited_distances(points, surface, arm.faces, ARM_METRES)
+    distances = limited_distances(points, surface, arm.faces, LIMB_METRES)
     return arm.strain(pose.local) * float(distances.mean())
 
 
@@ -192,7 +180,7 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
 def _elastic_arm(task: DenseTask, arm: ArmSurface, points: Array, pose: Pose) -> ArmFit:
     surface = pose_body(arm.skin, pose).points
     fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, ARM_STIFFNESSES)
-    distances = limited_distances(points, fitted, arm.faces, ARM_METRES)
+    distances = limited_distances(points, fitted, arm.faces, LIMB_METRES)
     return ArmFit(pose, surface, distances, arm.strain(pose.local))
 
 

@@ -240,13 +240,10 @@ STILL_HANDS = 1000000.0
 # Distance at which a match has a quarter of the weight, for each step, metres.
 DENSE_SCALES = (0.04, 0.03, 0.03, 0.03, 0.02, 0.02, 0.02, 0.02, 0.02, 0.012, 0.012, 0.012, 0.012)
 
-# The same if the fit starts from the previous frame, which is nearer, metres.
-DENSE_KNOWN_SCALES = (0.02, 0.02, 0.02, 0.012, 0.012, 0.012, 0.012)
-
 # Points of the body.
 N_DENSE = 3000
 
-# Share with which gaps along the surface count.
+# Share with which gaps along the surface count, in the elastic step too.
 DENSE_ALONG = 0.05
 
 # Largest rotation of a joint in a step, radians.
@@ -288,7 +285,8 @@ FOREARM_ANGLES = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
 # Bending angles of the wrist from which fits start, degrees.
 WRIST_ANGLES = (0.0, -50.0, 50.0)
 
-# Steps of closest points after which starts that lead to the same arm are merged.
+# Steps of closest points after which starts that lead to the same arm are merged. Fits that start
+# from the previous frame, which is near, leave these steps out.
 N_FIRST_STEPS = 6
 
 # Standard deviation of the wrist in the dense fit: hands can bend back farther than in the
@@ -322,8 +320,8 @@ LEAST_GAIN = 0.05
 # decide.
 N_STANDARD_ERRORS = 2.0
 
-# Points farther from an arm belong to other parts of the body, metres.
-ARM_METRES = 0.03
+# Points farther from an arm, a leg or the head belong to other parts of the body, metres.
+LIMB_METRES = 0.03
 
 # Points farther from a hand belong to other parts of the body, metres.
 HAND_METRES = 0.01
@@ -364,9 +362,6 @@ UNMATCHED_WEIGHT = 0.02
 
 # A match at this distance has a quarter of the weight, metres.
 ELASTIC_SCALE = 0.01
-
-# Share with which gaps along the surface count.
-ELASTIC_ALONG = 0.05
 
 # Maximum number of conjugate gradient iterations in a step.
 N_CONJUGATE = 60
@@ -432,20 +427,17 @@ SHARED_SKIN_WEIGHT = 0.3
 LEAST_BORROWING = 0.3
 
 
-# Rivals: a limb is not trusted if another pose explains its points almost as well.
+# Rivals: a limb is not trusted where other candidates are elsewhere that explain its points almost
+# as well.
 
-# Another explanation must be farther from the scan than the fit by this share of the fit's
-# distance.
-LIMB_MARGIN = 0.35
+# Candidates are within reach if they are farther from the scan than the nearest one by at most this
+# share of its distance.
+LIMB_MARGIN = 0.25
 
-# The same for another pose of the hand, for which only the fingers are compared.
-HAND_MARGIN = 0.2
+# The same for other rotations of the head.
+HEAD_MARGIN = 0.1
 
-# Fingers are not trusted if the nearest pose of the hand is farther from their points than this
-# share of the median of all poses.
-LEAST_TOLD_APART = 0.8
-
-# And if less than this share of their vertices have counterparts in the scan.
+# Fingers are not trusted if less than this share of their vertices have counterparts in the scan.
 LEAST_HAND_SHOWN = 0.2
 
 # And if the scan is farther from the hand, after the elastic step, than from the rest of the body
@@ -458,35 +450,13 @@ MOST_LIMB_EXCESS = 1.9
 # A smaller mean distance from the rest of the body counts as this one, metres.
 LEAST_REST_METRES = 0.0007
 
-# The same share for another rotation of the head.
-HEAD_MARGIN = 0.1
-
 # Angles about the left and up axes from which other poses of the head start, degrees.
 HEAD_TURNS = ((0, 60), (0, -60), (35, 0), (-35, 0))
 
-# Angles about the line from shoulder to wrist from which other elbow positions start, degrees.
-ELBOW_SWINGS = (60.0, -60.0, 120.0, -120.0, 180.0)
-
-# Elbows nearer to this line are not tried on the other side, metres.
-LEAST_SWUNG = 0.03
-
-# Distances into the touched surface at which other hand positions start, metres.
-ACROSS_CONTACT = (0.05, 0.11)
-
-# Rivals are left out if, after the first steps, their mean distance from points of the scan is
-# more than this multiple of that of the fit.
-RIVAL_MOST_FARTHER = 4.0
-
-# Approximate number of points by which heads and arms are compared.
-N_RIVAL_COMPARED = 500
-
-# After the first steps, only every k-th of these points is compared.
-RIVAL_COMPARED_EVERY = 3
-
-# Vertices that a rival moves by more than this are not trusted, metres.
+# Vertices that a candidate moves by more than this are elsewhere, metres.
 DISPLACED_METRES = 0.03
 
-# A rival matters if it displaces this share of a forearm and hand.
+# A candidate matters if it displaces a larger share of the limb than this.
 LEAST_DISPLACED = 0.05
 
 # Vertices within this distance of another limb touch it, metres.
@@ -496,15 +466,10 @@ TOUCHING_METRES = 0.015
 # fingers.
 MOST_TOUCHING = 0.1
 
-# Hands that touch something with a larger share of their vertices are tried beyond it.
+# Forearms or shins of which more than this share of the vertices is nearer than that to the other
+# are tried exchanged, metres.
 CROSSING_SHARE = 0.02
-
-# Forearms or shins of which that share of vertices is so near to the other are tried exchanged,
-# metres.
 CROSSING_METRES = 0.05
-
-# Points farther away belong to other parts of the body, metres.
-EXCHANGED_METRES = 0.03
 
 
 # Trust: the checks by which a registered body, and its parts, are trusted.
@@ -534,7 +499,7 @@ NEAR_CLOTHED_METRES = 0.15
 # Smallest share of the scan that must be near the body.
 LEAST_NEAR = 0.97
 
-# If a smaller share of a limb is matched, the limb may be elsewhere.
+# If a smaller share of a limb is matched, the limb is lost or elsewhere.
 LIMB_ELSEWHERE = 0.3
 
 # Such a limb is in doubt if a smaller share of the scan than this is near the body.
@@ -542,9 +507,6 @@ LEAST_NEAR_OF_LIMB = 0.995
 
 # Root mean square of the shape coefficients beyond all people whom the model knows.
 LARGEST_BETA = 4.0
-
-# Share of the body that may overlap another part; exact bodies reach 0.016 in deep squats.
-LARGEST_OVERLAP = 0.02
 
 # A body is wrong if ln(d / far_metres) > l − usual_likelihood, with its log-likelihood l and the
 # distance d from the model's surface within which this share of the scan lies.
@@ -562,11 +524,13 @@ USUAL_LIKELIHOOD = 2.75
 BARE_SHARE = 0.9
 FAR_BARE = 0.025
 
-# A limb is not in the scan if a larger share of its matches also belongs to another part.
-SHARED_LIMB = 0.5
+# Vertices of a limb explain points of the scan that nothing else would if they are farther from the
+# rest of the body, metres.
+OWN_METRES = 0.015
 
-# Smallest cosine between the two bones of a limb, that of 160°: no elbow or knee bends farther.
-LEAST_BENT = -0.94
+# A limb is lost, too, if a smaller share of it does. It was 0.2 or more for limbs in their places,
+# in views from one side and of folded arms too, and 0.1 or less for those that scans lacked.
+LEAST_OWN = 0.2
 
 # Vertices within this distance of matching points are matched, metres.
 MATCHED_METRES = 0.02
@@ -580,25 +544,6 @@ SEEN_METRES = 0.06
 # Vertices farther outside the scanned surface are not filled, such as straight fingers where the
 # scan shows a fist, metres.
 OUTSIDE_METRES = 0.015
-
-# Parts that overlap are this far apart in the rest pose, metres.
-APART_METRES = 0.15
-
-# Such parts are this near to each other along their normals, metres.
-ALONG_METRES = 0.012
-
-# Such parts are as near as neighbours in the mesh, within these limits, metres.
-OVERLAP_METRES = (0.015, 0.045)
-
-# Another part lies on one side, as at a seam, if the mean of the unit vectors towards it is
-# longer than this.
-ONE_SIDED = 0.75
-
-# The part is in the same place if it is nearer than this share of that distance.
-SAME_PLACE = 0.3
-
-# Number of vertices compared for this.
-N_OVERLAP_NEIGHBOURS = 30
 
 # Points of the scan that are compared with the body.
 N_JUDGED = 3000
@@ -626,7 +571,7 @@ FEET_AGREE = 0.866
 LEAST_MATCHED_HALF = 0.4
 
 # Where a smaller share of the scan is near the body, it is refused for good reason: its arms and
-# hands are left as they are, and another search is a quick one.
+# hands are left as they are, another search is a quick one, and halves are not tried.
 CLEARLY_NEAR = 0.85
 
 # About the number of points by which that is decided.
@@ -634,9 +579,6 @@ N_NEAR = 500
 
 # If a body is refused and a smaller share of one half matches, the other half alone is tried.
 MOST_MATCHED_HALF = 0.6
-
-# A whole body fitted to the scan of half a body is near at least this share of the scan.
-NEAR_OF_HALF = 0.9
 
 # A second search follows so many times more starts, from the headings between.
 MORE_STARTS = 2.0

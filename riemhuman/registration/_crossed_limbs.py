@@ -19,7 +19,7 @@ from riemhuman.registration._constants import (
     CROSSING_SHARE,
     DENSE_SCALES,
     DIFFERENT_METRES,
-    EXCHANGED_METRES,
+    LIMB_METRES,
 )
 from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
 from riemhuman.registration._limbs import (
@@ -60,7 +60,7 @@ class Crossing:
         faces = faces_among(task.body.model.faces, self.vertices)
         arms = task.body.arm_surfaces if self.joint == "elbow" else []
         strain = np.mean([arm.strain(pose.local) for arm in arms]) if arms else 1.0
-        strained: Array = strain * limited_distances(self.points, surface, faces, EXCHANGED_METRES)
+        strained: Array = strain * limited_distances(self.points, surface, faces, LIMB_METRES)
         return strained
 
 

@@ -16,7 +16,6 @@ from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._constants import (
     CLEARLY_NEAR,
     DENSE_ALONG,
-    DENSE_KNOWN_SCALES,
     DENSE_LONGEST_ROTATION,
     DENSE_SCALES,
     DETAIL_SCALE,
@@ -25,6 +24,7 @@ from riemhuman.registration._constants import (
     HANDS_PRECISION,
     MOST_HAIR,
     N_DENSE,
+    N_FIRST_STEPS,
     N_NEAR,
     WRIST_DEGREES,
 )
@@ -86,7 +86,7 @@ def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) ->
     samples = body.samples(N_DENSE)
     areas = samples.areas * visible[samples.numbers]
     samples = samples._replace(areas=areas / areas.sum())
-    scales = DENSE_KNOWN_SCALES if best.known else DENSE_SCALES
+    scales = DENSE_SCALES[N_FIRST_STEPS:] if best.known else DENSE_SCALES
     pose = fit_closest(samples, pose, prior, scan, scales)
     hair = find_hair(body, body.surface(pose), scan.points)
     if hair.any():

@@ -18,8 +18,8 @@ from riemhuman.geometry import ElasticMetric
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._constants import (
     CONJUGATE_TOLERANCE,
+    DENSE_ALONG,
     DENSE_LONGEST_ROTATION,
-    ELASTIC_ALONG,
     ELASTIC_SCALE,
     FIRST_STIFFNESS,
     MOST_HALVINGS,
@@ -93,14 +93,13 @@ def fit_elastic(
     reference: Array,
     scan: PreparedScan,
     stiffnesses: Sequence[float] | Array,
-    scale: float | None = None,
+    scale: float = ELASTIC_SCALE,
     visible: Booleans | bool = True,
 ) -> tuple[Array, Matches]:
     """Return a surface near a scan, elastically near a reference, and the matches of vertices."""
     # Gauss–Newton steps, one for each stiffness, minimise the cost of `TemplateRegistration` with
     # the matrix of the metric at the reference.
     template = metric.space.template
-    scale = ELASTIC_SCALE if scale is None else scale
     faces, areas = template.faces, template.vertex_areas
 
     def match(points: Array) -> Matches:
@@ -123,7 +122,7 @@ def fit_elastic(
     for stiffness in stiffnesses:
         weights = areas * matches.weights
         blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
-        blocks = weights[:, np.newaxis, np.newaxis] * (blocks + ELASTIC_ALONG * np.eye(3))
+        blocks = weights[:, np.newaxis, np.newaxis] * (blocks + DENSE_ALONG * np.eye(3))
         right = np.einsum("nxy,ny->nx", blocks, matches.gaps) - 0.5 * stiffness * pull
         system.data = np.float32(stiffness) * elastic
         system.data[on_diagonal] += blocks

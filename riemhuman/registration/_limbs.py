@@ -227,27 +227,6 @@ _STRAIGHTEST = 0.995
 _MOST_BENT = 0.25
 
 
-def elbow_bend(skeleton: Skeleton, pose: Pose, joints: Integers) -> float:
-    """Return the distance of an elbow from the line from shoulder to wrist, metres."""
-    start, middle, end = JointMotions(skeleton, pose.local, pose.betas).positions[joints[1:]]
-    return float(np.linalg.norm(np.cross(middle - start, unit_vectors(end - start))))
-
-
-def swing_elbow(skeleton: Skeleton, pose: Pose, joints: Integers, degrees: float) -> Pose:
-    """Return a pose with an elbow swung about the line from shoulder to wrist; the hand stays.
-
-    The joints are those of an arm, from the collar to the wrist.
-    """
-    motions = JointMotions(skeleton, pose.local, pose.betas)
-    _, shoulder, _, wrist = joints
-    line = unit_vectors(motions.positions[wrist] - motions.positions[shoulder])
-    swing = rotation_matrix(np.radians(degrees) * line)
-    local = pose.local.copy()
-    local[shoulder] = motions.axes[shoulder].T @ swing @ motions.rotations[shoulder]
-    local[wrist] = motions.axes[wrist].T @ swing.T @ motions.rotations[wrist]
-    return pose._replace(local=local)
-
-
 def move_end(skeleton: Skeleton, pose: Pose, joints: Integers, shift: Array) -> Pose:
     """Return a pose with a hand or foot shifted, as far as its limb reaches, and not rotated.
 

@@ -94,7 +94,7 @@ def _parts_of_limb(limb: Sequence[tuple[str, str, str]], side: str, joints: set[
     return alone + [whole for _, whole, _ in limb[first : first + 1]]
 
 
-def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
+def say_unseen(joints: Sequence[str], share: float, where: str = "") -> str:
     """Return what to say about parts that a scan does not show, as these joints name them.
 
     Parameters
@@ -103,31 +103,15 @@ def say_unseen(joints: Sequence[str], share: float, *, guessed_up: bool) -> str:
         Joints of which most vertices are not seen.
     share : float
         Share of the body's area that is not seen.
-    guessed_up : bool
-        Whether the direction up was inferred from the rest.
+    where : str
+        Why not, such as " under clothes".
     """
     parts = parts_in_words(joints)
     percent = f"{100 * share:.0f} % of the body"
-    if parts:
-        subject = f"the {join_words(parts)}"
-        is_many = len(parts) > 1 or parts[0] in _PLURALS.values()
-        said = f"{subject} {'were' if is_many else 'was'} not seen ({percent})"
-    else:
-        said = f"{percent} was not seen"
-    if guessed_up:
-        said += "; the up direction was guessed: check it"
-    return said
-
-
-def say_hidden(joints: Sequence[str], share: float) -> str:
-    """Return what to say about parts beneath loose clothes, a share of the body's area."""
-    parts = parts_in_words(joints)
-    percent = f"{100 * share:.0f} % of the body"
     if not parts:
-        return f"{percent} was not seen: it is under clothes"
+        return f"{percent} was not seen{where}"
     is_many = len(parts) > 1 or parts[0] in _PLURALS.values()
-    were, they_are = ("were", "they are") if is_many else ("was", "it is")
-    return f"the {join_words(parts)} {were} not seen: {they_are} under clothes ({percent})"
+    return f"the {join_words(parts)} {'were' if is_many else 'was'} not seen{where} ({percent})"
 
 
 def join_reasons(reasons: Sequence[str]) -> str:

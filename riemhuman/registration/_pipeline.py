@@ -26,7 +26,6 @@ from riemhuman.registration._constants import (
     LEAST_MATCHED_HALF,
     LEAST_NEAR,
     MOST_MATCHED_HALF,
-    NEAR_OF_HALF,
     RETRY_GAIN,
     SAME_METRES,
     SEARCH_ROUNDS,
@@ -34,10 +33,10 @@ from riemhuman.registration._constants import (
 from riemhuman.registration._crossed_limbs import uncross_limbs
 from riemhuman.registration._dense_fit import fit_densely, is_clearly_refused
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._lost_limbs import leave_out_lost_limbs
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
+from riemhuman.registration._shown_parts import leave_out_lost_limbs
 from riemhuman.registration._start_search import (
     KnownBody,
     Search,
@@ -150,7 +149,7 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     arms = fit_arms_and_hands(dense, known=best.known)
     times.append(perf_counter())
     elastic = leave_model(arms.task, arms.pose)
-    fitted = BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
+    fitted = BodyFit(arms.task, elastic, arms.arm_fits, arms.hand_fits)
     fitted, shown = leave_out_lost_limbs(fitted, search.scan, is_refused=dense.is_refused)
     times.append(perf_counter())
     verdict = judge(search, fitted, shown, unit_is_known=unit_is_known)
@@ -214,7 +213,7 @@ def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
     quick = again and near < CLEARLY_NEAR
     scan = replace(scan, signed=first.search.signed) if quick else scan
     yield search_scan(whole, scan, again=again, quick=quick)
-    if first.verdict.trusted_vertices.any() or near < NEAR_OF_HALF:
+    if first.verdict.trusted_vertices.any() or near < CLEARLY_NEAR:
         return
     for half, missing in zip(task.models.halves, whole.parts.halves, strict=True):
         if first.verdict.matched[missing].mean() < MOST_MATCHED_HALF:

@@ -1,48 +1,52 @@
-"""Which parts of a fitted body its scan shows: matched, lying in others, lost, or seen.
+"""Which parts of a fitted body its scan shows, and the body fitted again without lost limbs.
 
-In go a fit and its scan; out come sets of vertices.
+The model always has all limbs. One that the scan does not show is drawn to points of other parts,
+and draws the part above it out of place: an upper arm follows the forearm that is fitted to the
+trunk, and is rotated about itself with it. In goes a fit of all limbs; out comes one without those
+that are lost, and which vertices the scan shows.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, Booleans
-from riemhuman.kernels.surface import vertex_normals
+from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._constants import (
-    ALONG_METRES,
-    APART_METRES,
-    LEAST_BENT,
+    DENSE_SCALES,
+    FARTHER_WITHOUT_LIMBS,
+    LEAST_OWN,
     LEAST_RELIABLE,
     LIMB_ELSEWHERE,
     MATCHED_METRES,
-    N_OVERLAP_NEIGHBOURS,
-    ONE_SIDED,
+    N_JUDGED,
     OUTSIDE_METRES,
-    OVERLAP_METRES,
-    SAME_PLACE,
+    OWN_METRES,
     SEEN_METRES,
-    SHARED_LIMB,
 )
+from riemhuman.registration._dense_fit import DenseTask, fit_closest
+from riemhuman.registration._elastic_step import leave_model
+from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.surfaces.measures import edge_lengths
+from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
 _LIMB_JOINTS = ("shoulder", "elbow", "hip", "knee", "head")
-# Joints that bend, and those that end the bone below.
-_FOLDING = (
-    ("left_elbow", "left_wrist"),
-    ("right_elbow", "right_wrist"),
-    ("left_knee", "left_ankle"),
-    ("right_knee", "right_ankle"),
+# Joints of upper arms and thighs, and those of the limbs that they carry.
+_CARRIERS = (
+    ("left_shoulder", "left_elbow"),
+    ("right_shoulder", "right_elbow"),
+    ("left_hip", "left_knee"),
+    ("right_hip", "right_knee"),
 )
 
 
@@ -52,26 +56,20 @@ class ShownParts:
 
     visible: Booleans  # such a scan can show them
     matched: Booleans  # they have counterparts in the scan
-    overlaps: Booleans  # they lie where another matched part does
     lost: Booleans  # they belong to limbs that the scan does not show
     seen: Booleans  # they are matched, or near those that are
 
 
 def find_shown_parts(fitted: BodyFit, scan: PreparedScan) -> ShownParts:
-    """Return which vertices are matched, lie where another part does, are lost, and are seen."""
+    """Return which vertices are matched, are lost, and are seen."""
     body, fit = fitted.task.body, fitted.fit
     visible = body.find_visible(fit.model_points, scan.points, fitted.task.up)
     parts, template = body.parts, body.model.template
     near = fit.matches.distances < MATCHED_METRES
     matched = visible & near & (fit.matches.reliable > LEAST_RELIABLE)
-    # Hands that lie on the body are so thin that they count as being in it, though they are right.
-    overlaps = find_overlaps(template, fit.points, matched & ~parts.on_hands)
-    lost = find_lost_limbs(parts, fit.points, matched, overlaps.near)
-    if lost.any():
-        chosen = matched & ~parts.on_hands & ~lost
-        overlaps = find_overlaps(template, fit.points, chosen)
+    lost = find_lost_limbs(parts, fit.points, matched)
     seen = find_seen(template, fit.points, matched, scan) & visible & ~lost
-    return ShownParts(visible, matched, overlaps.around, lost, seen)
+    return ShownParts(visible, matched, lost, seen)
 
 
 def find_seen(template: Template, points: Array, matched: Booleans, scan: PreparedScan) -> Booleans:
@@ -95,69 +93,91 @@ def find_seen(template: Template, points: Array, matched: Booleans, scan: Prepar
     return seen
 
 
-class Overlaps(NamedTuple):
-    """Matched vertices that lie where another matched part of the body lies.
+def find_lost_limbs(parts: BodyParts, points: Array, matched: Booleans) -> Booleans:
+    """Return which vertices belong to limbs without which a body explains its scan as well.
 
-    At a seam, where a calf is folded onto a thigh, the other part is near on one side only; where
-    one limb is fitted to the scan of another, it is all around.
+    They match little of it, or little of what they match would be far from the rest of the body
+    without them: they are fitted to points of other parts, or folded into the part above.
     """
+    faces, own = parts.model.faces, np.ones(len(points), dtype=bool)
+    joints = [k for k, name in enumerate(parts.names) if name.split("_")[-1] in _LIMB_JOINTS]
+    for joint in joints:
+        part, limb = parts.owners == joint, parts.vertices([joint])
+        _, gaps = nearest_points(points[part], points, faces[~limb[faces].any(axis=1)])
+        own[part] = matched[part] & (gaps > OWN_METRES)
+    is_lost = (parts.shares(matched) < LIMB_ELSEWHERE) | (parts.shares(own) < LEAST_OWN)
+    return parts.vertices(joint for joint in joints if is_lost[joint])
 
-    near: Booleans
-    around: Booleans
+
+def leave_out_lost_limbs(
+    fitted: BodyFit, scan: PreparedScan, *, is_refused: bool
+) -> tuple[BodyFit, ShownParts]:
+    """Return a body fitted without the limbs that a scan does not show, and what it shows.
+
+    A body that is refused anyway stays as it is, and so does one that explains the scan better with
+    these limbs.
+    """
+    shown = find_shown_parts(fitted, scan)
+    if is_refused or not (shown.lost & fitted.task.visible).any():
+        return fitted, shown
+    without = _fit_without(fitted, shown.lost)
+    # If the limb is in the scan after all, its points are now far from the body.
+    before, after = (_distances_from(body).mean() for body in (fitted, without))
+    if after > FARTHER_WITHOUT_LIMBS * before:
+        return fitted, shown
+    return without, find_shown_parts(without, scan)
 
 
-def find_overlaps(template: Template, points: Array, matched: Booleans) -> Overlaps:
-    """Return which matched vertices lie in the same place as another matched part of the body."""
-    overlaps = Overlaps(*np.zeros((2, len(points)), dtype=bool))
-    matched_numbers = np.flatnonzero(matched)
-    if not len(matched_numbers):
-        return overlaps
-    normals = vertex_normals(points, template.faces)[matched_numbers]
-    count = min(N_OVERLAP_NEIGHBOURS, len(matched_numbers))
-    ends = template.vertices[template.edges]
-    edge = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
-    farthest = np.clip(edge, *OVERLAP_METRES)
-    distances, near = cKDTree(points[matched_numbers]).query(
-        points[matched_numbers], k=count, distance_upper_bound=farthest
+def _fit_without(fitted: BodyFit, lost: Booleans) -> BodyFit:
+    """Return a body fitted again, and its elastic step, without some vertices."""
+    task, visible = fitted.task, fitted.task.visible & ~lost
+    areas = task.samples.areas * visible[task.samples.numbers]
+    samples = task.samples._replace(areas=areas / areas.sum())
+    # A scan hardly shows how what carries a lost limb is rotated about itself: the limb had said
+    # so alone, wherever it was.
+    local, expected = fitted.fit.pose.local.copy(), task.prior.local.copy()
+    for carrier, end in _find_carriers(task.body.parts, lost):
+        local[carrier] = expected[carrier] = _with_usual_twist(task, local, carrier, end)
+    task = replace(
+        task, visible=visible, samples=samples, prior=task.prior._replace(local=expected)
     )
-    close = np.isfinite(distances)
-    near[~close] = 0
-    gaps = points[matched_numbers][near] - points[matched_numbers, np.newaxis]
-    heights = np.einsum("nkx,nx->nk", gaps, normals)
-    close &= np.abs(heights) < ALONG_METRES
-    rest = template.vertices[matched_numbers]
-    apart = np.linalg.norm(rest[near] - rest[:, np.newaxis], axis=-1) > APART_METRES
-    alike = np.einsum("nkx,nx->nk", normals[near], normals) > 0.5
-    others = apart & alike & close
-    sideways = gaps - heights[:, :, np.newaxis] * normals[:, np.newaxis]
-    lengths = np.linalg.norm(sideways, axis=-1)
-    directions = sideways / np.maximum(lengths, 1e-12)[:, :, np.newaxis]
-    counts = np.maximum(others.sum(axis=1), 1)
-    towards = np.linalg.norm((directions * others[:, :, np.newaxis]).sum(axis=1), axis=1) / counts
-    same_place = (others & (lengths < SAME_PLACE * farthest)).any(axis=1)
-    overlaps.near[matched_numbers] = others.any(axis=1)
-    overlaps.around[matched_numbers] = others.any(axis=1) & (same_place | (towards < ONE_SIDED))
-    return overlaps
+    start = fitted.fit.pose._replace(local=local)
+    pose = fit_closest(samples, start, task.prior, task.scan, DENSE_SCALES)
+    return replace(fitted, task=task, fit=leave_model(task, pose))
 
 
-def find_lost_limbs(
-    parts: BodyParts, points: Array, matched: Booleans, overlaps: Booleans
-) -> Booleans:
-    """Return which vertices belong to limbs that match little of the scan."""
-    # The model always has all limbs. A limb that the scan does not show is fitted to points of
-    # other parts: most of what it matches is matched by another part of the body too, or it is
-    # folded into the part above it.
-    names, model = parts.names, parts.model
-    few = parts.shares(matched & ~overlaps) < LIMB_ELSEWHERE
-    shared = parts.shares(overlaps) > SHARED_LIMB * parts.shares(matched)
-    lost = [int(k) for k in np.flatnonzero(few | shared) if names[k].split("_")[-1] in _LIMB_JOINTS]
-    joints = model.joint_regressor @ points
-    for middle_name, end_name in _FOLDING:
-        limb = parts.numbers(middle_name, end_name)
-        if len(limb) < 2:
-            continue
-        middle, end = limb
-        above, below = joints[middle] - joints[model.parents[middle]], joints[end] - joints[middle]
-        if above @ below < LEAST_BENT * np.linalg.norm(above) * np.linalg.norm(below):
-            lost.append(middle)
-    return parts.vertices(lost)
+def _find_carriers(parts: BodyParts, lost: Booleans) -> list[tuple[int, int]]:
+    """Return the joints of upper arms and thighs that carry lost limbs, and those of the limbs."""
+    carriers = []
+    for names in _CARRIERS:
+        joints = parts.numbers(*names)
+        if len(joints) == 2:
+            is_lost = [bool(lost[parts.owners == joint].any()) for joint in joints]
+            if is_lost == [False, True]:
+                carriers.append((joints[0], joints[1]))
+    return carriers
+
+
+def _with_usual_twist(task: DenseTask, local: Array, carrier: int, end: int) -> Array:
+    """Return a joint's rotation, twisted about its bone as in the start pose that is nearest."""
+    rest = task.samples.skeleton.rest_joints
+    bone = unit_vectors(rest[end] - rest[carrier])
+    direction = local[carrier] @ bone
+    nearest = max(
+        (pose[carrier] for pose in task.body.poses.values()),
+        key=lambda rotation: float(rotation @ bone @ direction),
+    )
+    change = Rotation.from_matrix(local[carrier].T @ nearest).as_quat()
+    # The twist of a rotation about an axis keeps only that part of its quaternion.
+    twist = np.append((change[:3] @ bone) * bone, change[3])
+    twisted: Array = local[carrier] @ Rotation.from_quat(twist).as_matrix()
+    return twisted
+
+
+def _distances_from(fitted: BodyFit) -> Array:
+    """Return the distances of some points of a scan from a body, limited, metres."""
+    points = fitted.task.scan.points
+    some = points[even_points(points, N_JUDGED)]
+    _, distances = nearest_points(some, fitted.fit.points, fitted.task.body.model.faces)
+    limited: Array = np.minimum(distances, fitted.task.scan.near_metres)
+    return limited

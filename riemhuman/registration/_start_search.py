@@ -293,9 +293,8 @@ def make_starts(
     offset: float,
 ) -> list[Candidate]:
     """Return starts of some poses with all headings, which begin at an offset, in steps."""
-    settings = body.settings
-    numbers = range(settings.n_headings) if settings.headings is None else settings.headings
-    angles = (np.array(numbers) + offset) * (2.0 * np.pi / settings.n_headings)
+    n_headings = body.settings.n_headings
+    angles = (np.arange(n_headings) + offset) * (2.0 * np.pi / n_headings)
     first = SEARCH_ROUNDS[0]
     centre = scan.points[even_points(scan.points, first.n_scan)].mean(axis=0)
     betas = np.zeros(len(body.betas_precisions))

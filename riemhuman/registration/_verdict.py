@@ -12,20 +12,17 @@ import numpy as np
 
 from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.checks import UNITS, likely_units
-from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._clothes import BodyBeneath
 from riemhuman.registration._constants import (
     BARE_SHARE,
     BODY_MARGIN,
-    EXCHANGED_METRES,
     FAR_BARE,
     FAR_METRES,
     FAR_SHARE,
     FARTHEST_MISS,
     GUESSED_UP,
     LARGEST_BETA,
-    LARGEST_OVERLAP,
     LEAST_LIKELIHOOD,
     LEAST_LIKELIHOOD_CLOTHED,
     LEAST_NEAR,
@@ -33,6 +30,7 @@ from riemhuman.registration._constants import (
     LEAST_REST_METRES,
     LEAST_UNSEEN,
     LIMB_ELSEWHERE,
+    LIMB_METRES,
     MATCHED_METRES,
     N_JUDGED,
     NEAR_METRES,
@@ -42,14 +40,13 @@ from riemhuman.registration._constants import (
 from riemhuman.registration._dense_fit import find_hair
 from riemhuman.registration._elastic_step import ElasticFit
 from riemhuman.registration._even_points import even_points
-from riemhuman.registration._limb_rivals import LimbDoubt, ShownLimbs, find_limb_doubts
+from riemhuman.registration._limb_rivals import LimbDoubt, find_limb_doubts
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._messages import (
     MARK_JOINTS,
     in_words,
     join_reasons,
     part_in_words,
-    say_hidden,
     say_unseen,
 )
 from riemhuman.registration._posed_body import Pose, pose_body
@@ -58,7 +55,6 @@ from riemhuman.registration._shown_parts import ShownParts
 from riemhuman.registration._start_search import Search, find_likelihood_of_area
 from riemhuman.registration.scans import Scan
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
-from riemhuman.surfaces.template import Template
 
 # Joints of the parts of limbs that are compared with the rest of the body.
 _LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
@@ -66,20 +62,7 @@ _LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee")
 _LEAST_POINTS = 20
 
 
-def find_facet_heights(parts: BodyParts, template: Template, points: Array) -> Array:
-    """Return how far the middles of edges are from the smooth surface, by joint, metres."""
-    first, second = template.edges.T
-    normals = vertex_normals(points, template.faces)
-    along, turned = points[second] - points[first], normals[second] - normals[first]
-    # A circle through both ends with these normals is so high above its chord.
-    heights = np.abs(np.einsum("ex,ex->e", along, turned)) / 8.0
-    owners, n_joints = parts.owners[first], len(parts.names)
-    sums, counts = (np.bincount(owners, weights, n_joints) for weights in (heights, None))
-    means: Array = sums / np.maximum(counts, 1)
-    return means
-
-
-def find_excess(parts: BodyParts, owners: Integers, distances: Array, facets: Array) -> Array:
+def find_excess(parts: BodyParts, owners: Integers, distances: Array) -> Array:
     """Return by which factor a scan is farther from each limb than from the rest of the body.
 
     Noise, clothes and what the model cannot show of a person are in both distances. Joints that
@@ -91,8 +74,6 @@ def find_excess(parts: BodyParts, owners: Integers, distances: Array, facets: Ar
         The joint that moves the surface next to each point of the scan most.
     distances : ndarray, shape (N,)
         From the surface, metres.
-    facets : ndarray, shape (J,)
-        A limb is at least so far from a smooth surface, because it has few triangles, metres.
 
     Returns
     -------
@@ -101,15 +82,14 @@ def find_excess(parts: BodyParts, owners: Integers, distances: Array, facets: Ar
     excess = np.ones(len(parts.names))
     arms = [arm[1:] for arm in parts.arms]
     on_hands = np.isin(owners, [arm[-1] for arm in arms])
-    far = np.minimum(distances, EXCHANGED_METRES)
+    far = np.minimum(distances, LIMB_METRES)
     for k, name in enumerate(parts.names):
         if name.split("_")[-1] not in _LIMB_PARTS:
             continue
         limb = next((arm for arm in arms if k in arm), np.array([k]))
         on_joint, rest = owners == k, ~np.isin(owners, limb) & ~on_hands
         if on_joint.sum() >= _LEAST_POINTS and rest.any():
-            usual = np.hypot(max(far[rest].mean(), LEAST_REST_METRES), facets[k])
-            excess[k] = far[on_joint].mean() / usual
+            excess[k] = far[on_joint].mean() / max(far[rest].mean(), LEAST_REST_METRES)
     return excess
 
 
@@ -122,7 +102,6 @@ class FitQuality:
     near: float  # share of the scan near the body
     betas: float  # root mean square of the shape coefficients
     far: float  # distance from the model that nearly all of the scan is within, metres
-    overlap: float  # share of the matched vertices that lie where another part is
     limb: str  # the limb of which the least is matched, in words
     limb_matched: float  # share of it that is
     near_metres: float = NEAR_METRES  # what counts as near
@@ -160,11 +139,6 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
             f"{100 * (1.0 - quality.near):.1f} % of the scan lies more than "
             f"{100 * quality.near_metres:.0f} cm from the body, and hardly any of it matches the "
             f"{quality.limb}, which may be elsewhere; {MARK_JOINTS}"
-        )
-    if quality.overlap > LARGEST_OVERLAP:
-        reasons.append(
-            f"{100 * quality.overlap:.1f} % of the body lies where another part of it is: the "
-            "scan may show only a part of a body"
         )
     misfit = np.log(quality.far / FAR_METRES) + USUAL_LIKELIHOOD - quality.likelihood
     if quality.bare is not None:
@@ -228,10 +202,10 @@ def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_know
         limb = int(np.argmin(parts.shares(vertices.matched)))
         trusted_vertices &= ~parts.limb_vertices(limb)
     # No vertex of a refused body is trusted, so its limbs need no rivals.
-    shown = ShownLimbs(
-        vertices.matched, _find_excess(search, fit.points, places, distances, background)
-    )
-    limb_rivals = [] if doubts else find_limb_doubts(fitted, shown)
+    near = ~background & (distances < NEAR_METRES)
+    owners = parts.owners[body.model.faces[places.triangles[near], 0]]
+    excess = find_excess(parts, owners, distances[near])
+    limb_rivals = [] if doubts else find_limb_doubts(fitted, vertices.matched, excess)
     rivals: list[LimbDoubt] = []
     for doubt in limb_rivals:
         if (doubt.vertices & trusted_vertices).any():  # otherwise, this says nothing new
@@ -252,67 +226,50 @@ def judge(search: Search, fitted: BodyFit, vertices: ShownParts, *, unit_is_know
         correspondence=places,
         distances=distances,
         background=background,
-        excess=shown.excess,
+        excess=excess,
     )
 
 
 def judge_beneath(verdict: Verdict, search: Search, beneath: BodyBeneath) -> Verdict:
     """Return the verdict about the body beneath clothes, from that about the dressed one."""
-    model, fit = search.body.model, beneath.fit
-    places, distances = nearest_points(search.scan.whole.points, fit.points, model.faces)
-    message = verdict.message
-    areas = model.template.vertex_areas
+    parts, areas = search.body.parts, search.body.model.template.vertex_areas
     share = float(areas @ beneath.hidden / areas.sum())
+    said = []
     if verdict.trusted_vertices.any() and share > LEAST_UNSEEN:
-        hidden = np.flatnonzero(search.body.parts.shares(~beneath.hidden) < 0.5)
-        parts = [search.body.parts.names[joint] for joint in hidden]
+        hidden = [
+            parts.names[joint] for joint in np.flatnonzero(parts.shares(~beneath.hidden) < 0.5)
+        ]
         # Soles touch the floor, so that little is known about toes.
-        parts = [name for name in parts if not name.endswith("toes")]
-        message = join_reasons([*([message] if message else []), say_hidden(parts, share)])
-    return replace(
-        verdict,
-        trusted_vertices=verdict.trusted_vertices & ~beneath.hidden,
-        message=message,
-        matched=verdict.matched & (fit.matches.distances < MATCHED_METRES),
-        correspondence=places,
-        distances=distances,
-    )
+        hidden = [name for name in hidden if not name.endswith("toes")]
+        said.append(say_unseen(hidden, share, " under clothes"))
+    trusted_vertices = verdict.trusted_vertices & ~beneath.hidden
+    return _judge_surface(verdict, search, beneath.fit, trusted_vertices, said)
 
 
 def judge_together(
     verdict: Verdict, search: Search, fit: ElasticFit, borrowed: Booleans
 ) -> Verdict:
     """Return the verdict about a body found with other scans, from that about the scan alone."""
-    model = search.body.model
-    places, distances = nearest_points(search.scan.whole.points, fit.points, model.faces)
-    areas = model.template.vertex_areas
-    share = float(areas @ borrowed / areas.sum())
-    said = [verdict.message] if verdict.message else []
-    if borrowed.any():
-        said.append(f"{100 * share:.0f} % of the body is known from the other scans")
+    areas = search.body.model.template.vertex_areas
+    percent = f"{100 * float(areas @ borrowed / areas.sum()):.0f} %"
+    said = [f"{percent} of the body is known from the other scans"] if borrowed.any() else []
+    return _judge_surface(verdict, search, fit, verdict.trusted_vertices | borrowed, said)
+
+
+def _judge_surface(
+    verdict: Verdict, search: Search, fit: ElasticFit, trusted: Booleans, said: list[str]
+) -> Verdict:
+    """Return a verdict about another surface of the same body, with more to say."""
+    points, faces = search.scan.whole.points, search.body.model.faces
+    places, distances = nearest_points(points, fit.points, faces)
     return replace(
         verdict,
-        trusted_vertices=verdict.trusted_vertices | borrowed,
-        message=join_reasons(said),
+        trusted_vertices=trusted,
+        message=join_reasons([*([verdict.message] if verdict.message else []), *said]),
         matched=verdict.matched & (fit.matches.distances < MATCHED_METRES),
         correspondence=places,
         distances=distances,
     )
-
-
-def _find_excess(
-    search: Search,
-    points: Array,
-    places: SurfacePoints,
-    distances: Array,
-    background: Booleans,
-) -> Array:
-    """Return how many times farther a scan is from each limb than from the rest of the body."""
-    body = search.body
-    facets = find_facet_heights(body.parts, body.model.template, points)
-    near = ~background & (distances < NEAR_METRES)
-    owners = body.parts.owners[body.model.faces[places.triangles[near], 0]]
-    return find_excess(body.parts, owners, distances[near], facets)
 
 
 def _measure(
@@ -338,7 +295,6 @@ def _measure(
         near=float(np.mean(gaps < scan.near_metres)),
         betas=float(np.sqrt(np.mean(betas**2))) if len(betas) else 0.0,
         far=float(np.quantile(model_distances, FAR_SHARE)),
-        overlap=float(vertices.overlaps.sum() / max(vertices.matched.sum(), 1)),
         limb=part_in_words(body.parts.names[limb]),
         limb_matched=float(shares[limb]),
         near_metres=scan.near_metres,
@@ -384,8 +340,9 @@ def _unseen_parts(body: RegistrationModel, vertices: ShownParts, *, up_is_known:
     if share < LEAST_UNSEEN and not vertices.lost.any():
         return []
     unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(vertices.seen) < 0.5)]
-    guessed_up = bool(share > GUESSED_UP and not up_is_known)
-    return [say_unseen(unseen, share, guessed_up=guessed_up)]
+    guessed = "; the up direction was guessed: check it"
+    is_guess = share > GUESSED_UP and not up_is_known
+    return [say_unseen(unseen, share) + guessed * bool(is_guess)]
 
 
 def _other_units(scan: Scan, background: Booleans) -> list[str]:

@@ -38,7 +38,7 @@ from riemhuman.surfaces.measures import share_of_surface
 from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 9
+_VERSION = 10
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 # Points of a scan and of its record are in single precision. Farther points are background.

@@ -34,7 +34,7 @@ class RegistrationTrace:
         The `pose` after closest points, with arms and legs that cross exchanged where that fits
         better.
     arms : ArmsFit
-        The `pose` after other ways to hold forearms and hands were tried, and `doubtful_arms`.
+        The `pose` after other ways to hold forearms and hands were tried, and `arm_fits`.
     elastic : ElasticFit
         The last `pose`, its `model_points`, and `points`, the surface that left the model. If the
         scan does not show all limbs, it is that of the fit without those that are lost.

@@ -12,7 +12,6 @@ _name = instance(str, "the name of a start pose, such as 'a'")
 @checked(
     poses=each(_name, "names of start poses"),
     n_headings=whole(minimum=1),
-    headings=each(whole(minimum=0), "numbers of headings"),
     tries_arms=flag,
     most_points=whole(minimum=200),
     last_stiffness=positive,
@@ -27,8 +26,6 @@ class RegistrationSettings:
         Names of the start poses; None means all that the model has. Fewer take less time.
     n_headings : int
         Headings from which each pose starts, evenly spread over 360°.
-    headings : tuple of int, optional
-        Numbers of the headings that are tried, counted from the front; None means all.
     tries_arms : bool
         Whether the arms of the most likely body are tried in other positions.
     most_points : int
@@ -46,7 +43,6 @@ class RegistrationSettings:
 
     poses: tuple[str, ...] | None = None
     n_headings: int = 6
-    headings: tuple[int, ...] | None = None
     tries_arms: bool = True
     most_points: int = 20_000
     last_stiffness: float = 2e-5

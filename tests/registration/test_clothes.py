@@ -12,7 +12,7 @@ from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration._clothes import find_loose, hide_trunk
 from riemhuman.registration._limbs import TRUNK
-from riemhuman.registration._messages import say_hidden
+from riemhuman.registration._messages import say_unseen
 from riemhuman.registration.folders import _identity
 from riemhuman.surfaces import nearest_points
 
@@ -70,7 +70,7 @@ def test_what_is_beneath_loose_clothes_is_not_trusted(model, dressed, results):
     assert beneath.trusted
     assert beneath.trusted_vertices[np.isin(owners, ["head", "left_wrist"])].mean() > 0.9
     assert beneath.trusted_vertices[np.isin(owners, ["lower_spine", "pelvis"])].mean() < 0.5
-    assert "were not seen: they are under clothes" in beneath.message
+    assert "were not seen under clothes" in beneath.message
     errors = np.linalg.norm(beneath.points - dressed.body, axis=1)
     trusted = beneath.trusted_vertices
     assert errors[trusted].mean() < 0.7 * errors[~trusted].mean()
@@ -102,16 +102,16 @@ def test_a_trunk_that_cloth_hides_for_the_most_part_is_hidden_as_a_whole(n_hidde
 @pytest.mark.parametrize(
     ("joints", "said"),
     [
-        (["pelvis"], "the pelvis was not seen: it is under clothes (20 % of the body)"),
+        (["pelvis"], "the pelvis was not seen under clothes (20 % of the body)"),
         (
             [*TRUNK, "left_hip", "right_hip"],
-            "the trunk and thighs were not seen: they are under clothes (20 % of the body)",
+            "the trunk and thighs were not seen under clothes (20 % of the body)",
         ),
-        ([], "20 % of the body was not seen: it is under clothes"),
+        ([], "20 % of the body was not seen under clothes"),
     ],
 )
 def test_hidden_parts_are_said(joints, said):
-    assert say_hidden(joints, 0.2) == said
+    assert say_unseen(joints, 0.2, " under clothes") == said
 
 
 def test_a_model_without_bare_parts_is_refused(model):

@@ -16,9 +16,6 @@ from riemhuman.registration._constants import DISPLACED_METRES
 from riemhuman.registration._crossed_limbs import exchanged_limbs
 from riemhuman.registration._dense_fit import fit_densely
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._limb_rivals import ShownLimbs, find_contact
-from riemhuman.registration._limb_rivals import find_limb_doubts as find_limb_doubts_with
-from riemhuman.registration._limbs import move_end, swing_elbow
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
@@ -27,21 +24,14 @@ from riemhuman.registration._start_search import Candidate
 UP = np.array([0.0, 1.0, 0.0])
 
 
-def shown_limbs(body, matched=True, excess=1.0):
-    return ShownLimbs(
-        np.broadcast_to(matched, len(body.fit.points)),
-        np.broadcast_to(excess, len(body.task.body.parts.names)),
-    )
-
-
 def find_limb_doubts(body, excess=1.0):
-    return find_limb_doubts_with(body, shown_limbs(body, excess=excess))
+    joints, vertices = len(body.task.body.parts.names), np.ones(len(body.fit.points), dtype=bool)
+    return _limb_rivals.find_limb_doubts(body, vertices, np.broadcast_to(excess, joints))
 
 
-def find_hand_doubts(body, matched=True):
-    """Return the doubts about the one hand that was fitted."""
-    ((arm, fits),) = body.hand_fits.items()
-    return _limb_rivals._other_hand(body, arm, fits, shown_limbs(body, matched))
+def find_hand_doubts(body, arm, matched=True):
+    vertices = np.broadcast_to(matched, len(body.fit.points))
+    return _limb_rivals._other_hand(body, arm, vertices, np.ones(len(body.task.body.parts.names)))
 
 
 @pytest.fixture(scope="module")
@@ -75,26 +65,31 @@ def clasped(model, fitter):
 
 @pytest.mark.slow
 def test_clasped_hands_hide_each_others_fingers(clasped, fitter):
-    doubt, *_ = find_limb_doubts(clasped)
-    assert doubt.reason.startswith("hands: they touch")
-    for arm in fitter.arm_surfaces:
+    for arm, doubt in hands_that_touch(clasped).items():
         assert 0.2 < doubt.vertices[arm.on_hand].mean() < 1.0
-    assert fitter.parts.on_hands[doubt.vertices].all()
+        assert fitter.parts.on_hands[doubt.vertices].all()
 
 
 @pytest.mark.slow
 def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(clasped, fitter):
-    doubt, *_ = find_limb_doubts(replace(clasped, doubtful_arms={}))
-    for arm, fits in clasped.hand_fits.items():
-        best = min(fits, key=lambda fit: fit.cost)
-        apart = np.max([np.linalg.norm(fit.surface - best.surface, axis=1) for fit in fits], axis=0)
-        near = apart < DISPLACED_METRES
+    for arm, doubt in hands_that_touch(clasped).items():
+        now, *others = clasped.hand_fits[arm]
+        apart = [np.linalg.norm(fit.surface - now.surface, axis=1) for fit in others]
+        near = np.max(apart, axis=0) < DISPLACED_METRES
         assert near[np.isin(arm.vertices, arm.on_hand)].any()
         assert not doubt.vertices[arm.vertices[near]].any()
     # Nothing is known of hands without points of their own.
-    doubt, *_ = find_limb_doubts(replace(clasped, hand_fits={}))
-    for arm in fitter.arm_surfaces:
+    for arm, doubt in hands_that_touch(replace(clasped, hand_fits={})).items():
         assert doubt.vertices[arm.on_hand].all()
+
+
+def hands_that_touch(body):
+    """Return the doubts about both hands."""
+    doubts = {}
+    for arm in body.task.body.arm_surfaces:
+        (doubts[arm],) = find_hand_doubts(body, arm)
+        assert doubts[arm].reason == f"{arm.side} hand: it touches the other"
+    return doubts
 
 
 def exact_fit(model, fitter, name):
@@ -108,9 +103,8 @@ def exact_fit(model, fitter, name):
 
 @pytest.fixture(scope="module")
 def upright(model, fitter):
-    """Return the fit of an upright body, whose left arm is in doubt."""
-    body = exact_fit(model, fitter, "a")
-    return replace(body, doubtful_arms={fitter.arm_surfaces[0]: [body.fit.pose]})
+    """Return the fit of an upright body."""
+    return exact_fit(model, fitter, "a")
 
 
 @pytest.fixture(scope="module")
@@ -124,45 +118,8 @@ def akimbo(model, fitter):
     return replace(body, hand_fits=fits)
 
 
-def with_pose(fitter, body, pose):
-    """Return a body in another pose than the scan's."""
-    points = fitter.surface(pose)
-    return replace(body, fit=replace(body.fit, pose=pose, points=points, model_points=points))
-
-
 def test_elbows_and_hands_in_their_places_leave_no_doubt(akimbo):
     assert find_limb_doubts(akimbo) == []
-
-
-@pytest.mark.parametrize(("number", "degrees"), [(0, 60.0), (1, -90.0)])
-def test_an_elbow_that_points_elsewhere_is_not_trusted(fitter, akimbo, number, degrees):
-    arm = fitter.arm_surfaces[number]
-    pose = swing_elbow(arm.samples.skeleton, akimbo.fit.pose, arm.joints, degrees)
-    (doubt,) = _limb_rivals._arm_elsewhere(with_pose(fitter, akimbo, pose), arm)
-    assert doubt.reason.startswith(f"{arm.side} arm: its elbow may point elsewhere")
-    on_arm = fitter.parts.vertices(arm.joints[1:].tolist())
-    assert on_arm[doubt.vertices].all()
-    assert doubt.vertices[fitter.parts.owners == arm.joints[2]].mean() > 0.5
-
-
-def test_a_hand_within_what_it_touches_is_not_trusted(fitter, akimbo):
-    arm = fitter.arm_surfaces[0]
-    inward = np.array([-1.0, 0.0, 0.0])  # of the left hand
-    skeleton, pose = arm.samples.skeleton, akimbo.fit.pose
-    pose = move_end(skeleton, pose, arm.joints[1:], 0.06 * inward)
-    within = with_pose(fitter, akimbo, pose)
-    contact = find_contact(within, arm)
-    assert contact is not None
-    np.testing.assert_allclose(np.linalg.norm(contact), 1.0)
-    (doubt,) = _limb_rivals._arm_elsewhere(within, arm)
-    assert doubt.reason.startswith(f"{arm.side} arm: its")
-    assert doubt.reason.endswith("its hand may be on the other side of what it touches")
-    assert doubt.vertices[fitter.parts.owners == arm.joints[3]].mean() > 0.9
-
-
-def test_hanging_hands_touch_nothing(fitter, upright):
-    for arm in fitter.arm_surfaces:
-        assert find_contact(upright, arm) is None
 
 
 @pytest.mark.parametrize(
@@ -170,20 +127,16 @@ def test_hanging_hands_touch_nothing(fitter, upright):
     [(0.9, 0.06, False), (1.2, 0.06, False), (1.6, 0.06, True), (1.2, 0.01, True)],
 )
 def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
-    fitter, upright, monkeypatch, farther, displaced, trusted
+    upright, farther, displaced, trusted
 ):
-    ((arm, poses),) = upright.doubtful_arms.items()
-    aside = upright.fit.pose._replace(trans=upright.fit.pose.trans + [displaced, 0.0, 0.0])
-    surfaces = [pose_body(arm.skin, pose).points for pose in (upright.fit.pose, aside)]
-    rivals = [
-        ArmFit(pose, surface, np.full(50, distance), 1.0)
-        for pose, surface, distance in zip(
-            (upright.fit.pose, aside), surfaces, (0.002, 0.002 * farther), strict=True
-        )
+    arm = upright.task.body.arm_surfaces[0]
+    pose = upright.fit.pose
+    aside = pose._replace(trans=pose.trans + [displaced, 0.0, 0.0])
+    fits = [
+        ArmFit(rival, pose_body(arm.skin, rival).points, np.full(50, distance), 1.0)
+        for rival, distance in ((pose, 0.002), (aside, 0.002 * farther))
     ]
-    monkeypatch.setattr(_limb_rivals, "other_arms_again", lambda *given: [aside])
-    monkeypatch.setattr(_limb_rivals, "elastic_arms", lambda *given: rivals)
-    doubts = _limb_rivals._turned_arm(upright, arm, poses)
+    doubts = find_limb_doubts(replace(upright, arm_fits={arm: fits}))
     reason = "left forearm: its rotation is ambiguous"
     assert [doubt.reason for doubt in doubts] == [reason] * (not trusted)
     for doubt in doubts:
@@ -192,7 +145,7 @@ def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
 
 def hand_fits(model, upright, distances):
     """Return fits of the left hand in several poses, at distances from 50 points, metres."""
-    (arm,) = upright.doubtful_arms
+    arm = upright.task.body.arm_surfaces[0]
     fits = [
         HandFit(
             upright.fit.pose,
@@ -202,13 +155,15 @@ def hand_fits(model, upright, distances):
         )
         for name, distance in zip(model.hand_poses, distances, strict=True)
     ]
-    return replace(upright, doubtful_arms={}, hand_fits={arm: fits})
+    return replace(upright, hand_fits={arm: fits})
 
 
 @pytest.mark.parametrize(("farther", "trusted"), [(1.05, False), (1.4, True)])
 def test_another_pose_of_a_hand_leaves_its_fingers_in_doubt(model, upright, farther, trusted):
-    (arm,) = upright.doubtful_arms
-    doubts = find_hand_doubts(hand_fits(model, upright, (0.003, 0.003 * farther, 0.006, 0.006)))
+    arm = upright.task.body.arm_surfaces[0]
+    doubts = find_hand_doubts(
+        hand_fits(model, upright, (0.003, 0.003 * farther, 0.006, 0.006)), arm
+    )
     assert len(doubts) == (0 if trusted else 1)
     for doubt in doubts:
         assert "left hand" in doubt.reason
@@ -223,17 +178,19 @@ def test_fingers_are_trusted_if_one_pose_is_much_nearer_than_others(
 ):
     """Which pose is right is told by the others, however badly the model fits the person."""
     distances = np.array([share, 1.0, 1.0, 1.0]) * (0.003 + noise)
-    doubts = find_hand_doubts(hand_fits(model, upright, distances))
+    doubts = find_hand_doubts(
+        hand_fits(model, upright, distances), upright.task.body.arm_surfaces[0]
+    )
     assert len(doubts) == (0 if trusted else 1)
 
 
 def test_fingers_of_which_a_scan_shows_little_are_not_trusted(model, upright):
-    (arm,) = upright.doubtful_arms
+    arm = upright.task.body.arm_surfaces[0]
     body = hand_fits(model, upright, (0.002, 0.005, 0.005, 0.005))
     matched = np.ones(len(upright.fit.points), dtype=bool)
-    assert find_hand_doubts(body, matched) == []
+    assert find_hand_doubts(body, arm, matched) == []
     matched[arm.on_hand[len(arm.on_hand) // 10 :]] = False
-    (doubt,) = find_hand_doubts(body, matched)
+    (doubt,) = find_hand_doubts(body, arm, matched)
     assert doubt.reason == "left hand: the scan shows little of it"
 
 

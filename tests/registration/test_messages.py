@@ -36,13 +36,10 @@ def test_parts_are_limbs_from_their_first_joint_on(joints, parts):
 
 def test_one_line_says_what_was_not_seen():
     legs = [f"{side}_{joint}" for side in ("left", "right") for joint in ("knee", "ankle", "toes")]
-    assert (
-        say_unseen(legs, 0.21, guessed_up=False)
-        == "the legs below the knee were not seen (21 % of the body)"
-    )
-    assert say_unseen(["left_wrist"], 0.03, guessed_up=False).startswith("the left hand was not")
-    assert say_unseen([], 0.31, guessed_up=False) == "31 % of the body was not seen"
-    assert say_unseen([], 0.31, guessed_up=True).endswith("the up direction was guessed: check it")
+    assert say_unseen(legs, 0.21) == "the legs below the knee were not seen (21 % of the body)"
+    assert say_unseen(["left_wrist"], 0.03).startswith("the left hand was not")
+    assert say_unseen([], 0.31) == "31 % of the body was not seen"
+    assert say_unseen([], 0.31, " under clothes") == "31 % of the body was not seen under clothes"
 
 
 def test_words():

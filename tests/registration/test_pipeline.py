@@ -12,11 +12,8 @@ import riemhuman as rh
 from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.datasets.open_bodies import surface_noise
 from riemhuman.registration import ScanRegistration, simulated_scan
-from riemhuman.registration._constants import LARGEST_OVERLAP
-from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._pipeline import upright_transform
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._shown_parts import find_lost_limbs, find_overlaps
 from riemhuman.registration._verdict import _other_units
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.registration.scans import as_scan
@@ -38,21 +35,6 @@ def scan_of(natural_bodies, number):
 
 def error(result, scan):
     return np.linalg.norm(result.points - scan.body, axis=1).mean()
-
-
-def test_hands_on_the_head_are_no_overlap(registration, natural_bodies):
-    """A finger is so thin that the skin beneath it counts as matched; other parts are not."""
-    template, on_hands = registration.model.template, BodyParts(registration.model).on_hands
-    whole = np.ones(template.n_vertices, dtype=bool)
-    poses = [
-        k
-        for k in range(100)
-        if natural_bodies.pose_names[natural_bodies.pose[k]] == "hands_on_head"
-    ]
-    shares = [find_overlaps(template, natural_bodies[k], whole).near.mean() for k in poses]
-    assert max(shares) > LARGEST_OVERLAP
-    for k in poses:
-        assert not find_overlaps(template, natural_bodies[k], ~on_hands).near.any()
 
 
 @pytest.mark.slow
@@ -297,22 +279,6 @@ def test_a_missing_arm_is_not_trusted(registration_from, natural_bodies):
     assert not result.trusted_vertices[on_arm].any()
     assert result.trusted_vertices[~on_arm].mean() > 0.95
     assert "the left arm was not seen" in result.message
-
-
-def test_a_forearm_folded_into_its_upper_arm_is_lost(registration_from_t):
-    """So forearms are fitted that a scan lacks; in the rest pose elbows bend by 41° already."""
-    model = registration_from_t.model
-    elbow, wrist = (model.joint_names.index(f"left_{joint}") for joint in ("elbow", "wrist"))
-    joints, pose = model.joints(), np.zeros((model.n_joints, 3))
-    axis = np.cross(joints[wrist] - joints[elbow], [0.0, 0.0, 1.0])
-    whole = np.ones(model.n_vertices, dtype=bool)
-    forearm = np.isin(model.weights.argmax(axis=1), [elbow, wrist])
-    parts = BodyParts(model)
-    for degrees, expected in ((90.0, 0.0), (130.0, 1.0)):
-        pose[elbow] = np.radians(degrees) * axis / np.linalg.norm(axis)
-        lost = find_lost_limbs(parts, model(pose=pose), whole, ~whole)
-        assert lost[forearm].mean() == expected
-        assert not lost[~forearm].any()
 
 
 def test_a_scan_in_inches_is_refused_for_its_unit(bodies):

@@ -14,7 +14,6 @@ from riemhuman.registration._start_search import make_starts
     ("change", "message"),
     [
         ({"n_headings": 0}, "n_headings must be a whole number of at least 1"),
-        ({"headings": (-1,)}, r"headings\[0\] must be a whole number of at least 0"),
         ({"poses": "a"}, "poses must be names of start poses"),
         ({"tries_arms": 2}, "tries_arms must be True or False"),
         ({"most_points": 10}, "most_points must be a whole number of at least 200"),
@@ -28,7 +27,7 @@ def test_impossible_settings_are_refused(change, message):
 
 def test_starts_follow_the_settings(model):
     scan = prepare_scan(rh.registration.Scan(model(), model.faces), surroundings=False)
-    settings = RegistrationSettings(poses=("a", "t"), n_headings=4, headings=(0, 2))
+    settings = RegistrationSettings(poses=("a", "t"), n_headings=2)
     body = RegistrationModel(model, settings)
     starts = make_starts(body, scan, body.poses, [np.array([0.0, 1.0, 0.0])], 0.0)
     assert len(starts) == 2 * 2

@@ -3,19 +3,13 @@
 import numpy as np
 import pytest
 from scanned_people import result_of_one_search, settings_with
-from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
-from riemhuman.registration._constants import LARGEST_OVERLAP
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._shown_parts import find_overlaps, find_seen
-from riemhuman.registration._verdict import (
-    FitQuality,
-    find_excess,
-    find_facet_heights,
-)
+from riemhuman.registration._shown_parts import find_seen
+from riemhuman.registration._verdict import FitQuality, find_excess
 from riemhuman.registration._verdict import find_doubts as find_doubts_of
 
 GOOD = {
@@ -24,7 +18,6 @@ GOOD = {
     "near": 0.99,
     "betas": 1.0,
     "far": 0.006,
-    "overlap": 0.0,
     "limb": "left wrist",
     "limb_matched": 0.5,
 }
@@ -47,7 +40,6 @@ def test_good_evidence_and_limbs_out_of_sight_leave_no_doubt(change):
         ({"margin": 0.05}, "faces or stands differently"),
         ({"betas": 4.5}, "far from all people"),
         ({"far": 0.04}, "5 % of the scan lies more than 4.0 cm from the model's surface"),
-        ({"overlap": 0.04}, "4.0 % of the body lies where another part of it is"),
         ({"bare": 0.04}, "10 % of the scan of them lies more than 4.0 cm from the model's surface"),
         ({"bare": 0.005, "likelihood": 1.4}, "does not look like one person"),
         ({"near": 0.6, "near_metres": 0.15}, "only 60 % of the scan lies within 15 cm of the body"),
@@ -85,85 +77,35 @@ def test_straight_fingers_are_not_seen_in_a_scan_of_a_fist(model):
 def test_limbs_are_compared_with_how_well_the_rest_fits(model, misfit):
     """However well a person and a scan fit as a whole, a limb twice as far is as doubtful."""
     parts = BodyParts(model)
-    flat = np.zeros(len(parts.names))
     distances = np.full(model.n_vertices, misfit)
-    same = find_excess(parts, parts.owners, distances, flat)
+    same = find_excess(parts, parts.owners, distances)
     np.testing.assert_allclose(same, 1.0)
     for name in ("left_knee", "right_elbow"):
         (joint,) = parts.numbers(name)
         farther = np.where(parts.owners == joint, 2.0 * misfit, misfit)
-        excess = find_excess(parts, parts.owners, farther, flat)
+        excess = find_excess(parts, parts.owners, farther)
         assert 1.8 < excess[joint] < 2.0 + 1e-9
         assert np.delete(excess, joint).max() < 1.0 + 1e-9
     # Of exact scans, hands are farther than the rest by nothing.
     exact = np.where(parts.on_hands, 1e-4, 1e-6)
-    assert find_excess(parts, parts.owners, exact, flat).max() <= 1.0
+    assert find_excess(parts, parts.owners, exact).max() <= 1.0
     # A hand elsewhere says nothing against its arm.
     on_hands = np.where(parts.on_hands, 5.0 * misfit, misfit)
-    excess = find_excess(parts, parts.owners, on_hands, flat)
+    excess = find_excess(parts, parts.owners, on_hands)
     others = [not name.endswith("wrist") for name in parts.names]
     np.testing.assert_allclose(excess[others], 1.0)
-
-
-def test_edges_of_a_sphere_are_as_high_as_arcs_over_chords(model):
-    """Seen from the middle of a body, as far as they are from a sphere."""
-    parts = BodyParts(model)
-    around = model.template.vertices - model.template.vertices.mean(axis=0)
-    sphere = around / np.linalg.norm(around, axis=1, keepdims=True)
-    ends = sphere[model.template.edges]
-    heights = 1.0 - np.linalg.norm(ends.mean(axis=1), axis=1)
-    found = find_facet_heights(parts, model.template, sphere)
-    chest = parts.names.index("chest")
-    on_chest = parts.owners[model.template.edges[:, 0]] == chest
-    np.testing.assert_allclose(found[chest], heights[on_chest].mean(), rtol=0.3)
-
-
-def test_coarse_limbs_are_as_far_as_their_triangles_are_from_skin(model):
-    parts = BodyParts(model)
-    (joint,) = parts.numbers("left_elbow")
-    distances = np.where(parts.owners == joint, 0.003, 0.0015)
-    flat = np.zeros(len(parts.names))
-    coarse = np.where(np.arange(len(flat)) == joint, 0.0025, flat)
-    flat, coarse = (
-        find_excess(parts, parts.owners, distances, facets)[joint] for facets in (flat, coarse)
-    )
-    assert 1.9 < flat < 2.1
-    assert 1.0 < coarse < 1.1
 
 
 @pytest.mark.slow
 def test_a_body_the_wrong_way_round_is_refused():
     """The right start is left out, so that only the flipped body is there to be found."""
     model = rh.datasets.load_open_model("coarse")
-    # Of six headings the one backwards.
-    registration = ScanRegistration(model, up="y", settings=settings_with(headings=(3,)))
+    registration = ScanRegistration(model, up="y", settings=settings_with(n_headings=1))
     bodies = rh.datasets.load_open_bodies("coarse")
     # Both arms forward, no heading: a body that looks the other way is half a metre off.
     points = bodies[2]
     scan = rh.registration.simulated_scan(points, model.faces, 4, n_points=6000, rotate=False)
-    result = result_of_one_search(registration, scan.points)
-    assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
+    backwards = np.array([-1.0, 1.0, -1.0])
+    result = result_of_one_search(registration, backwards * scan.points)
+    assert np.linalg.norm(result.points - backwards * scan.body, axis=1).mean() > 0.2
     assert not result.trusted
-
-
-@pytest.mark.parametrize("limb", ["leg", "forearm"])
-def test_a_limb_on_another_is_all_around_it(model, limb):
-    joints, moved = {
-        "leg": (("hip", "knee"), ["hip", "knee", "ankle", "toes"]),
-        "forearm": (("elbow", "wrist"), ["elbow", "wrist"]),
-    }[limb]
-    names = list(model.joint_names)
-    points = rh.datasets.load_open_bodies("coarse")[0]
-    places = model.joint_regressor @ points
-    first, second = (
-        np.array([places[names.index(f"{side}_{joint}")] for joint in joints])
-        for side in ("left", "right")
-    )
-    columns = [names.index(f"right_{joint}") for joint in moved]
-    chosen = model.weights[:, columns].sum(axis=1) > 0.5
-    rotation, _ = Rotation.align_vectors(np.diff(first, axis=0), np.diff(second, axis=0))
-    together = points.copy()
-    together[chosen] = rotation.apply(points[chosen] - second[0]) + first[0]
-    overlaps = find_overlaps(model.template, together, np.ones(len(points), dtype=bool))
-    assert overlaps.around.mean() > 2 * LARGEST_OVERLAP
-    assert not (overlaps.around & ~overlaps.near).any()

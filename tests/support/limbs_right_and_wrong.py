@@ -16,8 +16,8 @@ from riemhuman.registration._constants import DENSE_SCALES
 from riemhuman.registration._crossed_limbs import crossing_joints, exchanged_limbs
 from riemhuman.registration._dense_fit import fit_closest
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._lost_limbs import leave_out_lost_limbs
 from riemhuman.registration._pipeline import register_scan
+from riemhuman.registration._shown_parts import leave_out_lost_limbs
 from riemhuman.registration._verdict import judge
 
 # What scanners and people do to scans, and what may be missing from them.

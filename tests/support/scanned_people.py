@@ -282,7 +282,7 @@ def fit_body(body, start, scan):
     dense = uncross_limbs(fit_densely(body, start, scan), known=False)
     arms = fit_arms_and_hands(dense, known=False)
     elastic = leave_model(arms.task, arms.pose)
-    return BodyFit(arms.task, elastic, arms.doubtful_arms, arms.hand_fits)
+    return BodyFit(arms.task, elastic, arms.arm_fits, arms.hand_fits)
 
 
 def with_smpls_tree(model):
