@@ -20,15 +20,10 @@ from riemhuman.surfaces import DeformationBasis, Template
 from riemhuman.surfaces.procrustes import procrustes
 
 
-@pytest.fixture
-def moved(bodies):
-    """Return the third mesh moved as the first two."""
+def test_motions_into_a_folder_or_a_file(run, scans, bodies, tmp_path):
     space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
     path = MotionTransfer().solve(space, bodies.points[:2], bodies.points[20])
-    return on_the_ground(path, like=bodies.points[:2])
-
-
-def test_motions_into_a_folder_or_a_file(run, scans, moved, tmp_path):
+    moved = on_the_ground(path, like=bodies.points[:2])
     files = [scans / f"body_{number}.ply" for number in (0, 1)]
     command = ("transfer", *files, "--onto", scans / "body_20.ply", "-o")
     finished = run(*command, tmp_path / "moved", "--json")
@@ -43,7 +38,7 @@ def test_motions_into_a_folder_or_a_file(run, scans, moved, tmp_path):
     (tmp_path / "moved" / names[1]).unlink()
     assert run(*command, tmp_path / "moved", "-q", "--force").code == 0
     assert (tmp_path / "moved" / names[1]).exists()
-    assert "meshes      2" in run(*command, tmp_path / "moved.npz").out
+    run(*command, tmp_path / "moved.npz")
     np.testing.assert_array_equal(np.load(tmp_path / "moved.npz")["path"], moved)
 
 
@@ -61,37 +56,25 @@ def test_disentangled_body(run, scans, bodies, tmp_path):
         assert found < metric.dist(both, bodies.points[unlike])
 
 
-# z up, in millimetres.
-TURN = 1000 * np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
-
-
-@pytest.fixture
-def turned(bodies, tmp_path):
-    """Return a folder of meshes in millimetres with z up."""
-    folder = tmp_path / "turned"
-    folder.mkdir()
-    for name, f in zip("ab", bodies.points[:2] @ TURN, strict=True):
-        save_mesh(folder / f"{name}.ply", f, bodies.template.faces)
-    return folder
-
-
 def test_align_takes_out_rigid_motions(run, scans, bodies, tmp_path):
     files = [scans / f"body_{number}.ply" for number in (0, 20)]
-    record = json.loads(run("align", *files, "-o", tmp_path / "aligned", "--json").out)
-    assert record["root_mean_square"][0] == pytest.approx(0, abs=1e-6)
+    said = run("align", *files, "-o", tmp_path / "aligned", "--output-units", "in").out
     found, _ = load_mesh(tmp_path / "aligned" / "body_20.ply")
     np.testing.assert_allclose(found, procrustes(bodies.points[20], bodies.points[0]), atol=1e-6)
     assert (tmp_path / "aligned" / "aligned.html").exists()
-    said = run("align", *files, "-o", tmp_path / "inches", "--output-units", "in").out
     shown = [line.split() for line in said.splitlines()[1:-1]]
     assert {row[1] for row in shown} == {"in"}
-    expected = np.array(record["root_mean_square"]) / 0.0254
-    np.testing.assert_allclose([float(row[0]) for row in shown], expected, atol=0.051)
+    apart = np.sqrt(np.mean(np.sum((found - bodies.points[0]) ** 2, axis=-1)))
+    np.testing.assert_allclose([float(row[0]) for row in shown], [0, apart / 0.0254], atol=0.051)
 
 
-def test_units_and_axes_make_other_verbs_measure_the_same(run, turned, scans):
+def test_units_and_axes_make_other_verbs_measure_the_same(run, bodies, scans, tmp_path):
     ours = run("dist", scans / "body_0.ply", scans / "body_1.ply")
-    theirs = run("dist", turned / "a.ply", turned / "b.ply", "--unit", "millimetres", "--up", "z")
+    turned = 1000 * bodies.points[:2, :, [0, 2, 1]] * [1, -1, 1]  # z up, in millimetres
+    files = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for file, surface in zip(files, turned, strict=True):
+        save_mesh(file, surface, bodies.template.faces)
+    theirs = run("dist", *files, "--unit", "millimetres", "--up", "z")
     assert float(theirs.out) == pytest.approx(float(ours.out), rel=1e-5)
 
 
@@ -184,31 +167,20 @@ def test_models_become_plain_arrays_of_some_coefficients(run, tmp_path):
 
 # The commands geodesic, mean and components write what the library finds, whole or not at all.
 
-FOLDER = ["path.glb", "path.html", "path.npz", "path.png", "summary.json"]
 
-
-@pytest.fixture
-def ends(scans):
-    return scans / "body_0.ply", scans / "body_1.ply"
-
-
-@pytest.fixture(scope="module")
-def expected(bodies):
-    """Return the metric and the path that the library finds with three times and six harmonics."""
-    template = Template(bodies.points[0], bodies.template.faces)
-    metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.1)
-    basis = DeformationBasis.from_laplacian(template, 6)
-    return metric, BasisPath(basis, n_nodes=3).solve(metric, *bodies.points[:2])
-
-
-def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tmp_path):
+def test_folder_holds_meshes_pictures_animation_and_page(run, scans, bodies, tmp_path):
     output = tmp_path / "path"
+    ends = scans / "body_0.ply", scans / "body_1.ply"
     options = ("-o", f"{output}/", "--n-nodes", 3, "--n-components", 6)
     finished = run("geodesic", *ends, *options, "--json")
     assert finished.code == 0, finished.err
     names = sorted(path.name for path in output.iterdir())
-    assert names == [*FOLDER, *(f"time_{i:04d}.ply" for i in range(3))]
-    metric, result = expected
+    pages = ["path.glb", "path.html", "path.npz", "path.png", "summary.json"]
+    assert names == [*pages, *(f"time_{i:04d}.ply" for i in range(3))]
+    template = Template(bodies.points[0], bodies.template.faces)
+    metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.1)
+    basis = DeformationBasis.from_laplacian(template, 6)
+    result = BasisPath(basis, n_nodes=3).solve(metric, *bodies.points[:2])
     for i, surface in enumerate(on_the_ground(result.path)):
         np.testing.assert_array_equal(load_mesh(output / f"time_{i:04d}.ply")[0], surface)
     record = json.loads(finished.out)
@@ -219,45 +191,28 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     assert record["converged"] is True
     summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
     assert record == summary | {"output": str(output)}
-    assert (output / "path.png").read_bytes().startswith(b"\x89PNG")
-    page = (output / "path.html").read_text(encoding="utf-8")
-    assert "<p>From body_0.ply to body_1.ply: the path" in page
-    assert (output / "path.glb").read_bytes().startswith(b"glTF")
     assert json.loads(run("info", output, "--json").out)["first"] == "time_0000.ply"
 
     again = run("geodesic", *ends, *options)
     assert (again.code, again.out) == (2, "")
     assert "holds an earlier result; --force replaces it" in again.err
-    assert [path.name for path in tmp_path.iterdir()] == ["path"]
 
 
-def test_one_file_by_its_ending_with_own_basis_and_metric(run, ends, bodies, tmp_path):
+def test_one_file_by_its_ending_with_own_basis_and_metric(run, scans, bodies, tmp_path):
+    ends = scans / "body_0.ply", scans / "body_1.ply"
     basis = DeformationBasis.from_laplacian(bodies.template, 6)
     basis.save(tmp_path / "basis.npz")
     options = ("--basis", tmp_path / "basis.npz", "-c", 0, "--n-nodes", 3, "--json", "-q")
-    record = json.loads(run("geodesic", *ends, "-o", tmp_path / "path.npz", *options).out)
-    assert record["metric"] == {"name": "ElasticMetric", "a": 1.0, "lam": 1.0, "c": 0.0}
+    run("geodesic", *ends, "-o", tmp_path / "path.npz", *options)
     template = Template(bodies.points[0], bodies.template.faces)
     metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.0)
     result = BasisPath(basis, n_nodes=3).solve(metric, *bodies.points[:2])
-    assert record["energy"] == result.energy
     stored = np.load(tmp_path / "path.npz")["path"]
     np.testing.assert_array_equal(stored, on_the_ground(result.path))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["basis.npz", "path.npz"]
 
 
-def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypatch):
-    def interrupt(*arguments, **settings):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("riemhuman.io.save_glb", interrupt)
-    finished = run("geodesic", *ends, "-o", tmp_path / "path", "--n-nodes", 2)
-    assert finished.code == 130
-    assert finished.err.endswith("riemhuman: interrupted\n")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_path_that_did_not_converge_is_written_with_a_warning(run, ends, tmp_path, monkeypatch):
+def test_a_path_that_did_not_converge_is_written_with_a_warning(run, scans, tmp_path, monkeypatch):
+    ends = scans / "body_0.ply", scans / "body_1.ply"
     hasty = functools.partial(BasisPath, max_iter=1, tolerance=1e-300)
     monkeypatch.setattr("riemhuman.solvers.BasisPath", hasty)
     output = tmp_path / "path.npz"
@@ -328,8 +283,5 @@ def test_components_are_those_of_the_library(run, tmp_path):
     assert record["files"] == list(map(str, files))
     assert record["explained_variance_ratio"] == pca.explained_variance_ratio_.tolist()
     assert record["coordinates"] == pca.transform(points).tolist()
-    assert {path.name for path in output.iterdir()} == {
-        *("component_1_minus.ply", "component_1_plus.ply", "mean.ply", "sample_0000.ply"),
-        *("components.html", "summary.json"),
-    }
+    assert (output / "components.html").exists()
     assert "holds an earlier result" in run(*command).err

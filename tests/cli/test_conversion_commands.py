@@ -73,10 +73,9 @@ def test_photographs_of_a_video_become_a_motion(a_map, others, faces, run, refus
     ("change", "said"),
     [
         (lambda body: body[:-1], "1,203 vertices.* found 1,202|triangle"),
-        (lambda body: body * [-1.0, 1.0, 1.0], "mirrored"),
         (lambda body: body * [1.0, -1.0, -1.0], 'up="-y"'),
     ],
-    ids=["vertices", "mirrored", "y down"],
+    ids=["vertices", "y down"],
 )
 def test_bodies_that_do_not_fit_a_map_are_refused_by_file(
     a_map, others, faces, refused, tmp_path, change, said
@@ -90,13 +89,9 @@ def test_bodies_that_do_not_fit_a_map_are_refused_by_file(
     error = refused("convert", source, tmp_path / "there.ply", "--map", a_map)
     assert "wrong.obj" in error
     assert re.search(said, error), error
-
-
-def test_maps_are_not_made_of_bad_bodies(bodies, refused, tmp_path):
-    for change, said in (([-1.0, 1.0, 1.0], "mirrored"), (100.0, "times as large")):
-        rh.save_mesh(tmp_path / "wrong.ply", change * bodies[1], bodies.template.faces)
-        error = refused("make-map", tmp_path / "wrong.ply", "-o", tmp_path / "map.npz")
-        assert re.search(f"wrong.ply.*{said}", error), error
+    rh.save_mesh(source, [-1.0, 1.0, 1.0] * others[1], faces)
+    error = refused("make-map", source, "-o", tmp_path / "map.npz")
+    assert re.search("wrong.obj.*mirrored", error), error
 
 
 def test_motions_change_their_format(run, refused, tmp_path):
@@ -110,9 +105,7 @@ def test_motions_change_their_format(run, refused, tmp_path):
 
 def test_info_knows_photographs(bodies, run, refused, tmp_path):
     rh.io.save_arrays(tmp_path / "photograph.npz", {"pred_vertices": bodies[0]})
-    said = run("info", tmp_path / "photograph.npz").out
-    assert "SAM 3D Body" in said
-    assert "triangles, pred_cam_t" in said
+    assert "SAM 3D Body" in run("info", tmp_path / "photograph.npz").out
     rh.io.save_arrays(tmp_path / "number.npz", {"pred_vertices": 3.0})
     assert "must have shape (V, 3)" in refused("info", tmp_path / "number.npz")
 
@@ -126,8 +119,7 @@ def test_all_bodies_of_a_file_are_written_or_none(bodies, run, refused, tmp_path
     assert "holds 3 bodies" in said
     assert not (tmp_path / "body.ply").exists()
     assert run("convert", source, tmp_path / "bodies", "--faces", faces).code == 0
-    names = sorted(file.name for file in (tmp_path / "bodies").glob("*.ply"))
-    assert names == ["people_0.ply", "people_1.ply", "people_2.ply"]
+    assert len(list((tmp_path / "bodies").glob("*.ply"))) == 3
     points, _ = rh.load_mesh(tmp_path / "bodies" / "people_2.ply")
     np.testing.assert_allclose(points[:, 1], bodies[2][:, 1], atol=1e-5)
 

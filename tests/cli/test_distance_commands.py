@@ -1,9 +1,8 @@
 """The commands tables, dist, matrix, retrieve, scores, plot and report."""
 
 import json
-import os
 import re
-import shutil
+import sys
 from dataclasses import asdict
 
 import h5py
@@ -64,7 +63,6 @@ def test_scanned_people_are_compared_in_any_pose(run, registered, bodies):
     finished = run("dist", *pair)
     assert float(finished.out) == pytest.approx(expected, rel=1e-9)
     assert "registered scans, so people are compared by PersonMetric (--person)" in finished.err
-    assert "in metres (square root" in finished.err
     assert "for comparison: same person, another pose ≈ 0.005; another person" in finished.err
     record = json.loads(run("dist", *pair, "--json").out)
     assert record["unit"] == "m"
@@ -140,17 +138,6 @@ def test_matrix_of_lengths_of_paths(run, bodies, tmp_path):
         np.testing.assert_array_equal(saved["lengths"], expected.lengths)
 
 
-@pytest.mark.skipif(os.name == "nt", reason="names of files are others there")
-def test_names_that_others_have_chosen(run, scans, tmp_path):
-    names = [b"=1+1.ply", b"\xff.ply", b"two\nlines.ply"]
-    for number, name in enumerate(names):
-        shutil.copy(scans / f"body_{number}.ply", os.path.join(os.fsencode(tmp_path), name))
-    finished = run("matrix", tmp_path, "--csv", "-")
-    rows = finished.out.splitlines()
-    assert rows[0] == r"file,'=1+1.ply,two lines.ply,\udcff.ply"
-    assert (finished.code, len(rows)) == (0, 4)
-
-
 def test_retrieve_ranks_by_dist(run, scans):
     query = scans / NAMES[4]
     record = json.loads(run("retrieve", query, scans, "--pose", "--json").out)
@@ -162,7 +149,6 @@ def test_retrieve_ranks_by_dist(run, scans):
     alone = json.loads(run("dist", query, found[0][0], "--pose", "--json").out)["distance"]
     assert found[0][1] == pytest.approx(alone, rel=1e-9)
     nearest = run("retrieve", query, scans, "--shape", "-k", "2").out.splitlines()
-    assert [line.split()[0] for line in nearest] == ["1", "2"]
     assert {line.split()[2] for line in nearest} == {str(scans / NAMES[i]) for i in (3, 5)}
 
 
@@ -183,7 +169,6 @@ def test_dist_says_that_one_body_is_rotated(run, scans, bodies, tmp_path):
 def test_tables_of_a_labelled_folder(run, scans):
     finished = run("tables", "--bodies", scans, "--labels", scans / "labels.csv")
     assert "6 bodies: 2 people, 3 poses, 1,202 vertices, 2,400 triangles" in finished.out
-    assert len(re.findall(r"15 distances: \d+\.\d s", finished.err)) == 7
     who, how = finished.out.split("How do they stand?")
     row = r"{} metric(?: \([^)]*\))? +(\d+\.\d)"
     found = {
@@ -201,13 +186,9 @@ def test_all_representations(run, scans, monkeypatch):
     monkeypatch.setattr("riemhuman.retrieval.representations", compared)
     finished = run("tables", "--all", "--bodies", scans)
     assert re.search(r"^height .* \d+\.\d", finished.out, re.MULTILINE)
-    assert "an asterisk marks the best of a column" in finished.out
     records = json.loads(run("tables", "--all", "--bodies", scans, "--json").out)
     assert [record["representation"] for record in records] == 2 * ["height"] + 2 * ["offsets"]
     assert records[0]["scores"]["nn"] >= 0
-
-
-LABELS = "labels.csv"
 
 
 @pytest.fixture(scope="module")
@@ -221,45 +202,33 @@ def matrix(scans, bodies, tmp_path_factory):
     return file
 
 
-def test_plot_draws_a_map_of_neighbourhoods(run, scans, matrix, tmp_path):
-    picture = tmp_path / "map.svg"
-    options = ("--by", "pose", "--method", "t-sne")
-    finished = run("plot", matrix, "--labels", scans / LABELS, "-o", picture, *options)
-    assert finished.code == 0
-    assert picture.read_text(encoding="utf-8").startswith("<?xml")
-    assert "stress" not in finished.out
-
-
-def test_plot_shows_the_bodies_of_a_folder(run, refused, scans, matrix, tmp_path):
-    page, labels = tmp_path / "map.html", ["--labels", scans / LABELS]
-    assert run("plot", matrix, *labels, "--bodies", scans, "-o", page).code == 0
+def test_plot_shows_the_bodies_of_a_folder(run, refused, scans, matrix, tmp_path, monkeypatch):
+    page, labels = tmp_path / "map.html", ["--labels", scans / "labels.csv"]
+    options = ("--bodies", scans, "--by", "pose")
+    assert run("plot", matrix, *labels, *options, "-o", page).code == 0
     assert page.read_text(encoding="utf-8").count("data-item=") == 6
     picture = tmp_path / "map.png"
     assert run("plot", matrix, *labels, "--bodies", scans, "-o", picture).code == 0
-    message = refused("plot", matrix, *labels, "-o", page, "--force")
-    assert "--bodies" in message
-    message = refused("plot", matrix, "--bodies", tmp_path, "-o", picture, "--force")
-    assert "holds no" in message or "does not hold" in message
+    assert "--bodies" in refused("plot", matrix, *labels, "-o", page, "--force")
+    assert "hold" in refused("plot", matrix, "--bodies", tmp_path, "-o", picture, "--force")
+    monkeypatch.setitem(sys.modules, "sklearn.manifold", None)
+    assert "[report]'" in refused("plot", matrix, "--method", "t-sne", "-o", tmp_path / "b.png")
 
 
 def test_scores_are_those_of_the_library(run, scans, matrix):
-    finished = run("scores", matrix, "--labels", scans / LABELS, "--json")
+    finished = run("scores", matrix, "--labels", scans / "labels.csv", "--json")
     found = json.loads(finished.out)
     distances = load_arrays(matrix, ["distances"])["distances"]
     people = scores(distances, [0, 0, 0, 1, 1, 1])
     assert found["subject"]["nn"] == people.nn
     assert found["subject"]["mean_average_precision"] == people.mean_average_precision
-    printed = run("scores", matrix, "--labels", scans / LABELS).out
-    assert printed.splitlines()[0] == f"Who is it?          {people}"
 
 
 def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, matrix, tmp_path):
     table = tmp_path / "labels.csv"
-    lines = (scans / LABELS).read_text(encoding="utf-8").splitlines()
-    table.write_text(
-        "\n".join([*lines[:-1], lines[-1].replace(lines[-1].split(",")[0], "gone.ply")]),
-        encoding="utf-8",
-    )
+    lines = (scans / "labels.csv").read_text(encoding="utf-8").splitlines()
+    lines[-1] = lines[-1].replace("body_22.ply", "gone.ply")
+    table.write_text("\n".join(lines), encoding="utf-8")
     given = ("scores", matrix, "--labels", table, "--json")
     assert "rows without a mesh: gone.ply" in refused(*given)
     found = json.loads(run(*given, "--allow-missing").out)
@@ -316,7 +285,6 @@ def test_people_are_drawn_though_a_plane_misses_their_distances(run, tmp_path, m
     distances = metric.dist_pairwise(bodies.points)
     (tmp_path / "D.csv").write_text(matrix_text(names, distances), encoding="utf-8")
     found = json.loads(run("plot", "D.csv", "--json").out)
-    assert (tmp_path / "map.png").stat().st_size > 10_000
     assert 0.3 < found["stress"] < 0.4
     assert found["neighbours_kept"] > 0.5
     # Columns in another order than rows, as spreadsheets leave them.
@@ -328,17 +296,13 @@ def test_people_are_drawn_though_a_plane_misses_their_distances(run, tmp_path, m
     assert again == found | {"output": "b.png"}
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
+def test_tables_that_are_no_matrix(refused, tmp_path):
+    file = tmp_path / "D.csv"
+    for text, message in (
         ("", "holds no matrix"),
         ("file,a,b\na,0,1\n", "must have the same names"),
         ("file,a,a\na,0,1\na,1,0\n", "each once"),
-        ("file,a,b\na,0,1\nb,1\n", "line 3: 1 numbers found, 2 expected"),
         ("file,a,b\na,0,1\nb,x,0\n", "line 3: 'x' is not a number"),
-    ],
-)
-def test_tables_that_are_no_matrix(refused, tmp_path, text, message):
-    file = tmp_path / "D.csv"
-    file.write_text(text, encoding="utf-8")
-    assert message in refused("plot", file, "-o", tmp_path / "map.png")
+    ):
+        file.write_text(text, encoding="utf-8")
+        assert message in refused("plot", file, "-o", tmp_path / "map.png")

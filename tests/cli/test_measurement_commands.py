@@ -20,7 +20,6 @@ def measurements():
 def test_a_folder_in_the_standard_pose(run, scans, bodies, measurements, tmp_path):
     finished = run("measure", scans, "-o", tmp_path / "table.csv", "--only", "waist girth", "-q")
     assert finished.code == 0
-    assert "and 1 more body;" in finished.out
     with open(tmp_path / "table.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["file"].rpartition("body_")[2] for row in rows] == [
@@ -40,15 +39,6 @@ def test_bodies_as_they_stand(run, scans, bodies, measurements):
     assert record["pose"] == "as is"
     assert "Measurements of 1 mesh: " in finished.err
     assert record["units"]["volume"] == "m³"
-
-
-def test_pictures(run, scans, tmp_path):
-    pytest.importorskip("matplotlib")
-    picture = tmp_path / "lines.svg"
-    options = ("--as-is", "--only", "stature", "--only", "waist girth", "-q")
-    finished = run("measure", scans / "body_0.ply", "--picture", picture, *options)
-    assert f"written to {picture}" in finished.out
-    assert picture.stat().st_size > 10_000
 
 
 def test_reasons_for_missing_values(run, scans, measurements, tmp_path):
@@ -83,9 +73,6 @@ def test_people_who_sit(run, scans):
     assert record["pose"] == "seated"
     (values,) = record["bodies"].values()
     assert 0.7 < values["sitting height"] < 1.0
-    refused = run("measure", scans / "body_0.ply", "--seated", "--model", "model.npz")
-    assert refused.code == 2
-    assert "leave out --model" in refused.err
 
 
 def test_visits_without_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
@@ -109,7 +96,8 @@ def test_visits_without_parts_that_a_scan_does_not_show(run, bodies, tmp_path):
 
 def test_two_visits(run, scans, bodies, measurements, tmp_path):
     files = (scans / "body_0.ply", scans / "body_2.ply")
-    record = json.loads(run("compare", *files, "--json").out)
+    finished = run("compare", *files, "--json")
+    record = json.loads(finished.out)
     expected = compare_visits(measurements, bodies.points[0], bodies.points[2])
     np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
     assert record["exceeds_threshold"] == expected.is_significant.tolist()
@@ -117,40 +105,44 @@ def test_two_visits(run, scans, bodies, measurements, tmp_path):
     np.testing.assert_allclose(thresholds, expected.thresholds)
     by_chance = pytest.approx(0.0455 * np.isfinite(thresholds).sum(), rel=1e-3)
     assert record["expected_beyond_threshold_by_chance"] == by_chance
+    assert "probably not the same person" not in finished.err
     finished = run("compare", *files, "-o", tmp_path / "changes.csv", "--only", "stature")
-    assert "surface change: " in finished.out
-    assert "of 1 exceed their thresholds; expect about" in finished.out
+    (line,) = [line for line in finished.out.splitlines() if line.startswith("stature ")]
     with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as file:
-        assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
+        (row,) = csv.DictReader(file)
+    assert (row["measurement"], row["unit"]) == ("stature", "m")
+    shown = [float(number) for number in line.split()[1:5]]
+    stored = [100 * float(row[key]) for key in ("before", "after", "change", "threshold")]
+    np.testing.assert_allclose(shown, stored, atol=0.051)
 
 
 def test_visits_with_several_scans(run, bodies, measurements, tmp_path):
-    for visit, numbers in (("first", (0, 5)), ("second", (1, 3, 9))):
+    for visit, numbers in (("first", (0, 5)), ("second", (1, 3))):
         (tmp_path / visit).mkdir()
         for number in numbers:
             save_mesh(
                 tmp_path / visit / f"{number}.ply", bodies.points[number], bodies.template.faces
             )
-    record = json.loads(run("compare", tmp_path / "first", tmp_path / "second", "--json").out)
-    expected = compare_visits(measurements, bodies.points[[0, 5]], bodies.points[[1, 3, 9]])
+    names = ["stature", "waist girth"]
+    only = [word for name in names for word in ("--only", name)]
+    visits = tmp_path / "first", tmp_path / "second"
+    record = json.loads(run("compare", *visits, *only, "--json").out)
+    few = Measurements(measurements.definitions, names)
+    expected = compare_visits(few, bodies.points[[0, 5]], bodies.points[[1, 3]])
     np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
     thresholds = np.array(record["thresholds"], dtype=float)
     np.testing.assert_allclose(thresholds, expected.thresholds, rtol=1e-4)
-    assert record["scans"] == [2, 3]
-    person = json.loads(run("measure", tmp_path / "first", "--same-person", "--json").out)
+    assert record["scans"] == [2, 2]
+    person = json.loads(run("measure", visits[0], "--same-person", *only, "--json").out)
     np.testing.assert_allclose([*person["bodies"]["person"].values()], expected.before, atol=1e-5)
     save_mesh(tmp_path / "first" / "9.ply", bodies.points[50], bodies.template.faces)
-    doubted = run("measure", tmp_path / "first", "--same-person").err
+    doubted = run("measure", visits[0], "--same-person", *only).err
     assert "0.ply and 9.ply are probably not the same person" in doubted
     assert "5.ply" not in doubted
-    refused = run("measure", tmp_path / "first", "--same-person", "--as-is")
-    assert "leave out --as-is" in refused.err
 
 
 def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
     only = ("--only", "stature")
-    one = run("compare", scans / "body_0.ply", scans / "body_2.ply", *only)
-    assert "probably not the same person" not in one.err
     save_mesh(tmp_path / "other.ply", bodies.points[50], bodies.template.faces)
     two = run("compare", scans / "body_0.ply", tmp_path / "other.ply", *only, "--json")
     assert "are probably not the same person" in two.err
@@ -161,7 +153,7 @@ def test_two_people_are_hardly_one(run, scans, bodies, tmp_path):
 
 
 @pytest.mark.slow
-def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
+def test_people_read_centimetres(run, scans):
     """An inch is 0.0254 m, a pound 0.45359237 kg; only the printed table is converted."""
     only = [word for name in ("stature", "body mass") for word in ("--only", name)]
     command = ("measure", scans / "body_0.ply", "--as-is", *only)
@@ -177,14 +169,6 @@ def test_people_read_centimetres_and_files_hold_metres(run, scans, tmp_path):
             assert shown_unit == unit
             assert float(value) == pytest.approx(scale * values[name], abs=0.051)
     changes = ("compare", scans / "body_0.ply", scans / "body_2.ply", "--only", "stature")
-    printed = run(*changes, "-o", tmp_path / "changes.csv").out.splitlines()
-    (line,) = [line for line in printed if line.startswith("stature ")]
-    with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as stream:
-        (row,) = csv.DictReader(stream)
-    assert row["unit"] == "m"
-    shown = [float(number) for number in line.split()[1:5]]
-    stored = [100 * float(row[key]) for key in ("before", "after", "change", "threshold")]
-    np.testing.assert_allclose(shown, stored, atol=0.051)
     outward = json.loads(run(*changes, "--json").out)["outward_millimetres"]
     said = run(*changes, "--output-units", "in").out
     (line,) = [line for line in said.splitlines() if line.startswith("surface change")]

@@ -11,7 +11,6 @@ from riemhuman.surfaces import DeformationBasis
 # Command lines with the files of the fixture, and what the message says.
 REFUSALS = """
 dist body_0.ply other.ply                                   | other.ply is not registered to
-dist body_0.ply body_1.ply --pose -a 1                      | leave it out
 dist body_0.ply body_1.ply -a 0 -c 0                        | must not both be 0
 matrix .                                                    | nothing to write
 matrix . -o D.txt                                           | ending must be .npz
@@ -27,11 +26,9 @@ mean body_0.ply -o m.ply --picture m.gif                    | must be .png or .h
 geodesic body_0.ply body_1.ply -o path.gif                  | .npz, / (a folder)
 geodesic body_0.ply body_1.ply -o alone -f                  | holds something else (other.ply)
 align mine/frame_0000.ply -o mine -f                         | so it is no earlier result
-transfer body_0.ply --onto body_1.ply -o mine -f            | so it is no earlier result
 geodesic body_0.ply body_1.ply -o p --basis basis.npz       | belongs to another template
 components body_0.ply body_1.ply -o out -n 2                 | -n 2 must be below the number
 components alone -o out --shape                             | λ of --shape is too small
-components body_0.ply body_1.ply -o o -n 1 --samples -1     | --samples must be from 0
 components body_0.ply body_0.ply -o out -n 1                | all points of X coincide
 disentangle body_0.ply body_0.ply -o b.ply --pose-weight -1 | pose_weight must be
 align other.ply alone/other.ply -o aligned                  | the same name
@@ -42,6 +39,8 @@ basis alone -o b.npz --sequences knees                      | choose from HDF5
 basis --open -o b.npz --subjects nobody                     | lean runner
 measure body_0.ply --only statur                            | did you mean 'stature'
 measure body_0.ply --definitions d.json                     | needs --model
+measure body_0.ply --seated --model model.npz               | leave out --model
+measure mine --same-person --as-is                          | leave out --as-is
 measure tetrahedron.ply                                     | unlike the open body model
 measure mm.ply --as-is                                      | a body in millimetres
 motions dist a.npz b.npz --up z                             | --unit and --up are for folders
@@ -49,12 +48,13 @@ register scan.xyz -o body.ply --sequence                    | --sequence is for 
 register scan.xyz -o body.ply --landmarks none.csv          | there is no file none.csv
 register alone -o out --untrusted                           | --untrusted is for one scan
 view path.npz body_0.ply -o page.html                       | either one .npz file
+view body_0.ply -o a.glb                                    | must be one of .html, .png
+mean anna.ply -o m.ply --picture m.png                      | there is no file anna.ply
 info absent.ply                                             | no file or folder
 info bad.npz                                                | not an .npz archive
 tables --labels labels.csv                                  | --labels needs --bodies FOLDER
 tables --bodies alone                                       | labels.csv; write one with the columns
 report --bodies . --people 1                                | --people SEED is for
-report --people -1 -o r                                     | people
 report --dfaust alone -o r                                  | neither
 """
 
@@ -77,8 +77,7 @@ def place(bodies, tmp_path_factory):
     np.savetxt(folder / "scan.xyz", np.zeros((3, 3)))
     np.savez(folder / "path.npz", path=bodies.points[:2], faces=faces)
     DeformationBasis(np.ones((1, 2, 3)), orthonormalize=True).save(folder / "basis.npz")
-    for name in ("bad.npz",):
-        (folder / name).write_text("text", encoding="utf-8")
+    (folder / "bad.npz").write_text("text", encoding="utf-8")
     return folder
 
 
@@ -95,15 +94,14 @@ def test_refused_in_one_line_with_nothing_written(refused, place, monkeypatch, l
 def test_pictures_without_matplotlib_are_refused_before_the_work(refused, place, monkeypatch):
     monkeypatch.chdir(place)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for output in ("path.png", "path/"):
-        assert "[plot]'" in refused("geodesic", "body_0.ply", "body_1.ply", "-o", output)
+    assert "[plot]'" in refused("geodesic", "body_0.ply", "body_1.ply", "-o", "path/")
+    assert "there is no file sit.ply" in refused("geodesic", "sit.ply", "up.ply", "-o", "path/")
 
 
 def test_a_name_that_no_file_system_allows_is_no_fault_of_the_output(refused):
     name = 300 * "a" + ".ply"
     for arguments in (["info", name], ["dist", name, name], ["view", name, "-o", "page.html"]):
         said = refused(*arguments)
-        assert "a.ply" in said
         assert "File name too long" in said
         assert "unexpected" not in said
 
