@@ -23,17 +23,8 @@ def pca():
     return TangentPCA(space, 3).fit(points)
 
 
-@pytest.fixture(scope="module")
-def viewer(pca):
-    return view_components(pca)
-
-
-def body_of(viewer):
-    return viewer.choices["Components"][0]
-
-
-def test_bodies_at_two_deviations_are_exact_and_those_between_near(pca, viewer):
-    body = body_of(viewer)
+def test_bodies_at_two_deviations_are_exact_and_those_between_near(pca):
+    (body,) = view_components(pca).choices["Components"]
     deviations = np.sqrt(pca.explained_variance_)
     for scores in ([0, 0, 0], [2, 0, 0], [-2, 0, 0], [0, 0, 2]):
         found = body.components.mixed(body.frames[0], np.array(scores, dtype=float))
@@ -46,10 +37,11 @@ def test_bodies_at_two_deviations_are_exact_and_those_between_near(pca, viewer):
 
 
 @pytest.mark.slow
-def test_sliders_mix_in_the_page_what_python_mixes(browser, viewer, tmp_path):
+def test_sliders_mix_in_the_page_what_python_mixes(browser, pca, tmp_path):
+    viewer = view_components(pca)
     viewer.save(tmp_path / "components.html")
     browser.open_viewer(tmp_path / "components.html", 1000, 760)
-    body = body_of(viewer)
+    (body,) = viewer.choices["Components"]
     middle = body.frames[0]
 
     def shown():
@@ -63,14 +55,11 @@ def test_sliders_mix_in_the_page_what_python_mixes(browser, viewer, tmp_path):
         return np.array(found)
 
     rows = browser.driver.find_elements("css selector", "[data-part=components] label")
-    shares = [f"{100 * share:.1f} % of the variance" for share in body.components.shares]
-    assert [row.find_element("css selector", "small").text for row in rows] == shares
     np.testing.assert_allclose(shown(), middle, atol=2e-4)
     slider = rows[1].find_element("css selector", "input")
     browser.run("arguments[0].focus()", slider)
     browser.press("\ue010")  # End
     assert scores().tolist() == [0, 3, 0]
-    assert rows[1].find_element("css selector", "output").text == "3.00"
     expected = body.components.mixed(middle, scores())
     assert np.abs(expected - middle).max() > 0.05
     np.testing.assert_allclose(shown(), expected, atol=2e-4)

@@ -30,13 +30,10 @@ def test_both_bodies_in_the_standard_pose_with_signed_millimetres(compared):
     assert np.array_equal(first.frames[0], compared.points_before)
     np.testing.assert_allclose(second.values, 1000.0 * compared.displacements)
     assert second.signed
-    assert second.value_label == "mm"
     assert second.value_caption == "+ outside Ann, − inside"
-    assert first.values is None
-    assert same.values is None
+    assert (first.values, same.values) == (None, None)
     assert not dense.signed
     assert dense.values.min() >= 0
-    assert "standard pose" in viewer.description
 
 
 def test_changes_are_listed_with_their_noise(compared):
@@ -49,20 +46,12 @@ def test_changes_are_listed_with_their_noise(compared):
 
 
 def test_other_surfaces_are_compared_as_they_stand():
-    ball = rh.Template(*_ball())
+    ball = rh.Template(trimesh.creation.icosphere(2))
     larger = 1.1 * ball.vertices + [3.0, 0.0, 0.0]
     viewer = view_difference(ball.vertices, larger, ball.faces)
     (first, second), _ = viewer.choices.values()
     np.testing.assert_allclose(second.values, 100.0, rtol=0.02)
-    assert first.values is None
-    assert viewer.panel is None
-    assert "As they stand" in viewer.description
-
-
-def _ball():
-    """Return the vertices and faces of a sphere of radius 1."""
-    sphere = trimesh.creation.icosphere(2)
-    return np.asarray(sphere.vertices), np.asarray(sphere.faces)
+    assert (first.values, viewer.panel) == (None, None)
 
 
 def test_what_was_not_seen_is_grey(compared):
@@ -74,7 +63,6 @@ def test_what_was_not_seen_is_grey(compared):
     colors = rh.plots.figures.value_colors(1000.0 * unseen, 50.0, signed=True)
     assert np.ptp(colors[:100], axis=0).max() == 0
     assert np.ptp(colors[0]) < 0.1
-    viewer.page()
 
 
 def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
@@ -82,7 +70,6 @@ def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
     bar = figure.axes[-1]
     low, high = bar.get_ylim()
     assert low == -high
-    assert bar.get_ylabel() == "second outside (+) or inside (−) first, mm"
     # Only the second body is coloured, and both stand on one floor.
     first, second = (image.get_array().astype(int) for image in figure.axes[0].images)
     blue = [(picture[..., 2] > picture[..., 0] + 40).mean() for picture in (first, second)]

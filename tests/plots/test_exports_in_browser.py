@@ -44,24 +44,20 @@ def opened(browser, tmp_path):
     assert browser.console() == []
 
 
-def exported(browser, action):
-    kind, text = browser.driver.execute_async_script(CAUGHT, action)
-    return kind, base64.b64decode(text)
-
-
-def two_bodies():
+@pytest.mark.slow
+def test_pictures_and_surfaces_leave_with_their_names_and_colours(browser, opened):
     values = np.linspace(-1, 1, len(FACES))
     bodies = [
         ViewedBody("Anna", BODIES.points[:1]),
         ViewedBody("Ben", BODIES.points[3:4], values=values, value_label="mm"),
     ]
-    return Viewer(FACES, {"": bodies}, title="Anna & Ben")
+    opened(Viewer(FACES, {"": bodies}, title="Anna & Ben"))
 
+    def exported(action):
+        kind, text = browser.driver.execute_async_script(CAUGHT, action)
+        return kind, base64.b64decode(text)
 
-@pytest.mark.slow
-def test_a_picture_is_twice_as_fine_transparent_and_labelled(browser, opened):
-    opened(two_bodies())
-    kind, data = exported(browser, "png")
+    kind, data = exported("png")
     assert kind == "image/png"
     picture = np.asarray(Image.open(io.BytesIO(data)))
     stage = browser.find(".stage").size
@@ -76,11 +72,7 @@ def test_a_picture_is_twice_as_fine_transparent_and_labelled(browser, opened):
     left, top, right, bottom = (round(2 * value) for value in label)
     assert picture[top:bottom, left:right, 3].max() > 200
 
-
-@pytest.mark.slow
-def test_surfaces_leave_in_metres_with_their_colours(browser, opened):
-    opened(two_bodies())
-    kind, data = exported(browser, "glb")
+    kind, data = exported("glb")
     assert kind == "model/gltf-binary"
     scene = trimesh.load(io.BytesIO(data), file_type="glb", process=False)
     for name, surface in (("Anna", BODIES.points[0]), ("Ben", BODIES.points[3])):
@@ -120,15 +112,11 @@ def test_a_link_restores_what_is_seen(browser, opened, tmp_path):
     browser.driver.get(address)
     browser.wait_for("return document.querySelector('.viewer').dataset.ready")
     assert browser.run(STATE) == pytest.approx(before, abs=1e-3)
-    # What is not a view is ignored.
-    browser.driver.get("about:blank")
-    browser.driver.get(address.split("=")[0] + "=1,x")
-    browser.wait_for("return document.querySelector('.viewer').dataset.ready")
-    assert browser.run(STATE)[-1] == 0
-    # So is a vertex that there is not, about which bodies would turn.
-    for vertex in (-1, len(BODIES.points[0])):
+    # What is not a view is ignored, as is a vertex that there is not.
+    for wrong in ("1,x", "0,0,1,0,0,0,0,-1", f"0,0,1,0,0,0,0,{len(BODIES.points[0])}"):
         browser.driver.get("about:blank")
-        browser.driver.get(address.split("=")[0] + f"=0,0,1,0,0,0,0,{vertex}")
+        browser.driver.get(address.split("=")[0] + f"={wrong}")
         browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        assert browser.run(STATE)[-1] == 0
         pivot = "document.querySelector('.viewer').viewer.bodies()[0].pivot"
         assert browser.run(f"return {pivot}") is None

@@ -27,19 +27,11 @@ def gif_frames(path):
         return frames, film.info
 
 
-@pytest.fixture(scope="module")
-def turning(tmp_path_factory):
-    path = tmp_path_factory.mktemp("films") / "one.gif"
-    view_bodies(BODIES[0], FACES, ["Anna"]).save(path)
-    return gif_frames(path)
-
-
 @pytest.mark.slow
-def test_a_body_that_does_not_move_turns_once(turning):
-    frames, info = turning
+def test_a_body_that_does_not_move_turns_once(tmp_path):
+    view_bodies(BODIES[0], FACES, ["Anna"]).save(tmp_path / "one.gif")
+    frames, info = gif_frames(tmp_path / "one.gif")
     assert (len(frames), info["duration"], info["loop"]) == (80, 50, 0)
-    dark = [(frame.min(axis=-1) < 235).mean() for frame in frames]
-    assert min(dark) > 0.05
     # From the side a body is narrower than from the front; after half a turn it is as wide again.
     widths = [(frame[:300] < 235).all(axis=-1).any(axis=0).sum() for frame in frames]
     assert widths[15] < 0.85 * widths[75]
@@ -68,17 +60,13 @@ def test_mp4_holds_the_same_film(tmp_path):
         assert film.streams.video[0].codec_context.name == "h264"
     assert len(frames) == 16
     assert frames[0].shape[0] == 720
-    assert frames[0][:30, :30].min() > 245
     assert (frames[0].min(axis=-1) < 220).mean() > 0.05
 
 
-def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
+def test_refusals(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingDependencyError, match=r"\[video\]"):
         view_path(BODIES[[0, 3]], FACES).save(tmp_path / "path.mp4")
     assert not (tmp_path / "path.mp4").exists()
-
-
-def test_too_many_bodies_are_refused(tmp_path):
     with pytest.raises(ArgumentError, match="at most 8 bodies; found 9"):
         view_bodies(BODIES[:9], FACES).save(tmp_path / "nine.gif")

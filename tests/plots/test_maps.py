@@ -1,5 +1,7 @@
 """Maps of distance matrices."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.spatial.distance import pdist, squareform
@@ -28,13 +30,6 @@ def test_scaling_keeps_the_distances_of_points_in_a_plane():
     assert stress(DISTANCES, 2 * found) == pytest.approx(1)
 
 
-def test_items_that_coincide_are_kept():
-    nothing = np.zeros((4, 4))
-    assert stress(nothing, embed(nothing, method="mds")) == 0.0
-    assert stress(nothing, POINTS[:4]) == np.inf
-    assert describe_stress(0.0) == "distances are kept"
-
-
 def test_scaling_minimizes_the_stress():
     """Five dimensions in a plane: classical scaling, a projection, makes all distances shorter."""
     points = np.random.default_rng(3).normal(size=(30, 5))
@@ -56,6 +51,10 @@ def test_scaling_of_items_in_one_place_and_of_equal_distances():
     equal = 1 - np.eye(4)
     square = 0.8536 * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
     assert stress(equal, embed(equal, method="mds")) < 1.02 * stress(equal, square)
+    nothing = np.zeros((4, 4))
+    assert stress(nothing, embed(nothing, method="mds")) == 0.0
+    assert stress(nothing, POINTS[:4]) == np.inf
+    assert describe_stress(0.0) == "distances are kept"
 
 
 def test_neighbours_kept():
@@ -80,20 +79,14 @@ def test_t_sne_is_seeded_and_keeps_groups_together():
     np.testing.assert_array_equal(groups[apart.argmin(axis=1)], groups)
 
 
-@pytest.mark.parametrize(
-    ("distances", "message"),
-    [
+def test_refusals(monkeypatch):
+    for distances, message in (
         (DISTANCES[:2, :2], "at least 3 items"),
         (np.triu(DISTANCES), "symmetric"),
-    ],
-)
-def test_bad_matrices(distances, message):
-    with pytest.raises(ArgumentError, match=message):
-        embed(distances, method="mds")
-
-
-def test_without_scikit_learn(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "sklearn.manifold", None)
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            embed(distances, method="mds")
+    monkeypatch.setitem(sys.modules, "sklearn.manifold", None)
     with pytest.raises(MissingDependencyError, match=r"\[report\]'"):
         embed(DISTANCES)
     assert embed(DISTANCES, method="mds").shape == (12, 2)
@@ -112,16 +105,11 @@ def test_maps_show_every_item_in_the_colour_of_its_class():
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["one", "two", "three"]
 
 
-def clusters(seed):
-    rng = np.random.default_rng(seed)
-    centres = rng.uniform(0.6, [4.1, 3.7], (10, 2))
-    labels = np.repeat(np.arange(10), 6)
-    return centres[labels] + 0.1 * rng.normal(size=(60, 2)), labels
-
-
 def test_bodies_of_classes_hide_no_point_and_no_name(nine_bodies):
-    positions, labels = clusters(1)
-    positions = 0.1 * positions  # as of small distances
+    rng = np.random.default_rng(1)
+    labels = np.repeat(np.arange(10), 6)
+    centres = rng.uniform(0.06, [0.41, 0.37], (10, 2))
+    positions = centres[labels] + 0.01 * rng.normal(size=(60, 2))  # as of small distances
     names = [f"person number {label} of the set" for label in range(10)]
     figure = new_figure(4.5, 4.8)
     surfaces = np.repeat(nine_bodies.points[:1], len(positions), axis=0)
@@ -143,10 +131,9 @@ def test_bodies_of_classes_hide_no_point_and_no_name(nine_bodies):
     assert not [text for text in ax.texts if text.arrow_patch]  # lines would cross names
 
 
-def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
-    positions, labels = clusters(0)
+def test_the_bar_is_as_long_as_it_says_in_both_directions():
     figure = new_figure(4.8, 3.0)
-    ax = plot_embedding(positions, labels, unit="m", ax=figure.subplots())
+    ax = plot_embedding(PLACES, LABELS, unit="m", ax=figure.subplots())
     figure.draw_without_rendering()
     (bar,) = (line for line in ax.lines if len(line.get_xdata()) == 2)
     (text,) = (text.get_text() for text in ax.texts)

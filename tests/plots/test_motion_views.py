@@ -50,9 +50,7 @@ def test_what_does_not_fit_is_refused():
         view_motions(KNEES[:], OTHER[:], WARP)
     with pytest.raises(ArgumentError, match="second motion from 0 to 9"):
         view_motions(KNEES, OTHER[:10], WARP)
-    slower = rh.datasets.ArrayMotion(
-        ("a", "b"), 30.0, OTHER.model, OTHER.betas, OTHER.pose_vectors, OTHER.translations
-    )
+    slower = rh.datasets.load_open_motions("coarse", "average man", "knees", 30)[0]
     with pytest.raises(ArgumentError, match="same frames per second"):
         view_motions(KNEES, slower, WARP)
 

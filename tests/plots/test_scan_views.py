@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-import trimesh
 from open_bodies import coarse_bodies
 
 import riemhuman as rh
@@ -28,7 +27,7 @@ input.dispatchEvent(new Event('input'));
 
 @pytest.fixture(scope="module")
 def over():
-    scan = simulated_scan(BODY, FACES, rng=3, n_points=8000, missing=0.12, rotate=False)
+    scan = simulated_scan(BODY, FACES, rng=3, n_points=3000, missing=0.12, rotate=False)
     return lay_over_body(scan.points, BODY, FACES)
 
 
@@ -65,17 +64,6 @@ def test_the_scale_fits_the_median_of_several_scans():
     assert scan_views.colour_end([], unit) == 1
 
 
-@pytest.mark.slow
-def test_larger_scans_are_thinned_and_the_page_says_so():
-    finer = BODY, FACES
-    for _ in range(3):
-        finer = trimesh.remesh.subdivide(*finer)
-    viewer = rh.plots.view_scan(finer, BODY, FACES)
-    assert len(finer[0]) > 70_000
-    assert 50_000 < len(viewer.panel.over.scan_points) < 65_000
-    assert f"of {len(finer[0]):,} points are drawn" in viewer.description
-
-
 def test_a_figure_in_inches_shows_the_same_distances(over):
     bars, titles = {}, {}
     for system in ("cm", "in"):
@@ -93,8 +81,6 @@ def test_a_scan_is_seen_through_and_cut(browser, over, tmp_path):
     browser.open_viewer(page, 1000, 700)
     panel = "document.querySelector('.viewer').viewer.panel"
     browser.actions().move_to_element(browser.find("canvas")).perform()
-    said = browser.run("return document.querySelector('[data-part=hint]').textContent")
-    assert "mm" in said
     assert browser.run(f"return {panel}.body.mesh.material.transparent") is False
     browser.run(SET, "body", 35)
     browser.run(SET, "scan", 100)

@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from open_bodies import coarse_bodies
 
 import riemhuman as rh
@@ -14,10 +13,9 @@ BODIES = coarse_bodies()
 (KNEES,) = rh.datasets.load_open_motions("coarse", "average man", "knees")
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_translations_of_a_path_do_not_matter(seed):
+def test_translations_of_a_path_do_not_matter():
     path = KNEES[:6]
-    shifts = np.random.default_rng(seed).normal(size=(6, 1, 3))
+    shifts = np.random.default_rng(0).normal(size=(6, 1, 3))
     shifts[0] = 0.0
     np.testing.assert_allclose(on_the_ground(path + shifts), on_the_ground(path), atol=1e-12)
 

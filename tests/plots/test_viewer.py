@@ -50,15 +50,6 @@ def test_recordings_say_their_rate_and_other_paths_do_not():
     recorded = data_of(view_path(PATH, TEMPLATE.faces, frames_per_second=30))
     assert recorded["frames_per_second"] == 30
     assert "frames_per_second" not in data_of(view_path(PATH, TEMPLATE.faces, seconds=3))
-    with pytest.raises(ArgumentError, match="either seconds or frames_per_second"):
-        view_path(PATH, TEMPLATE.faces, seconds=3, frames_per_second=30)
-    with pytest.raises(ArgumentError, match="frames_per_second"):
-        view_path(PATH, TEMPLATE.faces, frames_per_second=0)
-
-
-def test_values_belong_to_triangles_or_vertices():
-    with pytest.raises(ArgumentError, match="per triangle .* or vertex"):
-        Viewer(TEMPLATE.faces, {"": [ViewedBody("one", PATH[:1], values=np.ones(41))]})
 
 
 def test_parts_are_those_of_the_open_model():
@@ -89,8 +80,6 @@ def test_the_page_asks_for_nothing():
     assert not re.findall(r'(?:src|href)="(?!data:)|url\(|@import|https?:', without_scripts)
     script = page_scripts().split("<script>")[-1]
     assert not re.findall(r"fetch|XMLHttpRequest|import\(|https?:", script)
-    identifiers = re.findall(r'\bid="([^"]+)"', without_scripts)
-    assert len(identifiers) == len(set(identifiers)) > 1
 
 
 def test_names_cannot_end_the_script():
@@ -99,35 +88,26 @@ def test_names_cannot_end_the_script():
     assert data_of(viewer)["choices"][0]["name"] == "</script><b>"
 
 
-def test_notebooks_show_the_page_in_a_frame():
-    viewer = view_bodies(PATH[0], TEMPLATE.faces)
-    shown = viewer._repr_html_()
-    assert shown.startswith("<iframe")
-    assert unescape(re.search(r'srcdoc="(.*)"></iframe>', shown, re.DOTALL)[1]) == viewer.page()
-
-
-def test_saved_whole(tmp_path):
-    viewer = view_bodies(PATH[0], TEMPLATE.faces)
-    viewer.save(tmp_path / "body.html")
-    assert (tmp_path / "body.html").read_text(encoding="utf-8") == viewer.page()
-    with pytest.raises(FileError, match=r"absent.*cannot be written"):
-        viewer.save(tmp_path / "absent" / "body.html")
-
-
 def test_the_ending_says_what_is_written(tmp_path):
     viewer = view_bodies(PATH[:2], TEMPLATE.faces)
+    viewer.save(tmp_path / "two.html")
+    page = (tmp_path / "two.html").read_text(encoding="utf-8")
+    assert page == viewer.page()
+    shown = viewer._repr_html_()  # in notebooks, a frame
+    assert unescape(re.search(r'srcdoc="(.*)"></iframe>', shown, re.DOTALL)[1]) == page
     viewer.save(tmp_path / "two.png")
     assert (tmp_path / "two.png").read_bytes().startswith(b"\x89PNG")
-    for name in ("a.avi", "a.webm", "a", "a.htmlx"):
+    with pytest.raises(FileError, match=r"absent.*cannot be written"):
+        viewer.save(tmp_path / "absent" / "body.html")
+    for name in ("a.avi", "a", "a.htmlx"):
         with pytest.raises(FileFormatError, match=r"the ending must be .*\.html.*found"):
             viewer.save(tmp_path / name)
-    assert [path.name for path in tmp_path.iterdir()] == ["two.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["two.html", "two.png"]
 
 
 def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path):
     for name, names, message in (
         ("x.jpg", "abcd", r"path must end in .png or .html; found .*x\.jpg"),
-        ("x.png", "abc", "names must name each of the 4 bodies; found 3"),
         ("x.html", "abcde", "names must name each of the 4 bodies; found 5"),
     ):
         with pytest.raises(ArgumentError, match=message):
@@ -144,29 +124,26 @@ def test_names_with_dollar_signs_are_no_formulas(tmp_path):
     assert [body.label for body in numbered.choices["Bodies"]] == ["1", "2", "3", "4"]
 
 
-def test_the_library_is_the_one_described():
-    import hashlib
-    from importlib.resources import files
-
-    folder = files("riemhuman.plots") / "web"
-    digest = hashlib.sha256((folder / "three.min.js").read_bytes()).hexdigest()
-    assert digest in (folder / "README.md").read_text(encoding="utf-8")
-    assert "MIT" in (folder / "three.LICENSE").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: view_path({}, TEMPLATE.faces), "at least one body"),
         (lambda: view_path(PATH[0], TEMPLATE.faces), "path must have shape"),
         (lambda: view_path({"a": PATH, "b": PATH[:, 1:]}, TEMPLATE.faces), "same vertices"),
-        (
-            lambda: view_bodies(PATH, TEMPLATE.faces, ["a"]),
-            "names must name each of the 4 bodies; found 1",
-        ),
+        (lambda: view_bodies(PATH, TEMPLATE.faces, ["a"]), "each of the 4 bodies; found 1"),
         (lambda: view_bodies(PATH, TEMPLATE.faces + 100), "out of range"),
+        (
+            lambda: view_path(PATH, TEMPLATE.faces, seconds=3, frames_per_second=30),
+            "either seconds or frames_per_second",
+        ),
+        (lambda: view_path(PATH, TEMPLATE.faces, frames_per_second=0), "frames_per_second"),
+        (
+            lambda: Viewer(TEMPLATE.faces, {"": [ViewedBody("", PATH[:1], values=np.ones(41))]}),
+            "per triangle .* or vertex",
+        ),
     ],
 )
+@pytest.mark.everyday
 def test_bad_arguments(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
@@ -174,10 +151,9 @@ def test_bad_arguments(call, message):
 
 def test_long_recordings_are_shown_at_fewer_frames_a_second():
     model = rh.datasets.load_open_model("coarse")
-    poses, places = np.zeros((10_001, model.n_joints, 3)), np.zeros((10_001, 3))
+    poses, betas = np.zeros((10_001, model.n_joints, 3)), np.zeros(model.n_betas)
     poses[:, 0, 1] = np.linspace(0.0, 1.0, len(poses))
-    betas = np.zeros(model.n_betas)
-    motion = rh.datasets.ArrayMotion(("ann", "turn"), 120.0, model, betas, poses, places)
+    motion = rh.datasets.ArrayMotion(("ann", "turn"), 120.0, model, betas, poses, poses[:, 1])
     viewer = view_path(motion, frames_per_second=120)
     (body,) = viewer.choices[""]
     assert (len(body.frames), viewer.frames_per_second) == (2501, 30.0)
