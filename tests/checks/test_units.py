@@ -104,7 +104,10 @@ DOORS = {
             3.2808,
             r"5\.\d+ m long and encloses \d+ litres, .* but a body in feet would be; .*in metres",
         ),
-        (0.3, r"0\.\d+ m long and encloses 1\.\d+ litres, which no human body is; "),
+        (
+            0.3,
+            r"0\.\d+ m long and encloses 1\.\d+ litres, which no human body is; .* 2 to 650 litres",
+        ),
     ],
 )
 def test_sizes_that_no_human_has_are_refused(door, factor, message, bodies):

@@ -12,7 +12,7 @@ from scipy.spatial.distance import pdist
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration.simulated_scans import remesh
-from riemhuman.topologies import TopologyMap, _mirrored_meshes
+from riemhuman.topologies import TopologyMap, _mirrored_meshes, _vertex_places
 
 ArgumentError, FileFormatError = rh.errors.ArgumentError, rh.errors.FileFormatError
 
@@ -238,6 +238,16 @@ def test_maps_between_symmetric_meshes_commute_with_mirroring(full, monkeypatch,
         assert errors.mean() < np.linalg.norm(slip, axis=1).mean()
         radii = np.linalg.norm(other[left] - other[left].mean(axis=0), axis=1)
         assert radii.std() < 1e-3 * radii.mean()  # still a sphere
+
+
+def test_small_parts_that_are_mostly_apart_have_no_counterpart():
+    ball, triangles = unit_sphere()
+    points = np.concatenate([ball, 0.05 * ball + [2.0, 0.0, 0.0]])
+    is_small = np.arange(len(points)) >= len(ball)
+    gaps = np.where(is_small & (np.arange(len(points)) % 2 == 0), 0.1, 0.0)
+    faces = np.concatenate([triangles, triangles + len(ball)])
+    without = _vertex_places.find_without_counterpart(points, faces, gaps)
+    np.testing.assert_array_equal(without, is_small)
 
 
 def test_separate_parts_are_opposite_their_mirror_images():
