@@ -49,6 +49,7 @@ from riemhuman.geometry.strategies import (
     GeodesicSolver,
     LogSolver,
     SolvedPath,
+    Solvers,
     TransportSolver,
 )
 from riemhuman.kernels.drift import still_path
@@ -150,6 +151,21 @@ class RiemannianMetric(Unchanging, ABC):
         return constructor_text(self, leave_out=("space",))
 
     # What a metric has.
+
+    # Read by its name, that of the constructors' argument: texts and descriptions of metrics.
+    @property
+    def solvers(self) -> Solvers:
+        """The solvers that were passed to the metric, by name."""
+        given: Solvers = {}
+        if self.geodesic_solver is not None:
+            given["geodesic_solver"] = self.geodesic_solver
+        if self.exp_solver is not None:
+            given["exp_solver"] = self.exp_solver
+        if self.log_solver is not None:
+            given["log_solver"] = self.log_solver
+        if self.transport_solver is not None:
+            given["transport_solver"] = self.transport_solver
+        return given
 
     @property
     def has_closed_form_dist(self) -> bool:

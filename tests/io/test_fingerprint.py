@@ -41,3 +41,5 @@ def test_solvers_matter_to_metrics_without_closed_forms_alone():
     assert first == second
     first, second = descriptions(lambda s: rh.SobolevMetric(space, geodesic_solver=s))
     assert first != second
+    text = repr(rh.SobolevMetric(space, geodesic_solver=LinearPath(3)))
+    assert "geodesic_solver=LinearPath(n_nodes=3)" in text
