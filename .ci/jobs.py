@@ -82,7 +82,6 @@ def oldest(folder: Path) -> str:
 
 
 def pages(python: str, arguments: list[str]) -> None:
-    call(python, "-m", "pip", "install", "-q", "riemhuman[docs]", **NEWEST)
     tests = [f"tests/test_{name}.py" for name in ("readme", "tutorials", "examples")]
     test(python, "-m", "", "-n", "auto", "--dist", "worksteal", *tests, *arguments)
 
