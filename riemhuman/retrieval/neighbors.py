@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Iterator, Sequence
+from shutil import disk_usage
+from tempfile import TemporaryFile
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from riemhuman.arrays import Array, Integers, PointsLike
 from riemhuman.checks import checked, flag, index_array, length_of, one_of, whole_number
-from riemhuman.checks.memory import check_memory
-from riemhuman.errors import ArgumentError
+from riemhuman.checks.memory import check_memory, size_text
+from riemhuman.errors import ArgumentError, FileError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.metric import check_metric
+from riemhuman.io.files import convert_errors, file_path
 from riemhuman.kernels.projections import Projection, in_blocks
 from riemhuman.kernels.threads import mapped, slices, thread_count
 from riemhuman.retrieval.jobs import checked_part
@@ -22,6 +28,9 @@ _ALGORITHMS = ("auto", "brute", "index")
 
 # Numbers of points added, and of queries answered, at a time.
 _BLOCK = 64
+
+# What to do about a lack of memory.
+_ON_DISK = "pass a folder for their features, compare fewer bodies at a time, or coarser ones"
 
 # Largest number of lower bounds in memory.
 _BOUNDS = 2**22
@@ -50,9 +59,10 @@ class NearestNeighbors(Estimator):
     the norm of the residual as an additional coordinate. If the bounds exclude too few points, as
     under the shape metric, all points are compared.
 
-    The features of all points stay in memory: for each full body 0.86 MB under the shape metric and
-    1.5 MB under one that also measures normals, that is, 86 or 150 GB for 100,000. If there is less
-    memory, `fit` refuses at its first points and says how much is needed.
+    The features of all points stay in memory, unless there is a `folder` for them: for each full
+    body 0.86 MB under the shape metric and 1.5 MB under one that also measures normals, that is, 86
+    or 150 GB for 100,000. If there is less memory, `fit` refuses at its first points and says how
+    much is needed.
 
     Parameters
     ----------
@@ -67,6 +77,9 @@ class NearestNeighbors(Estimator):
         there should be more components than groups.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
+    folder : path_like, optional
+        Folder in which a temporary file holds the features instead of memory. Queries then read
+        from disk what they are compared with: all of it if no index is built.
 
     Attributes
     ----------
@@ -97,12 +110,14 @@ class NearestNeighbors(Estimator):
         algorithm: str = "auto",
         n_components: int = 256,
         n_jobs: int | None = None,
+        folder: str | os.PathLike[str] | None = None,
     ) -> None:
         self.metric = metric
         self.n_neighbors = n_neighbors
         self.algorithm = algorithm
         self.n_components = n_components
         self.n_jobs = n_jobs
+        self.folder = folder
 
     def fit(self, X: Sequence[Array] | Array) -> Self:
         r"""Index points.
@@ -210,7 +225,7 @@ class NearestNeighbors(Estimator):
         parts = slices(len(X), _BLOCK)
         block = next(parts)
         rows = self._rows_of(X, block)
-        table = rows.empty_table(len(X))
+        table = rows.empty_table(len(X), self.folder)
         table.fill(block, rows)
         for block in parts:
             table.fill(block, self._rows_of(X, block))
@@ -286,13 +301,14 @@ class _Rows(NamedTuple):
     def part(self, part: slice[int, int, None]) -> _Rows:
         return _Rows(self.coordinates[part], tuple(feature[part] for feature in self.features))
 
-    def empty_table(self, n_points: int) -> _Rows:
-        """Return room for the rows of so many points like these."""
-        n_bytes = sum(array.nbytes for array in (self.coordinates, *self.features))
-        check_memory(n_bytes / len(self.coordinates) * n_points, f"an index of {n_points:,} bodies")
+    def empty_table(self, n_points: int, folder: str | os.PathLike[str] | None) -> _Rows:
+        """Return room for the rows of so many points like these; features may be in a folder."""
+        in_memory = [self.coordinates] if folder is not None else [self.coordinates, *self.features]
+        n_bytes = sum(array.nbytes for array in in_memory) / len(self.coordinates)
+        check_memory(n_bytes * n_points, f"an index of {n_points:,} bodies", _ON_DISK)
         return _Rows(
             np.empty((n_points, *self.coordinates.shape[1:])),
-            tuple(np.empty((n_points, *rows.shape[1:]), rows.dtype) for rows in self.features),
+            tuple(_room((n_points, *rows.shape[1:]), rows.dtype, folder) for rows in self.features),
         )
 
     def fill(self, part: slice[int, int, None], rows: _Rows) -> None:
@@ -300,6 +316,19 @@ class _Rows(NamedTuple):
         self.coordinates[part] = rows.coordinates
         for table, feature in zip(self.features, rows.features, strict=True):
             table[part] = feature
+
+
+def _room(shape: tuple[int, ...], dtype: DTypeLike, folder: str | os.PathLike[str] | None) -> Array:
+    """Return an array to be filled, of a file without a name if there is a folder."""
+    if folder is None:
+        return np.empty(shape, dtype)
+    place, n_bytes = file_path(folder), math.prod(shape) * np.dtype(dtype).itemsize
+    with convert_errors(place, "cannot hold features"):
+        # Where the disk ends, writing to a mapped file ends the process.
+        if n_bytes > disk_usage(place).free:
+            raise FileError(f"{place} cannot hold features: {size_text(n_bytes)} are needed")
+        with TemporaryFile(dir=place) as file:
+            return np.asarray(np.memmap(file, dtype, "w+", shape=shape))
 
 
 class _Nearest(NamedTuple):

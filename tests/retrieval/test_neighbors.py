@@ -1,12 +1,16 @@
 """Nearest neighbours: the same as by all distances, for fewer of them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from cases import KINDS, name_of, sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import memory
+from riemhuman.errors import ArgumentError, FileError, OutOfMemoryError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors
+from riemhuman.retrieval import neighbors as neighbors_module
 
 N_GROUPS, N_IN_GROUP = 12, 10
 
@@ -60,6 +64,22 @@ def test_same_as_by_all_distances(name, algorithm):
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 4))
     assert_same(neighbors.kneighbors(queries), by_all_distances(metric, queries, points, 4))
     assert_same(neighbors.kneighbors(queries, 1), by_all_distances(metric, queries, points, 1))
+
+
+def test_features_on_disk_change_no_result(tmp_path, monkeypatch):
+    points = groups(sphere_template())
+    metric = METRICS["both"]
+    expected = by_all_distances(metric, None, points, 4)
+    # Room for coordinates, but not for features.
+    monkeypatch.setattr(memory, "available_memory", lambda: 8.0 * 256 * len(points))
+    with pytest.raises(OutOfMemoryError, match="pass a folder for their features"):
+        NearestNeighbors(metric, 4, algorithm="index").fit(points)
+    neighbors = NearestNeighbors(metric, 4, algorithm="index", folder=tmp_path).fit(points)
+    assert_same(neighbors.kneighbors(), expected)
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(neighbors_module, "disk_usage", lambda _: SimpleNamespace(free=1000))
+    with pytest.raises(FileError, match="are needed"):
+        NearestNeighbors(metric, folder=tmp_path).fit(points)
 
 
 @pytest.mark.parametrize("case", [case for case in KINDS if "dist" in case.can], ids=name_of)
