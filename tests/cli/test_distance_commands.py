@@ -296,7 +296,8 @@ def test_people_are_drawn_though_a_plane_misses_their_distances(run, tmp_path, m
     assert again == found | {"output": "b.png"}
 
 
-def test_tables_that_are_no_matrix(refused, tmp_path):
+def test_names_are_no_formulas_and_tables_matrices(refused, tmp_path):
+    assert matrix_text(["=1+1.ply"], np.zeros((1, 1))).splitlines()[0] == "file,'=1+1.ply"
     file = tmp_path / "D.csv"
     for text, message in (
         ("", "holds no matrix"),

@@ -49,6 +49,13 @@ def test_mesh_agrees_with_trimesh(facts, scans, bodies):
     assert found["usable_as_template"] == "yes"
 
 
+def test_meshes_of_other_formats(facts, bodies, tmp_path):
+    """The command reads what `load_mesh` reads."""
+    bodies.template.to_trimesh().export(tmp_path / "body.stl")
+    found = facts(tmp_path / "body.stl")
+    assert (found["kind"], found["triangles"]) == ("mesh", 2400)
+
+
 def test_defects_of_a_mesh():
     vertices = np.array(
         [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [2, 0, 0], [9, 9, 9.0]]
