@@ -152,7 +152,7 @@ class _Run:
         operator = self._operator
         if operator is None:
             operator = self._form_operator()
-        direction = self._memory.direction(self._image)
+        direction = self._memory.direction(self._gradient, self._image)
         slope = float(self._gradient @ direction)
         self._test(slope)
         if self.status is not None:
@@ -164,8 +164,8 @@ class _Run:
         self._n_evaluations += trial.n_evaluations
         if trial.step > 0:
             image = operator(trial.gradient)
-            changes = trial.gradient - self._gradient, image - self._image
-            self._memory.add(trial.step * direction, *changes, trial.gradient)
+            change, change_of_image = trial.gradient - self._gradient, image - self._image
+            self._memory.add(trial.step * direction, change, change_of_image)
             self.x, self.value = trial.x, trial.value
             self._gradient, self._image = trial.gradient, image
             self._values.append(self.value)
@@ -308,14 +308,10 @@ class _Memory:
         self._numbers: list[int] = []
         # Entry [i, j]: s_i·y_j, and y_i·P y_j.
         self._along = self._squares = np.zeros((0, 0))
-        # The products of all steps, and of all images, with the last gradient.
-        self._products = np.zeros((2, 0))
 
-    def add(self, step: Array, change: Array, image: Array, gradient: Array) -> None:
-        """Add a step, the change of the gradient and its image, given the gradient after it."""
+    def add(self, step: Array, change: Array, image: Array) -> None:
         along, square = float(step @ change), float(change @ image)
         if not (along > 0.0 and square > 0.0):
-            self._products = self._products_with(gradient)
             return
         if not self._numbers:
             self._rows = np.empty((2, _MEMORY, len(step)), np.float32)
@@ -323,12 +319,8 @@ class _Memory:
         number = len(self._numbers) if len(self._numbers) < _MEMORY else self._numbers[0]
         self._numbers = [*self._numbers[kept], number]
         self._rows[0, number], self._rows[1, number] = step, image
-        products = self._products_with(gradient)
-        by_steps, by_images = products.copy()
-        by_steps[:-1] -= self._products[0, kept]
-        by_images[:-1] -= self._products[1, kept]
+        by_steps, by_images = self._products(change)
         by_steps[-1], by_images[-1] = along, square
-        self._products = products
         self._along = _bordered(self._along[kept, kept], by_steps)
         self._squares = _bordered(self._squares[kept, kept], by_images)
 
@@ -340,11 +332,11 @@ class _Memory:
         scales: Array = np.diag(self._along) / np.diag(self._squares)
         return scales
 
-    def direction(self, image: Array) -> Array:
-        """Return −H g, g the last gradient, given P g, by L-BFGS's two loops."""
+    def direction(self, gradient: Array, image: Array) -> Array:
+        """Return −H g, given g and P g, by L-BFGS's two loops."""
         n, scale = len(self._numbers), self.scales[-1]
         along, squares = self._along, self._squares
-        by_steps, by_changes = self._products
+        by_steps, by_changes = self._products(gradient)
         # H g = γ (P g − Σ a_i P y_i) + Σ (a_i − b_i) s_i.
         a, rest = np.zeros(n), np.zeros(n)
         for i in reversed(range(n)):
@@ -361,7 +353,7 @@ class _Memory:
                     step_down[part] += of_rows[:n] @ rows[:n, part]
         return step_down
 
-    def _products_with(self, vector: Array) -> Array:
+    def _products(self, vector: Array) -> Array:
         """Return the products of all steps, and of all images, with a vector."""
         n = len(self._numbers)
         products = np.zeros((2, n))
@@ -408,17 +400,16 @@ def minimize_from(
 ) -> Minimum:
     """Return the points projection(origin + Σ_j x_j D_j) of least value, D_j the directions."""
     # The origin may be several points, each with coordinates x of its own. Without directions, x
-    # are all entries of the points. The function returns a value, infinite where points are not
-    # allowed, and its gradient at points; operators, formed at points, act on gradients in
-    # coordinates. Settings are those of `Descent`.
+    # are all their entries. The function returns a value, infinite where points are not allowed,
+    # and its gradient at points; operators, formed at points, act on gradients in coordinates.
+    # Settings are those of `Descent`.
     n_origins = origin.size // int(np.prod(space.shape))
     space.warn_of_tears(origin, directions)
 
     def shifted(x: Array) -> Array:
-        if directions is None:
-            return x.reshape(origin.shape)
-        shift = combine_rows(x.reshape(n_origins, len(directions)), directions)
-        return origin + shift.reshape(origin.shape)
+        if directions is not None:
+            x = combine_rows(x.reshape(n_origins, len(directions)), directions)
+        return origin + x.reshape(origin.shape)
 
     def points(x: Array) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -437,11 +428,11 @@ def minimize_from(
         if callback is not None:
             callback(iteration, value, points(x))
 
-    start = origin.ravel() if directions is None else np.zeros(n_origins * len(directions))
+    size = origin.size if directions is None else n_origins * len(directions)
     with single_threaded_libraries():
         minimum = Descent(
             objective,
-            start,
+            np.zeros(size),
             lambda x: inverse_hessian_at(points(x)),
             callback=report,
             **settings,

@@ -13,7 +13,6 @@ from riemhuman.solvers import (
     BasisMean,
     BasisPath,
     Interrupted,
-    PathStraightening,
     SegmentEnergy,
     Status,
 )
@@ -59,19 +58,6 @@ def test_finished_starts_are_kept():
         known = values[: min(second, last - 1)]
         assert result.energy == pytest.approx(min(known), rel=1e-12)
         assert metric.energy(result.path) == pytest.approx(result.energy, rel=1e-10)
-
-
-def test_a_path_with_fewer_segments_is_completed():
-    """Where bending costs nothing, paths over all vertices start from one of half as many."""
-    metric, ends = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0), bodies.swung_arms(7)
-    with pytest.raises(Interrupted) as caught:
-        PathStraightening(6, energy=WatchedEnergy(3)).solve(metric, *ends)
-    result = caught.value.result
-    assert result.status is Status.INTERRUPTED
-    assert metric.energy(result.path) == pytest.approx(result.energy, rel=1e-10)
-    np.testing.assert_allclose(result.path[[0, -1]], ends, atol=1e-12)
-    assert len(result.path) == 6
-    assert result.energy > PathStraightening(6).solve(metric, *ends).energy
 
 
 def test_no_search_of_a_median_in_batches_swallows_an_interrupt(monkeypatch):
