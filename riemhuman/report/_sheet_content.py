@@ -15,6 +15,7 @@ from riemhuman.measurements.populations import largest_body_mass_index
 from riemhuman.measurements.readable_units import ReadableUnit, readable_gap, readable_unit
 from riemhuman.plots.rendering import image_source
 from riemhuman.report._sheet_pictures import (
+    LARGEST_CHANGE,
     Picture,
     body_pictures,
     change_picture,
@@ -46,7 +47,6 @@ _WHOLE = 0.98  # share of the vertices from which a body counts as seen
 _RULERS = {"cm": (0.2, 0.01), "in": (0.3048, 0.0254)}
 _RULER_SHARE = 0.09  # width of a ruler over the height of its picture
 _TITLE_PIXELS = 34
-_LARGEST_CHANGES = {"cm": "2 cm", "in": "0.8 in"}  # of the picture of changes
 _HIPS = ("left_trochanterion", "right_trochanterion")
 # What names functions, arguments or options says nothing to a client.
 _CODE = re.compile(r"--\w|\w=|\w\(|\w_\w|[A-Z]\w*[a-z][A-Z]|\w\.\w")
@@ -552,11 +552,12 @@ def _changes(values: SheetValues, faces: Triangles, units: str) -> ChangesText |
         "standard deviations of a difference between poses this far apart; expect about "
         f"{result.expected_by_chance:.0f} by chance alone. {result.pose_advice(units)}"
     ).strip()
+    largest = LARGEST_CHANGE / _RULERS[units][1]
     figure = _drawing(
         picture,
         units,
         "The body at this visit, coloured by how far the surface moved",
-        f"From blue (inward) to red (outward), {_LARGEST_CHANGES[units]} at the ends.",
+        f"From blue (inward) to red (outward), {largest:.1g} {units} at the ends.",
     )
     warning = ""
     if values.doubt:

@@ -27,7 +27,7 @@ _OVERLAP = 0.95  # half the side of a splat over the distance to the fourth neig
 # Colours of silhouettes: both bodies, the person alone, the average alone.
 SHARED, LARGER, SMALLER = (148, 155, 164), (196, 98, 45), (63, 127, 191)
 _SHARED_OPACITY = 0.45
-_LARGEST_CHANGE = 0.02  # metres outward of the last colour, in words in _sheet_content.py
+LARGEST_CHANGE = 0.02  # metres outward of the last colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def change_picture(values: SheetValues, faces: Triangles) -> Picture | None:
         return None
     body = _centred(values.changes.points_after, faces)
     moved = values.changes.displacements
-    colors = value_colors(np.nan_to_num(moved), _LARGEST_CHANGE, signed=True)
+    colors = value_colors(np.nan_to_num(moved), LARGEST_CHANGE, signed=True)
     colors[np.isnan(moved)] = _UNSEEN
     sides = (SIDES["front"], SIDES["back"])
     return _views(body, faces, _windows(body, sides), colors, ("front", "back"))
