@@ -9,8 +9,8 @@ site         the documentation site, its links and widths
 kernels      the most iterative tests with other kernels of OpenBLAS and NumPy's plainest loops
 oracles      agreement with geomstats, trec_eval, PyVista, meshio and ezc3d; training with PyTorch
 oldest       the tests on the oldest releases that setup.cfg allows, with Python 3.11
-nightly      all pieces of these, or of one: fuzz [READERS], tests [PATHS], benchmarks [PATHS],
-             mutations [SUBPACKAGES]
+nightly      one of these at full length: fuzz [READERS], tests [PATHS], benchmarks [PATHS],
+             mutations [SUBPACKAGES]; what is random is so in other ways on another day
 """
 
 import argparse
@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 from configparser import ConfigParser
+from datetime import date
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -101,9 +102,20 @@ def kernels(python: str, arguments: list[str]) -> None:
 
 
 def nightly(python: str, arguments: list[str]) -> None:
+    part, *names = arguments
     call(python, "-m", "pip", "install", "-q", *NIGHTLY)
     programs = os.pathsep.join([str(Path(python).parent), os.environ["PATH"]])
-    call(python, "tests/support/nightly.py", *arguments, PATH=programs)
+    day = date.today().toordinal()
+    if part == "fuzz":
+        numbers = ("--count", "15000", "--first", str(15000 * day))
+        call(python, "tests/support/fuzz.py", *(names or ["all"]), *numbers)
+    elif part == "mutations":
+        for name in names or ("kernels", "terms", "geometry", "solvers"):
+            call(python, "tests/support/mutations.py", name, "100", str(day), PATH=programs)
+    elif part == "benchmarks":
+        test(python, "-m", "", "-s", "--benchmark-enable", *(names or ["tests/benchmarks"]))
+    else:
+        test(python, "-m", "", "-s", "--durations", "10", *names, PATH=programs)
 
 
 def main() -> None:

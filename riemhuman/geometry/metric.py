@@ -15,13 +15,12 @@ from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.arrays import Array, ArrayLike, Integers, Points, PointsLike, TangentVectors
+from riemhuman.arrays import Array, ArrayLike, Integers, Points, TangentVectors
 from riemhuman.checks import (
     OfOwner,
     a_solver,
     check_shape,
     checked,
-    choice,
     joint_shape,
     path_array,
     real_array,
@@ -33,15 +32,7 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry.pairwise import (
-    MEMORY,
-    PRECISIONS,
-    Bulk,
-    Features,
-    PairByPair,
-    features_in_threads,
-    table_of_distances,
-)
+from riemhuman.geometry.pairwise import Bulk, DistanceTables, PairByPair
 from riemhuman.geometry.point_space import PointSpace
 from riemhuman.geometry.strategies import (
     DefaultSolvers,
@@ -71,7 +62,7 @@ VECTOR = OfOwner(lambda metric: metric._vectors)
 """The check of tangent vectors, shape (..., *shape)."""
 
 
-class RiemannianMetric(Unchanging, ABC):
+class RiemannianMetric(Unchanging, DistanceTables, ABC):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` if it has a closed form, or both. Norm,
@@ -375,89 +366,10 @@ class RiemannianMetric(Unchanging, ABC):
         """
         return square_root(self.squared_dist(point_a, point_b))
 
-    # Distances of many pairs, see `riemhuman.geometry.pairwise`.
-
     @property
     def bulk(self) -> Bulk:
         """What computes distances of many pairs from features; by default pair by pair."""
         return PairByPair(self.squared_dist)
-
-    def dist_pairwise(
-        self,
-        points: PointsLike,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> Array:
-        r"""Return all distances within a set of points, shape (n, n), symmetric.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
-        n_jobs : int, optional
-            Number of threads, -1 for one per core; by default one. The result does not depend on
-            it.
-        precision : {"single", "double"}
-            Precision of features in compiled loops. In single precision, pairs that are too close
-            for it are computed in double, and relative errors stay below 1e-5.
-        memory : int
-            Bytes of features held in memory at once; if all of them need more, they are recomputed.
-        progress : bool
-        """
-        return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
-
-    def cdist(
-        self,
-        points_a: PointsLike,
-        points_b: PointsLike,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> Array:
-        r"""Return all distances between two sets of points, see `dist_pairwise`, shape (n_a, n_b).
-
-        Parameters
-        ----------
-        points_a, points_b : array or sequence, shape (n_a, \*shape) and (n_b, \*shape)
-        n_jobs, precision, memory, progress : optional
-            As for `dist_pairwise`.
-        """
-        return table_of_distances(self, points_a, points_b, n_jobs, precision, memory, progress)
-
-    @checked(precision=choice(*PRECISIONS))
-    def features(
-        self,
-        points: PointsLike,
-        precision: str = "double",
-        n_jobs: int | None = None,
-        *,
-        name: str = "points",
-    ) -> Features:
-        r"""Return the features from which distances are computed, once for each point.
-
-        `bulk` computes distances from features, a tuple of C-contiguous arrays. Their first axis
-        runs over the points, so features can be sliced, stored and memory-mapped.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-        precision, n_jobs : optional
-            As for `dist_pairwise`.
-        name : str, for messages
-        """
-        if n_jobs is not None:
-            return features_in_threads(self, points, precision, n_jobs, name)
-        if self.space.is_surface_space:
-            checked = self.space.check_point(points, name)
-            check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
-        else:
-            checked = self.check_points(points, name)
-        return self.bulk.features(checked, precision)
 
     def lower_bound_coordinates(self, points: Points) -> Array:
         r"""Return coordinates, shape (..., m), whose Euclidean distances are lower bounds.
