@@ -1,34 +1,21 @@
-"""Damage done to files: seeded mutations of bytes, of archives, of pickles and of HDF5 files.
+"""Damage done to files: seeded mutations of bytes and of archives.
 
 Every mutation takes a generator and the content of a valid file, and returns another content.
 """
 
 import io
-import os
 import re
 import struct
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 
-CANARY = "canary"
-"""Name of a file, in the working directory, that hostile content writes if it is run."""
-
-_COMMAND = f"echo run > {CANARY}"
 _NUMBERS = [
     *("0", "-1", "1", "3", "255", "65536", "2147483647", "2147483648", "4294967295", "1_0", "٣"),
     *("9223372036854775807", "-9223372036854775809", "1" * 5000, "nan", "-inf", "1e308", "1.5", ""),
 ]
 
 Mutation = Callable[[np.random.Generator, bytes], bytes]
-
-
-class Exploit:
-    """Runs a command when it is unpickled."""
-
-    def __reduce__(self):
-        return os.system, (_COMMAND,)
 
 
 def one_of(rng, choices):
@@ -93,13 +80,6 @@ def archive(arrays, compressed=False):
     return stream.getvalue()
 
 
-def array_file(array):
-    """Return an array as the content of an .npy file, pickled if it must be."""
-    stream = io.BytesIO()
-    np.save(stream, array, allow_pickle=True)
-    return stream.getvalue()
-
-
 def array_header(shape, descr="<f8"):
     """Return the header alone of an .npy file."""
     stream = io.BytesIO()
@@ -109,21 +89,14 @@ def array_header(shape, descr="<f8"):
 
 
 def change_array(rng, array):
-    """Return an array that is not what was there: of other numbers, shape, type or order."""
-    if rng.integers(4) == 0 and array.dtype.kind in "fiu" and array.size:
+    """Return an array that is not what was there: of other numbers, shape or type."""
+    if rng.integers(3) == 0 and array.dtype.kind in "fiu" and array.size:
         changed = array.astype(np.float64)
         changed.flat[int(rng.integers(changed.size))] = rng.choice([np.nan, np.inf, -1, 2.0**62])
         return changed
-    if rng.integers(4) == 0 and array.dtype.kind in "fiu":
-        dtypes = ["f4", "f2", "i1", "u8", ">f8", ">i4", "U3", "S2", "c16", "?", "M8[s]"]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return array.astype(one_of(rng, dtypes))
     rows = np.atleast_1d(array)
-    changes = [rows[:-1], rows[..., :0], rows[:0], rows.T, rows[None], rows.ravel(), rows[::-1]]
-    changes += [np.asfortranarray(rows), np.concatenate([rows, rows]), np.zeros((1,) * 32)]
-    changes += [np.float64(3.0), np.array("text"), np.array([Exploit()], dtype=object)]
-    changes += [np.zeros(3, dtype=[("a", "f8"), ("b", "i4")])]
+    changes = [rows[:-1], rows[..., :0], rows[:0], rows.T, rows[None], rows[::-1], np.array("text")]
+    changes += [np.concatenate([rows, rows]), np.zeros((1,) * 32), rows.astype("U3"), rows != rows]
     return one_of(rng, changes)
 
 

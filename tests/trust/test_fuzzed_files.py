@@ -1,7 +1,6 @@
 """Thousands of damaged and hostile files: each is refused by a typed error, or read as it should.
 
-Every case runs with a gigabyte of memory: no other error, no warning, nothing run, no array that is
-not finite.
+Every case runs with a gigabyte of memory: no other error, no warning, no array that is not finite.
 """
 
 import json
