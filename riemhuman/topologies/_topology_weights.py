@@ -8,8 +8,6 @@ weights of a vertex sum to one, so that they follow every rotation, translation 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -24,9 +22,6 @@ _SMALL_ROTATION, _LARGE_ROTATION, _SHARE_OF_LARGE = 0.15, 0.5, 0.3
 _CLOSED_HANDS = 0.7
 # Vertices of the coarser mesh that are combined, beside the corners of the triangle.
 _N_NEIGHBOURS = 18
-# Between symmetric meshes, so many on each side of a vertex in the middle, and twice as many of
-# any other.
-_N_ON_EACH_SIDE = 8
 # Detail of real people that the model lacks, metres; it keeps weights near the triangle's.
 _DETAIL = 5e-4
 # Vertices of the finer mesh that are solved for at once, which bounds memory.
@@ -55,72 +50,10 @@ def combined_vertices(
     The first three are the corners of its triangle, shape (n, 3); the others are nearest to it in a
     pose that both surfaces share, and may be corners too.
     """
-    near = _nearest(target, source, np.flatnonzero(usable), _N_NEIGHBOURS)
+    candidates = np.flatnonzero(usable)
+    count = min(_N_NEIGHBOURS, len(candidates))
+    near = candidates[cKDTree(source[candidates]).query(target, k=range(1, count + 1))[1]]
     return np.concatenate([corners, near], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class MirroredColumns:
-    """Vertices to combine on symmetric meshes: those of opposite rows are opposite, in order."""
-
-    columns: Integers  # (n, k) vertices of the source
-    barycentric: Array  # (n, k) weights to start from
-    rows: Integers  # (m,) vertices of the target on one side
-    opposite: Integers  # (m,) those on the other side
-    middle: Integers  # vertices of the target that are opposite themselves
-
-    @classmethod
-    def choose(
-        cls,
-        surfaces: tuple[Array, Array],
-        images: tuple[Integers, Integers],
-        corners: Integers,
-        barycentric: Array,
-        usable: Booleans,
-    ) -> MirroredColumns:
-        """Return what to combine; `surfaces` and `images` are of the target and of the source.
-
-        Both surfaces are symmetric. Vertices without an opposite are combined as others are.
-        """
-        (target, source), (target_image, source_image) = surfaces, images
-        numbers = np.arange(len(target))
-        matched = (target_image >= 0) & (source_image[corners] >= 0).all(axis=1)
-        matched &= matched[target_image]
-        rows = np.flatnonzero(matched & (numbers < target_image))
-        opposite, middle = target_image[rows], np.flatnonzero(matched & (numbers == target_image))
-        candidates = np.flatnonzero(usable & (source_image >= 0) & usable[source_image])
-        near = _nearest(target, source, candidates, 2 * _N_ON_EACH_SIDE)
-        # Three more columns, which only opposite vertices use.
-        columns = np.concatenate([corners, corners, near], axis=1)
-        start = np.zeros(columns.shape)
-        start[:, :3] = barycentric
-        columns[rows, 3:6] = source_image[corners[opposite]]
-        columns[opposite] = source_image[columns[rows]]
-        start[rows, :3], start[rows, 3:6] = 0.5 * barycentric[rows], 0.5 * barycentric[opposite]
-        start[opposite] = start[rows]
-        one_side = candidates[candidates <= source_image[candidates]]
-        half = _nearest(target[middle], source, one_side, _N_ON_EACH_SIDE)
-        columns[middle, 3:6] = source_image[corners[middle]]
-        columns[middle, 6:] = np.concatenate([half, source_image[half]], axis=1)
-        start[middle, :3] = start[middle, 3:6] = 0.5 * barycentric[middle]
-        return cls(columns, start, rows, opposite, middle)
-
-    def averaged(self, weights: Array) -> Array:
-        """Return weights that are the same on both sides, from those of each side."""
-        result = weights.copy()
-        result[self.rows] = 0.5 * (weights[self.rows] + weights[self.opposite])
-        result[self.opposite] = result[self.rows]
-        order = np.arange(weights.shape[1])
-        order = np.concatenate([np.roll(order[:6], 3), np.roll(order[6:], _N_ON_EACH_SIDE)])
-        result[self.middle] = 0.5 * (weights[self.middle] + weights[self.middle][:, order])
-        return result
-
-
-def _nearest(target: Array, source: Array, candidates: Integers, count: int) -> Integers:
-    """Return the candidates nearest each point of the target, shape (n, count)."""
-    count = min(count, len(candidates))
-    near: Integers = candidates[cKDTree(source[candidates]).query(target, k=range(1, count + 1))[1]]
-    return near
 
 
 def learned_weights(sources: Array, targets: Array, columns: Integers, start: Array) -> Array:

@@ -39,17 +39,8 @@ from riemhuman.registration import RegisteredScan, ScanRegistration
 from riemhuman.surfaces.measures import split_triangles, triangle_areas
 from riemhuman.surfaces.nearest_points import SurfacePoints
 from riemhuman.surfaces.procrustes import AXES, make_upright
-from riemhuman.topologies._mirrored_meshes import (
-    MirrorImages,
-    find_images,
-    on_both_sides,
-    symmetric_parts,
-    symmetric_places,
-    symmetric_points,
-    with_separate_parts,
-)
+from riemhuman.topologies._mirrored_meshes import symmetric_surface
 from riemhuman.topologies._topology_weights import (
-    MirroredColumns,
     combined_vertices,
     example_people,
     learned_weights,
@@ -100,18 +91,19 @@ class TopologyMap:
 
     Every vertex of each mesh has a place on the other: a triangle, barycentric coordinates, and a
     height along the interpolated normal, which rotates and scales with the triangles around it.
-    From a coarser mesh, whose flat triangles miss the body, and between symmetric meshes, each
-    vertex is a weighted mean of the vertices around its place, with weights learned from simulated
-    people of the model. A map is computed once, by registration of a body of the other topology,
-    and then takes milliseconds per body. On simulated people with another mesh, the mean error for
-    other people in other poses is at most 3 mm, and for mapping there and back, even through the
-    coarse model, at most 1 mm (tests/topologies/test_topology_map.py asserts it).
+    From a coarser mesh, whose flat triangles miss the body, each vertex is a weighted mean of the
+    vertices around its place, with weights learned from simulated people of the model. A map is
+    computed once, by registration of a body of the other topology, and then takes milliseconds per
+    body. On simulated people with another mesh, the mean error for other people in other poses is
+    at most 3 mm, and for mapping there and back, even through the coarse model, at most 1 mm
+    (tests/topologies/test_topology_map.py asserts it).
 
     Use it to convert existing bodies. To generate and pose new bodies, use `transfer_model`, which
     creates a body model of the other topology, with skinning weights and shape directions.
 
     If the triangulations of both meshes are symmetric, mapping a mirrored body gives the mirrored
-    result, up to rounding. The full open model is symmetric in this sense, the coarse model is not.
+    result to 0.05 mm on average. The full open model is symmetric in this sense, the coarse model
+    is not.
 
     Parts without counterpart, such as eyeballs, teeth or the inside of a mouth, move with their
     surroundings.
@@ -196,14 +188,8 @@ class TopologyMap:
                 )
             message = result.message
             registered = _rounded(_smoothed_surface(result, dense))
-            images = find_images(reference, triangles, registered, dense)
-            if images is not None:
-                registered = _rounded(
-                    symmetric_places(reference, triangles, registered, dense.faces, images)
-                )
+            registered = _rounded(symmetric_surface(reference, triangles, registered, dense))
             fine = cls._from_surfaces(dense, reference, triangles, registered, message)
-            if dense is model and images is not None:
-                return fine._symmetric(images)
             if dense is model:
                 return fine._with_learned_weights(fine, kept)
             unlearned = cls._from_surfaces(model, reference, triangles, registered[kept], message)
@@ -217,20 +203,15 @@ class TopologyMap:
         triangles: Triangles,
         registered: Array,
         message: str,
-        images: MirrorImages | None = None,
     ) -> TopologyMap:
-        """Return the map of two surfaces that coincide, and are symmetric if images are given."""
+        """Return the map of two surfaces that coincide."""
         everywhere = np.ones(len(registered), dtype=bool)
         *_, gaps = place_vertices(reference, triangles, registered, model.faces, everywhere)
         template_lacks = find_without_counterpart(reference, triangles, gaps)
-        if images is not None:
-            template_lacks = on_both_sides(template_lacks, images.template)
         on_template, heights_of_model, gaps = place_vertices(
             registered, model.faces, reference, triangles, ~template_lacks
         )
         model_lacks = find_without_counterpart(registered, model.faces, gaps)
-        if images is not None:
-            model_lacks = on_both_sides(model_lacks, images.model)
         on_model, heights_of_template, _ = place_vertices(
             reference, triangles, registered, model.faces, ~model_lacks
         )
@@ -243,9 +224,6 @@ class TopologyMap:
         model_parts = filled_parts(
             registered, model.faces, model_lacks, owners, model.joint_names, left
         )
-        if images is not None:
-            template_parts = symmetric_parts(template_parts, images.template)
-            model_parts = symmetric_parts(model_parts, images.model)
         return cls(
             model,
             triangles,
@@ -268,44 +246,24 @@ class TopologyMap:
             ),
         )
 
-    def _symmetric(self, images: MirrorImages) -> TopologyMap:
-        """Return the map of the same places, which commutes with mirroring.
-
-        Its surfaces are symmetric: those of the model's template.
-        """
-        model, faces = self.model, self.template_faces
-        registered = _rounded(symmetric_points(model.template.vertices, images.model, model.faces))
-        reference = self.template_places.apply(registered)
-        images = replace(images, template=with_separate_parts(images.template, faces, reference))
-        reference = _rounded(symmetric_points(reference, images.template, faces))
-        rest = self._from_surfaces(model, reference, faces, registered, self.message, images)
-        return rest._with_learned_weights(self, np.arange(model.n_vertices), images)
-
-    def _with_learned_weights(
-        self, fine: TopologyMap, kept: Integers, images: MirrorImages | None = None
-    ) -> TopologyMap:
+    def _with_learned_weights(self, fine: TopologyMap, kept: Integers) -> TopologyMap:
         """Return the map with weights that are learned from people of the model.
 
         Their bodies are known. On the template, they are where the places of a dense model put
         them, which needs no weights.
 
-        `fine` is the map of the dense model, of whose vertices the model has those in `kept`. With
-        images, weights are the same on both sides, and both directions need them.
+        `fine` is the map of the dense model, of whose vertices the model has those in `kept`.
         """
-        there = None if images is None else (images.model, images.template)
         people = example_people(fine.model)
         templates = np.stack([fine.template_places.apply(body) for body in people])
         bodies = people[:, kept]
-        to_model = _learned(
-            self.model_places, self.template_places.parts, [templates], bodies, there
-        )
-        if images is None and self.model.n_vertices >= self.n_template_vertices:
+        to_model = _learned(self.model_places, self.template_places.parts, [templates], bodies)
+        if self.model.n_vertices >= self.n_template_vertices:
             return replace(self, model_places=to_model)
         # Also from what the template contributes, so that bodies return to where they were.
         returned = np.stack([to_model.apply(body) for body in templates])
         lacking = self.model_places.parts
-        back = None if images is None else (images.template, images.model)
-        to_template = _learned(self.template_places, lacking, [bodies, returned], templates, back)
+        to_template = _learned(self.template_places, lacking, [bodies, returned], templates)
         return replace(self, model_places=to_model, template_places=to_template)
 
     @property
@@ -560,12 +518,10 @@ def _learned(
     lacking: Sequence[FilledPart],
     sources: Sequence[Array],
     targets: Array,
-    images: tuple[Integers, Integers] | None,
 ) -> VertexPlaces:
     """Return places with weights, learned from the same people on both surfaces.
 
-    `lacking` are the parts of the source without counterpart. With `images`, the opposite vertices
-    of the target and of the source, weights are the same on both sides.
+    `lacking` are the parts of the source without counterpart.
     """
     usable = np.ones(places.n_source, dtype=bool)
     for part in lacking:
@@ -573,22 +529,15 @@ def _learned(
     corners = places.faces[places.places.triangles]
     barycentric = places.places.barycentric
     seen, known = np.concatenate(sources), np.concatenate([targets] * len(sources))
-    if images is not None:
-        surfaces = places.target, places.source
-        chosen = MirroredColumns.choose(surfaces, images, corners, barycentric, usable)
-        weights = learned_weights(seen, known, chosen.columns, chosen.barycentric)
-        return _with_weights(places, chosen.columns, chosen.averaged(weights))
     columns = combined_vertices(places.target, places.source, corners, usable)
     start = np.zeros(columns.shape)
     start[:, :3] = barycentric
-    weights = learned_weights(seen, known, columns, start)
-    return _with_weights(places, columns, weights)
+    return _with_weights(places, columns, learned_weights(seen, known, columns, start))
 
 
 def _with_weights(places: VertexPlaces, columns: Integers, weights: Array) -> VertexPlaces:
     """Return places with weights as a file holds them, whose rows sum to one."""
     rounded = _rounded(weights)
-    # Shared by all, so that symmetry is preserved.
     rounded += (1.0 - rounded.sum(axis=1, keepdims=True)) / rounded.shape[1]
     return replace(places, columns=columns, weights=rounded)
 

@@ -7,12 +7,11 @@ import pytest
 from open_bodies import model_with
 from scanned_people import points_at
 from scipy.spatial import cKDTree
-from scipy.spatial.distance import pdist
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration.simulated_scans import remesh
-from riemhuman.topologies import TopologyMap, _mirrored_meshes, _vertex_places
+from riemhuman.topologies import TopologyMap, _vertex_places
 
 ArgumentError, FileFormatError = rh.errors.ArgumentError, rh.errors.FileFormatError
 
@@ -209,7 +208,7 @@ def with_eyeballs(body, faces, head):
 
 
 @pytest.mark.slow
-def test_maps_between_symmetric_meshes_commute_with_mirroring(full, monkeypatch, tmp_path):
+def test_maps_between_symmetric_meshes_treat_both_sides_alike(full, monkeypatch):
     """The open model's own mesh with eyeballs, turned unevenly, and an uneven registration."""
     rest, mirror = full.template.vertices, np.array([-1.0, 1.0, 1.0])
     opposite = cKDTree(rest).query(rest * mirror)[1]
@@ -219,25 +218,20 @@ def test_maps_between_symmetric_meshes_commute_with_mirroring(full, monkeypatch,
     body, slip = full(pose=pose), 0.002 * np.sin(40.0 * rest + 1.0)
     head = full.joints()[full.joint_names.index("head")] + [0.0, 0.09, 0.05]
     surface, faces = with_eyeballs(body, full.faces, head)
-    left, right = np.arange(len(body), len(surface)).reshape(2, -1)
-    image = np.concatenate([opposite, right, left])
-    fitted = made_from(surface, faces, body + slip, full, monkeypatch)
-    assert {*fitted.template_parts} >= {"left eyeball", "right eyeball"}
-    fitted.save(tmp_path / "map.npz")
+    found = made_from(surface, faces, body + slip, full, monkeypatch)
+    assert {*found.template_parts} >= {"left eyeball", "right eyeball"}
     betas = np.random.default_rng(0).standard_normal(full.n_betas)
     person = full(betas, motion.pose_vectors[47])
-    for found in (fitted, TopologyMap.load(tmp_path / "map.npz")):
-        other = found.to_template(person)
-        mirrored = found.to_template(person[opposite] * mirror)
-        np.testing.assert_allclose(mirrored, other[image] * mirror, atol=1e-9)
-        back = found.to_model(other)
-        mirrored = found.to_model(other[image] * mirror)
-        np.testing.assert_allclose(mirrored, back[opposite] * mirror, atol=1e-9)
-        assert np.linalg.norm(back - person, axis=1).mean() < 0.0005
-        errors = np.linalg.norm(other[: len(rest)] - person, axis=1)
-        assert errors.mean() < np.linalg.norm(slip, axis=1).mean()
-        radii = np.linalg.norm(other[left] - other[left].mean(axis=0), axis=1)
-        assert radii.std() < 1e-3 * radii.mean()  # still a sphere
+    other = found.to_template(person)
+    skin, back = other[: len(rest)], found.to_model(other)
+    mirrored = found.to_template(person[opposite] * mirror)
+    gaps = np.linalg.norm(mirrored[: len(rest)] - skin[opposite] * mirror, axis=1)
+    assert gaps.mean() < 1e-4  # of 2.4 mm without an average over both sides
+    gaps = np.linalg.norm(found.to_model(mirrored) - back[opposite] * mirror, axis=1)
+    assert gaps.mean() < 1e-4
+    assert np.linalg.norm(back - person, axis=1).mean() < 0.0005
+    errors = np.linalg.norm(skin - person, axis=1)
+    assert errors.mean() < np.linalg.norm(slip, axis=1).mean()
 
 
 def test_small_parts_that_are_mostly_apart_have_no_counterpart():
@@ -248,43 +242,6 @@ def test_small_parts_that_are_mostly_apart_have_no_counterpart():
     faces = np.concatenate([triangles, triangles + len(ball)])
     without = _vertex_places.find_without_counterpart(points, faces, gaps)
     np.testing.assert_array_equal(without, is_small)
-
-
-def test_separate_parts_are_opposite_their_mirror_images():
-    """Spheres and their mirror images, turned a little; copies of a sphere have none."""
-    ball, triangles = unit_sphere()
-    count, mirror = len(ball), np.array([-1.0, 1.0, 1.0])
-    turned = ball @ rh.bodies.rotation_matrix(np.array([0.0, 0.05, 0.1]))
-    high, low = np.array([2.0, 2.0, 0.0]), np.array([2.0, -2.0, 0.0])
-    points = [ball + high, (turned + high) * mirror, ball + low, ball + low * mirror]
-    corners = [triangles, triangles[:, ::-1], triangles, triangles]
-    faces = np.concatenate([rows + number * count for number, rows in enumerate(corners)])
-    nowhere = np.full(4 * count, -1)
-    image = _mirrored_meshes.with_separate_parts(nowhere, faces, np.concatenate(points))
-    left, right = np.arange(2 * count).reshape(2, -1)
-    np.testing.assert_array_equal(image, np.concatenate([right, left, nowhere[: 2 * count]]))
-
-
-def test_parts_opposite_each_other_keep_their_shapes_and_meet_halfway():
-    """Two pairs of spheres, of which one of each is turned and the other shifted."""
-    ball, triangles = unit_sphere()
-    count, mirror = len(ball), np.array([-1.0, 1.0, 1.0])
-    centres = np.array([[2.0, 2.0, 0.0], [2.0, -2.0, 0.0]])
-    shifts = np.array([[0.05, 0.0, 0.0], [0.0, -0.04, 0.02]])
-    turns = rh.bodies.rotation_matrix(np.array([[0.1, 0.0, 0.0], [0.0, 0.2, 0.1]]))
-    points, corners, image = [], [], []
-    for centre, shift, turn in zip(centres, shifts, turns, strict=True):
-        first, second = np.arange(2 * count).reshape(2, -1) + count * len(points)
-        points += [ball @ turn + centre, (ball + centre + shift) * mirror]
-        corners += [triangles + first[0], triangles[:, ::-1] + second[0]]
-        image += [second, first]
-    averaged = _mirrored_meshes.symmetric_points(
-        np.concatenate(points), np.concatenate(image), np.concatenate(corners)
-    ).reshape(2, 2, count, 3)
-    for (left, right), centre, shift in zip(averaged, centres, shifts, strict=True):
-        np.testing.assert_allclose(right, left * mirror, atol=1e-12)
-        np.testing.assert_allclose(left.mean(axis=0), centre + shift / 2, atol=1e-12)
-        np.testing.assert_allclose(pdist(left), pdist(ball), atol=1e-12)
 
 
 @pytest.fixture(scope="module")
