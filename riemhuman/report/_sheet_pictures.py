@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Image, Points, Triangles
 from riemhuman.kernels.surface import vertex_normals
+from riemhuman.measurements import MeasurementSet
 from riemhuman.plots.figures import SKIN, value_colors
-from riemhuman.plots.rendering import render
+from riemhuman.plots.rendering import image_source, render
 from riemhuman.plots.windows import View, Window
 from riemhuman.report.sheet_values import SheetSubject, SheetValues
 
@@ -28,6 +30,10 @@ _OVERLAP = 0.95  # half the side of a splat over the distance to the fourth neig
 SHARED, LARGER, SMALLER = (148, 155, 164), (196, 98, 45), (63, 127, 191)
 _SHARED_OPACITY = 0.45
 LARGEST_CHANGE = 0.02  # metres outward of the last colour
+# Between two marks of a ruler, and metres in a unit of its numbers.
+_RULER_STEPS = {"cm": 20, "in": 12}
+_METRES = {"cm": 0.01, "in": 0.0254}
+_HIPS = ("left_trochanterion", "right_trochanterion")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +54,38 @@ class Picture:
     def first_view(self) -> Image:
         return self.pixels[:, : round(2.0 * self.middles[0] * self.pixels.shape[1])]
 
+    @cached_property
+    def source(self) -> str:
+        """The address of the picture, encoded once for the page and the PDF file."""
+        return image_source(self.pixels)
 
-def front_facing(to_the_left: Array) -> Array:
-    """Return the rotation, shape (3, 3), that makes a body face +z, about the vertical."""
-    across = np.array([to_the_left[0], 0.0, to_the_left[2]])
+    def marks(self, units: str) -> list[tuple[float, int]]:
+        """Return the marks of a ruler: pixels from the top, and centimetres or inches."""
+        step = _RULER_STEPS[units]
+        count = int(np.floor(self.high / (step * _METRES[units]))) + 1
+        return [
+            ((self.high - number * step * _METRES[units]) / self.metres_per_pixel, number * step)
+            for number in range(count)
+        ]
+
+
+def front_of(points: Points, definitions: MeasurementSet) -> Array:
+    """Return the rotation about the vertical that makes a body face +z, shape (3, 3).
+
+    It is known by the hips; without such landmarks, the body faces +z.
+    """
+    if not all(name in definitions.landmarks for name in _HIPS):
+        return np.eye(3)
+    left, right = (
+        weights @ points[vertices]
+        for vertices, weights in (definitions.landmarks[name] for name in _HIPS)
+    )
+    across = np.array([1.0, 0.0, 1.0]) * (left - right)
     length = float(np.linalg.norm(across))
     if not length > 0.0:
         return np.eye(3)
     # The left of a body that faces +z is at +x.
-    x, z = across[0] / length, across[2] / length
+    x, _, z = across / length
     return np.array([[x, 0.0, z], [0.0, 1.0, 0.0], [-z, 0.0, x]])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from riemhuman.io.files import atomic_file
 from riemhuman.io.text_tables import csv_cell, csv_text
 from riemhuman.optional import import_optional
-from riemhuman.report._sheet_content import badge
+from riemhuman.report._sheet_words import badge
 from riemhuman.report.sheet_values import SheetRow, SheetSubject, SheetValues
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _people(sheets: Sheets) -> Rows:
                 subject.person,
                 subject.sex,
                 subject.visit,
-                "; ".join(scan.file for scan in (subject, *subject.further_scans)),
+                "; ".join(scan.file for scan in subject.scans),
                 trust,
                 "; ".join(filter(None, [subject.message, *withheld])),
                 _number(subject.median_distance),

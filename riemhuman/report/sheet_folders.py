@@ -17,8 +17,7 @@ from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_fold
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
-from riemhuman.report._sheet_content import Content, content_of
-from riemhuman.report._sheet_page import Entry, index_page, logo_source, save_pdf, sheet_page
+from riemhuman.report._sheet_page import Content, Entry, index_page, logo_source
 from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
 from riemhuman.report._storage import Progress
@@ -147,8 +146,7 @@ class _Sheets:
     def content(self, number: int) -> Content:
         subject = self.labelled.subjects[number]
         definitions = self.measurements[len(subject.points)].definitions
-        content = content_of(definitions, subject, self.values[number], self.units)
-        return replace(content, logo=self.logo)
+        return Content.of(definitions, subject, self.values[number], self.units, self.logo)
 
 
 def _measured(
@@ -165,7 +163,7 @@ def _measured(
             measurements_by_size[n_vertices] = measurements_of_size
         surface = measurements_by_size[n_vertices].definitions.surface
         surface.check_faces(faces, subject.file)
-        for scan in (subject, *subject.further_scans):
+        for scan in subject.scans:
             check_body_sizes(scan.points, surface, scan.file)
         numbers_by_size.setdefault(n_vertices, []).append(number)
     values: dict[int, SheetValues] = {}
@@ -250,11 +248,11 @@ def _write(folder: Path, sheets: _Sheets, browser: str | None, progress: Progres
         with progress(f"Pages and PDF files of {words}"):
             _write_files(folder, contents, [files[number] for number in part], browser)
         for number, content in zip(part, contents, strict=True):
-            page, pdf = files[number]
-            entry = Entry.of(subjects[number], sheets.values[number], content, page, pdf)
+            subject, values = content.subject, content.values
+            entry = Entry(subject, values, content.badge, content.thumbnail, *files[number])
             entries.append(entry)
     tables = _write_tables(folder, list(zip(subjects, sheets.values, strict=True)))
-    write_text(folder / _INDEX, index_page(entries, sheets.labelled.failures, tables))
+    write_text(folder / _INDEX, index_page(entries, sheets.labelled.failures, tables, sheets.units))
 
 
 def _write_files(
@@ -267,9 +265,9 @@ def _write_files(
 
     def write(number: int) -> None:
         page, pdf = files[number]
-        write_text(folder / page, sheet_page(contents[number], index=_INDEX))
+        write_text(folder / page, contents[number].html(index=_INDEX))
         if browser:
-            save_pdf(contents[number], folder / pdf, browser)
+            contents[number].save_pdf(folder / pdf, browser)
 
     list(mapped(write, range(len(files)), min(_MOST_BROWSERS, thread_count(-1))))
 

@@ -40,9 +40,9 @@ from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
 
 # Quotients of two measurements, and powers of the second.
 _RATIOS = {
-    "Body mass index": ("body mass", "stature", 2, "kg/m²"),
-    "Waist to hip": ("waist girth", "hip girth", 1, ""),
-    "Waist to height": ("waist girth", "stature", 1, ""),
+    "Body mass index": ("body mass", "stature", 2),  # kg/m²
+    "Waist to hip": ("waist girth", "hip girth", 1),
+    "Waist to height": ("waist girth", "stature", 1),
 }
 # Trunks that lean more lie, or point along another axis than the one that should be up.
 _LARGEST_LEAN = 60.0
@@ -194,9 +194,14 @@ class SheetSubject:
         return self.trusted_vertices
 
     @property
+    def scans(self) -> tuple[SheetSubject, ...]:
+        """All scans of this visit."""
+        return self, *self.further_scans
+
+    @property
     def measured_scans(self) -> tuple[SheetSubject, ...]:
         """The scans of this visit that can be measured."""
-        return tuple(scan for scan in (self, *self.further_scans) if scan.is_measurable)
+        return tuple(scan for scan in self.scans if scan.is_measurable)
 
     def measured_points(self) -> Points:
         """Return the bodies of the measured scans, shape (n_scans, V, 3)."""
@@ -212,7 +217,7 @@ class SheetValues:
     """What is known about a body; lengths in metres, angles in degrees."""
 
     rows: tuple[SheetRow, ...]
-    ratios: Mapping[str, tuple[float, str]]
+    ratios: Mapping[str, float]
     posture: Mapping[str, float]
     standing: Points | None  # the body in the standard pose
     average: Points | None  # that of the sex and stature
@@ -228,6 +233,12 @@ class SheetValues:
     @cached_property
     def by_name(self) -> dict[str, SheetRow]:
         return {row.name: row for row in self.rows}
+
+    @property
+    def shown_rows(self) -> list[SheetRow]:
+        """All rows but the volume if there is the mass, which says the same."""
+        repeated = "volume" if "body mass" in self.by_name else ""
+        return [row for row in self.rows if row.name != repeated]
 
     def key_rows(self) -> dict[str, list[SheetRow]]:
         """Return the rows of measurements that people ask for, by group."""
@@ -454,11 +465,11 @@ def _is_sharp(name: str, value: float, deviation: float, sex: str) -> bool:
     return bool(deviation <= _LARGEST_NOISE * spread_of_adults(name, sex) * value)
 
 
-def _ratios(named: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+def _ratios(named: Mapping[str, float]) -> dict[str, float]:
     ratios = {}
-    for title, (above, below, power, unit) in _RATIOS.items():
+    for title, (above, below, power) in _RATIOS.items():
         if above in named and below in named:
-            ratios[title] = (named[above] / named[below] ** power, unit)
+            ratios[title] = named[above] / named[below] ** power
     return ratios
 
 

@@ -22,8 +22,7 @@ from riemhuman.measurements.adults import check_values
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
 from riemhuman.registration.folders import record_of
-from riemhuman.report._sheet_content import Content, badge, content_of
-from riemhuman.report._sheet_page import logo_source, save_pdf, sheet_page
+from riemhuman.report._sheet_page import Content, logo_source
 from riemhuman.report.printing import printing_browser
 from riemhuman.report.sheet_values import (
     SheetRow,
@@ -60,7 +59,7 @@ class Sheet:
     changes : VisitComparison or None
         Changes since the earlier visit, if one was given.
     content : Content
-        The text and drawings of the page.
+        The values and drawings of the page.
 
     Examples
     --------
@@ -87,7 +86,7 @@ class Sheet:
     @cached_property
     def html(self) -> str:
         """The page."""
-        return sheet_page(self.content)
+        return self.content.html()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the page (.html), or the two-page PDF (.pdf), by Chromium, Chrome or Edge.
@@ -101,7 +100,7 @@ class Sheet:
         if suffix_of(file, (".html", ".pdf")) == ".html":
             write_text(file, self.html)
         else:
-            save_pdf(self.content, file, printing_browser())
+            self.content.save_pdf(file, printing_browser())
 
 
 @checked(
@@ -176,16 +175,15 @@ def sheet(
         first = _subject(before, "before", name, sex, "the earlier visit")
         _check_vertices(first, "before", measurements)
         values = with_changes(measurements, values, first, subject)
+    content = Content.of(measurements.definitions, subject, values, units, logo_source(logo))
     return Sheet(
         name=subject.person or subject.name,
         sex=subject.sex,
-        badge=badge(subject, values)[1],
+        badge=content.badge[1],
         measurements=values.rows,
         posture=dict(values.posture),
         changes=values.changes,
-        content=replace(
-            content_of(measurements.definitions, subject, values, units), logo=logo_source(logo)
-        ),
+        content=content,
     )
 
 
@@ -227,7 +225,7 @@ def _scan_subject(scan: object, argument: str, name: str) -> SheetSubject:
 
 def _check_vertices(subject: SheetSubject, argument: str, measurements: Measurements) -> None:
     shape = (measurements.definitions.n_vertices, 3)
-    for scan in (subject, *subject.further_scans):
+    for scan in subject.scans:
         real_array(scan.points, argument, shape, batched=False)
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.report._sheet_pictures import body_pictures, front_facing, silhouette_picture
+from riemhuman.report._sheet_pictures import body_pictures, front_of, silhouette_picture
 from riemhuman.report.sheet_values import SheetSubject, values_of
 
 
@@ -18,18 +18,9 @@ def opaque_rows(pixels):
 @pytest.mark.parametrize("degrees", [0.0, 130.0, -60.0])
 def test_pictures_show_the_front_whatever_the_heading(bodies, measurements, degrees):
     turned = bodies[0] @ Rotation.from_euler("y", degrees, degrees=True).as_matrix().T
-    faces = bodies.template.faces
-    names = ("left_trochanterion", "right_trochanterion")
-
-    def front_of(points):
-        left, right = (
-            weights @ points[vertices]
-            for vertices, weights in (measurements.definitions.landmarks[name] for name in names)
-        )
-        rotation = front_facing(left - right)
-        return rotation, body_pictures(SheetSubject("x", points), faces, rotation)[1]
-
-    rotation, picture = front_of(turned + [3.0, 1.0, -2.0])
+    moved = turned + [3.0, 1.0, -2.0]
+    rotation = front_of(moved, measurements.definitions)
+    _, picture = body_pictures(SheetSubject("x", moved), bodies.template.faces, rotation)
     # The nose is in front of the back of the head.
     nose, back = (
         measurements.definitions.landmarks[name] for name in ("pogonion", "opisthocranion")

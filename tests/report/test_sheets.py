@@ -12,7 +12,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.registration._messages import MARK_WRISTS
-from riemhuman.report._sheet_content import percentile_text, posture_texts, sentences_of
+from riemhuman.report._sheet_words import percentile_text, posture_texts, sentences_of
 
 
 def test_a_sheet_says_what_the_body_measures(bodies, measurements):
@@ -111,12 +111,12 @@ def test_angles_and_percentiles_in_words():
     )
     angles = dict.fromkeys(names, 0.0) | {"shoulder tilt": -4.0, "head tilt": np.nan}
     angles |= dict.fromkeys(("left knee bent", "left elbow bent", "right elbow bent"), np.nan)
-    texts = {text.title: text for text in posture_texts(angles)}
-    assert (texts["Shoulder tilt"].value, texts["Shoulder tilt"].what) == ("4°", "right higher")
-    assert (texts["Head tilt"].value, texts["Head tilt"].what) == ("–", "not seen")
-    assert (texts["Pelvis tilt"].value, texts["Pelvis tilt"].what) == ("0°", "level")
-    assert (texts["Knees bent"].value, texts["Knees bent"].what) == ("– / 0°", "left / right")
-    assert (texts["Elbows bent"].value, texts["Elbows bent"].what) == ("– / –", "not seen")
+    texts = {title: said for title, *said in posture_texts(angles)}
+    assert texts["Shoulder tilt"] == ["4°", "right higher"]
+    assert texts["Head tilt"] == ["–", "not seen"]
+    assert texts["Pelvis tilt"] == ["0°", "level"]
+    assert texts["Knees bent"] == ["– / 0°", "left / right"]
+    assert texts["Elbows bent"] == ["– / –", "not seen"]
 
 
 def test_messages_in_the_words_of_clients():
