@@ -31,13 +31,13 @@ _EULER = "ZXY"
 _N_BETAS = 16
 SAVED_FIELDS = (
     *("riemhuman_joints", "riemhuman_betas", "riemhuman_rest_joints"),
-    *("riemhuman_frames", "riemhuman_other_poses"),
+    *("riemhuman_poses", "riemhuman_frames"),
 )
 """What AMASS's fields cannot say of a person of another model than SMPL's.
 
 Names of the model's joints, shape coefficients, joints in the rest pose (the person may be larger
-than the model's), and the rotations of joints that SMPL lacks, beside digests of the frames whose
-rotations they are: other programs cut and reorder the frames of AMASS's fields alone.
+than the model's), and poses of the model, beside digests of the frames whose poses they are: other
+programs cut and reorder the frames of AMASS's fields alone.
 """
 # The bone that says how SMPL's rest pose differs from another at a joint: to the joint named here.
 _NEXT_JOINTS = {
@@ -167,25 +167,17 @@ def write_amass(file: Path, person: PosedPerson) -> None:
         "mocap_framerate": np.array(person.frames_per_second),
     }
     if not smpl:
-        names = np.array(person.model.joint_names)
-        others = person.poses[:, other_joints(person.model)]
-        digests = frame_digests(fields["poses"])
-        values = (names, person.betas, person.joints, digests, others)
+        names, digests = np.array(person.model.joint_names), frame_digests(fields["poses"])
+        values = (names, person.betas, person.joints, person.poses, digests)
         fields |= dict(zip(SAVED_FIELDS, values, strict=True))
     save_arrays(file, fields)
 
 
 def frame_digests(poses: Array) -> Integers:
     """Return a number for each frame of poses (n_frames, N), which other poses do not have."""
-    rows = np.ascontiguousarray(poses, dtype="<f8")
+    rows = np.ascontiguousarray(poses, dtype="<f4")  # in which other programs may store them
     digests = [blake2b(row.tobytes(), digest_size=8).digest() for row in rows]
     return np.frombuffer(b"".join(digests), dtype="<u8")
-
-
-def other_joints(model: BodyModel) -> list[int]:
-    """Return the numbers of the joints that SMPL lacks."""
-    names = usual_joint_names(model)
-    return [number for number, name in enumerate(names) if name not in SMPL_JOINTS]
 
 
 def _smpl_starts(names: Sequence[str], joints: Array) -> Array:
@@ -227,40 +219,6 @@ def _smpl_poses(person: PosedPerson) -> Array:
     vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
     hands = np.zeros((len(local), N_HANDS, 3))
     return np.concatenate([vectors.reshape(len(local), -1, 3), hands], axis=1)
-
-
-def poses_from_smpl(poses: Array, model: BodyModel, joints: Array, others: Array) -> Array:
-    """Return poses of a model from those of SMPL that `_smpl_poses` made of them.
-
-    `joints` (J, 3) are those of the person in the rest pose, and `others` (n_frames, K, 3) the
-    rotation vectors of joints that SMPL lacks, NaN where they are unknown: these joints then turn
-    as the joints above them do.
-    """
-    names = list(usual_joint_names(model))
-    n_frames = len(poses)
-    vectors = poses[:, : len(SMPL_JOINTS)].reshape(-1, 3)
-    placed = Rotation.from_rotvec(vectors).as_matrix().reshape(n_frames, len(SMPL_JOINTS), 3, 3)
-    for joint, parent in enumerate(SMPL_PARENTS):
-        if parent >= 0:
-            placed[:, joint] = placed[:, parent] @ placed[:, joint]
-    placed = placed @ transpose(_smpl_starts(names, joints))
-    in_space = np.empty((n_frames, len(names), 3, 3))
-    local = np.empty_like(in_space)
-    lacking = other_joints(model)
-    for joint in model.joint_order:
-        parent = model.parents[joint]
-        above = in_space[:, parent] if parent >= 0 else np.eye(3)
-        if joint in lacking:
-            rotations = others[:, lacking.index(joint)]
-            unknown = np.isnan(rotations).any(axis=1)
-            local[:, joint] = Rotation.from_rotvec(np.nan_to_num(rotations)).as_matrix()
-            local[unknown, joint] = local[unknown, parent]
-            in_space[:, joint] = above @ local[:, joint]
-        else:
-            in_space[:, joint] = placed[:, SMPL_JOINTS.index(names[joint])]
-            local[:, joint] = transpose(above) @ in_space[:, joint]
-    pose_vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
-    return np.asarray(pose_vectors.reshape(n_frames, len(names), 3))
 
 
 def write_skinned_glb(file: Path, person: PosedPerson) -> None:

@@ -69,14 +69,6 @@ def poses_of_model(poses: Array, n_joints: int) -> Array:
     return np.concatenate([parts.get(part, zero[part]) for part in LAYOUTS[n_joints]], axis=1)
 
 
-def upright_poses(poses: Array, up: str) -> Array:
-    """Return poses whose roots are turned so that y points up instead of `up`."""
-    upright = Rotation.from_matrix(make_upright(np.eye(3), up=up).T)
-    turned = poses.copy()
-    turned[:, 0] = (upright * Rotation.from_rotvec(poses[:, 0])).as_rotvec()
-    return turned
-
-
 def model_parameters(
     model: BodyModel, betas: Array, poses: Array, translations: Array, up: str
 ) -> tuple[Array, Array]:
@@ -85,8 +77,10 @@ def model_parameters(
     Poses rotate the root about itself, but a rotation of space also moves it.
     """
     root = model.joints(betas)[0]
-    upright = upright_poses(poses_of_model(poses, model.n_joints), up)
-    return upright, make_upright(translations + root, up=up) - root
+    turned = poses_of_model(poses, model.n_joints)
+    upright = Rotation.from_matrix(make_upright(np.eye(3), up=up).T)
+    turned[:, 0] = (upright * Rotation.from_rotvec(turned[:, 0])).as_rotvec()
+    return turned, make_upright(translations + root, up=up) - root
 
 
 def model_betas(betas: Array, model: BodyModel) -> Array:

@@ -20,7 +20,7 @@ from riemhuman.io.files import convert_errors, file_path, format_errors, visible
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.mocap._body_size import model_of_size
 from riemhuman.mocap._joint_names import model_joints
-from riemhuman.mocap._motion_files import SAVED_FIELDS, frame_digests, other_joints, poses_from_smpl
+from riemhuman.mocap._motion_files import SAVED_FIELDS, frame_digests
 from riemhuman.mocap._smpl_layout import (
     LAYOUTS,
     check_units,
@@ -29,7 +29,6 @@ from riemhuman.mocap._smpl_layout import (
     model_parameters,
     smpl_skeleton,
     smpl_upward_axes,
-    upright_poses,
 )
 from riemhuman.mocap._upward import AMASS, chosen_axis
 from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
@@ -159,7 +158,9 @@ def load_amass(
     Another model, such as the open model, performs the motions as with `retarget`. Betas in the
     files belong to SMPL's models, so they are then ignored, with a warning, and an average adult
     performs the motion; ``motion.performed_by(betas)`` gives the motion of another person. Files
-    written by `Motion.save` restore the motion of the open model exactly.
+    written by `Motion.save` restore the motion of the open model exactly, also if other programs
+    cut or reorder its frames; if they change poses, the same person performs these as with
+    `retarget`.
 
     Parameters
     ----------
@@ -201,6 +202,7 @@ def load_amass(
     if not files:
         raise FileError(f"{root} holds no .npz file with a motion")
     motions: list[AmassMotion | ArrayMotion | RetargetedMotion] = []
+    is_other_model = False
     for file in files:
         source = _read_header(file, frames_per_second, unit)
         rate = source.rate if frames_per_second is None else frames_per_second
@@ -211,12 +213,13 @@ def load_amass(
         elif is_smpl(model):
             motions.append(AmassMotion(source, model, rate, frames, up))
         else:
+            is_other_model = True
             axis = source.upward_axis if up is None else up
             recording = partial(_skeleton_motion, source, frames, rate, axis)
             motions.append(
                 RetargetedMotion(recording, model, source.names, rate, len(frames), up=axis)
             )
-    if any(isinstance(motion, RetargetedMotion) for motion in motions):
+    if is_other_model:
         warn(
             "betas in the files belong to SMPL's models and are ignored: motions are performed by "
             "a person of another model",
@@ -227,35 +230,33 @@ def load_amass(
 
 def _saved_motion(
     source: _Source, model: BodyModel, frames: Integers, rate: float, up: str | None
-) -> ArrayMotion | None:
-    """Return the motion of this model that `Motion.save` wrote as poses of SMPL."""
+) -> ArrayMotion | RetargetedMotion | None:
+    """Return the motion of a person of this model that `Motion.save` wrote as poses of SMPL."""
     fields = load_arrays(source.path, (), SAVED_FIELDS)
     if not set(SAVED_FIELDS) <= fields.keys():
         return None
-    joints, betas, rest, digests, others = (fields[name] for name in SAVED_FIELDS)
+    joints, betas, rest, poses, digests = (fields[name] for name in SAVED_FIELDS)
     if tuple(joints.tolist()) != model.joint_names or betas.shape != (model.n_betas,):
         return None
-    n_others = len(other_joints(model))
     with format_errors(source.path, "a motion"):
         betas = real_array(betas, SAVED_FIELDS[1])
         rest = real_array(rest, SAVED_FIELDS[2], (model.n_joints, 3), batched=False)
-        others = real_array(others, SAVED_FIELDS[4], ("n_frames", n_others, 3), batched=False)
-        check_shape(digests, SAVED_FIELDS[3], (len(others),), batched=False)
+        poses = real_array(poses, SAVED_FIELDS[3], ("n_frames", model.n_joints, 3), batched=False)
+        check_shape(digests, SAVED_FIELDS[4], (len(poses),), batched=False)
     recording = source.read()
-    poses = recording.poses[frames]
+    performer = model_of_size(model, betas, rest)
     rows = dict(zip(digests.tolist(), range(len(digests)), strict=True))
-    keys = frame_digests(poses.reshape(len(poses), -1)).tolist()
-    known_rows = np.array([rows.get(key, -1) for key in keys])
-    known = known_rows >= 0
-    rotations = np.full((len(keys), n_others, 3), np.nan)
-    rotations[known] = others[known_rows[known]]
-    if up is None:
-        # Other programs may have turned frames that are not as they were written.
-        up = "z" if known.all() else source.upward_axis()
-    model = model_of_size(model, betas, rest)
-    model_poses = poses_from_smpl(upright_poses(poses, up), model, rest, rotations)
-    places = make_upright(recording.translations[frames], up=up) - rest[0]
-    return ArrayMotion(source.names, rate, model, betas, model_poses, places)
+    keys = frame_digests(recording.poses[frames].reshape(len(frames), -1)).tolist()
+    if up not in (None, "z") or not set(keys) <= rows.keys():
+        # Other programs have changed what the frames show.
+        axis = source.upward_axis() if up is None else up
+        skeleton = _skeleton_motion(source, frames, rate, axis)
+        return RetargetedMotion(
+            skeleton, performer, source.names, rate, len(frames), betas=betas, up=axis
+        )
+    places = make_upright(recording.translations[frames], up="z") - rest[0]
+    known_poses = poses[[rows[key] for key in keys]]
+    return ArrayMotion(source.names, rate, performer, betas, known_poses, places)
 
 
 def _skeleton_motion(

@@ -74,20 +74,22 @@ def test_frames_cut_by_other_programs_play_what_the_file_says(knees, tmp_path, f
 
 
 def test_poses_edited_by_other_programs(knees, tmp_path):
-    """Joints that AMASS lacks then turn as those above them do."""
+    """The same person then performs what the file shows, as with any file of AMASS."""
     knees.save(tmp_path / "a.npz")
     fields = dict(np.load(tmp_path / "a.npz"))
-    fields["poses"] = fields["poses"].astype(np.float32)  # all digests are others
+    fields["poses"] = fields["poses"].astype(np.float32)
+    np.savez(tmp_path / "single.npz", **fields)  # which changes no pose
+    np.testing.assert_allclose(load_amass(tmp_path / "single.npz")[0][:], knees[:], atol=1e-9)
     elbow = slice(3 * SMPL_JOINTS.index("left_elbow"), 3 * SMPL_JOINTS.index("left_elbow") + 3)
     fields["poses"][:, elbow] = 0.0
-    fields["trans"] = fields["trans"] + [1.0, 0.0, 0.0]
     np.savez(tmp_path / "b.npz", **fields)
     (read,) = load_amass(tmp_path / "b.npz")
-    moved = joints_of(read)[0] - joints_of(knees)[0] - [1.0, 0.0, 0.0]
+    np.testing.assert_array_equal(read.betas, knees.betas)
+    moved = joints_of(read)[0] - joints_of(knees)[0]
     apart = np.linalg.norm(moved, axis=-1).max(axis=0)
     unmoved = [name not in ("left_wrist",) for name in read.model.joint_names]
-    assert apart[unmoved].max() < 0.02
-    assert apart[~np.array(unmoved)].min() > 0.05
+    assert apart[unmoved].max() < 0.07
+    assert apart[~np.array(unmoved)].min() > 0.15
 
 
 def test_amass_of_smpl(tmp_path):
