@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.checks import choice, real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.io.mesh_arrays import check_mesh, place_numbers, read_only, triangle_sides
+from riemhuman.io.mesh_arrays import check_mesh, read_only, triangle_sides
 
 # Two border edges coincide if the distance of their corners is below both shares: of the median
 # border edge, and of the shorter of the two. Rounding in files is less, and the lips of a closed
@@ -157,47 +157,11 @@ def _border_edges(faces: Triangles) -> Integers:
 
 def _opposite_borders(points: Array, edges: Integers) -> Integers:
     """Return pairs of border edges that about coincide in opposite directions, shape (P, 2, 2)."""
-    exact, is_other = _exactly_opposite(points, edges)
-    # Most seams coincide to the last digit, and a search among neighbours takes longer.
-    is_other[exact] = False
-    rest = np.flatnonzero(is_other)
-    near = rest[_nearly_opposite(points, edges[rest])]
-    first, second = np.concatenate([exact, near]).T
-    return np.stack([edges[first], edges[second, ::-1]], axis=1)
-
-
-def _exactly_opposite(points: Array, edges: Integers) -> tuple[Integers, Booleans]:
-    """Return the pairs of edges whose ends are at the same places, swapped, shape (P, 2).
-
-    The second array says which edges may be paired with others: those whose ends differ, and of
-    more edges at one place than sheets can meet, the first.
-    """
-    is_used = np.zeros(len(points), dtype=bool)
-    is_used[edges] = True
-    places = np.zeros(len(points), dtype=np.int64)
-    places[is_used] = place_numbers(points[is_used])
-    start, end = places[edges].T
-    keys, opposite = start * len(points) + end, end * len(points) + start
-    order = np.argsort(keys, kind="stable")
-    ordered = keys[order]
-    low, high = (np.searchsorted(ordered, opposite, side) for side in ("left", "right"))
-    is_other = start != end
-    # Equal keys are consecutive: one that equals the key _MOST_SHEETS before it is one too many.
-    is_surplus = ordered[_MOST_SHEETS:] == ordered[:-_MOST_SHEETS]
-    is_other[order[_MOST_SHEETS:][is_surplus]] = False
-    counts = np.where(start == end, 0, np.minimum(high - low, _MOST_SHEETS))
-    first = np.repeat(np.arange(len(edges)), counts)
-    within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
-    second = order[np.repeat(low, counts) + within]
-    return np.stack([first, second], axis=1)[first < second], is_other
-
-
-def _nearly_opposite(points: Array, edges: Integers) -> Integers:
-    """Return the numbers of edges whose ends are near each other, swapped, shape (P, 2)."""
     from scipy.spatial import cKDTree  # takes long
 
+    edges = edges[(points[edges[:, 0]] != points[edges[:, 1]]).any(axis=1)]
     if len(edges) < 2:
-        return np.zeros((0, 2), dtype=np.int64)
+        return np.zeros((0, 2, 2), dtype=np.int64)
     along = points[edges].reshape(-1, 6)
     back = points[edges[:, ::-1]].reshape(-1, 6)
     limit = 2.0 * _SLACK * _TOLERANCE * _usual_length(points, edges) + np.finfo(float).tiny
@@ -211,7 +175,8 @@ def _nearly_opposite(points: Array, edges: Integers) -> Integers:
     # Of several candidates, as on thin triangles, only the nearest; more sheets may be as near.
     least = 1.5 * gaps[:, 0] + 1e-9 * limit
     is_nearest = gaps_of_pairs <= np.minimum(least[first], least[second])
-    return np.stack([first[is_nearest], second[is_nearest]], axis=1)
+    first, second = first[is_nearest], second[is_nearest]
+    return np.stack([edges[first], edges[second, ::-1]], axis=1)
 
 
 def _is_coincident(points: Array, pairs: Integers) -> Booleans:
