@@ -28,8 +28,8 @@ _TRIANGLES = 4
 _STRIP = 5
 _FAN = 6
 _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
-# Corners of triangles for each byte of arrays: primitives and nodes may share some.
-_MOST_CORNERS = 4
+# Rows that are read for each byte of arrays: primitives and nodes may share some.
+_MOST_ROWS = 4
 
 # Extensions that change no positions, beside those of materials, textures, lights and metadata.
 _QUANTIZATION = "KHR_mesh_quantization"
@@ -112,7 +112,7 @@ class _Reader:
         """Return vertices and triangles, primitive by primitive."""
         vertices: list[Values] = []
         faces: list[Triangles] = []
-        n_vertices = n_corners = n_others = 0
+        n_vertices = n_others = 0
         for number in self._shown_nodes():
             node = self._item("nodes", number)
             starts: dict[_Vertices, int] = {}
@@ -125,15 +125,10 @@ class _Reader:
                 source = self._vertices_of(primitive, where)
                 n_new = self._item("accessors", source.positions)["count"]
                 if source not in starts:
-                    n_vertices += n_new
-                # Nodes may share a mesh, and primitives their corners, any number of times.
-                self._check_size(n_vertices, n_corners)
-                if source not in starts:
-                    starts[source] = n_vertices - n_new
+                    starts[source] = n_vertices
                     vertices.append(self._placed(number, mesh, source, where))
+                    n_vertices += n_new
                 corners = self._triangles(primitive, n_new, where)
-                n_corners += corners.size
-                self._check_size(n_vertices, n_corners)
                 if self._is_mirrored(number):
                     corners = corners[:, [0, 2, 1]]
                 faces.append(corners + starts[source])
@@ -142,9 +137,11 @@ class _Reader:
             raise FileFormatError(f"the scene of the GLB file holds no triangles{remark}")
         return np.concatenate(vertices), np.concatenate(faces)
 
-    def _check_size(self, n_vertices: int, n_corners: int) -> None:
-        if n_vertices > self._n_bytes or n_corners > _MOST_CORNERS * self._n_bytes:
-            raise FileFormatError("its nodes and primitives repeat its meshes too often")
+    def _count_rows(self, count: int, where: str) -> None:
+        """Refuse files whose nodes and primitives share arrays any number of times."""
+        self._n_rows += count
+        if self._n_rows > _MOST_ROWS * self._n_bytes:
+            raise FileFormatError(f"{where}: its nodes and primitives repeat its arrays too often")
 
     def _item(self, kind: str, number: JSONValue) -> _Json:
         """Return a numbered part of the document."""
@@ -302,6 +299,7 @@ class _Reader:
                 raise FileFormatError(f"{where}: indices must be unsigned whole numbers")
             corners = self._accessor(primitive["indices"], "SCALAR", where, whole=True)[:, 0]
         else:
+            self._count_rows(n_vertices, where)
             corners = np.arange(n_vertices)
         if corners.size and corners.max() >= n_vertices:
             raise FileFormatError(
@@ -337,9 +335,7 @@ class _Reader:
         dtype, count = np.dtype(_COMPONENTS[component]), accessor["count"]
         if not isinstance(count, int) or not 0 <= count <= self._n_bytes:
             raise FileFormatError(f"{where}: {str(count)[:40]} rows are more than the file holds")
-        self._n_rows += count
-        if self._n_rows > _MOST_CORNERS * self._n_bytes:
-            raise FileFormatError(f"{where}: its accessors are read too often")
+        self._count_rows(count, where)
         width = _WIDTHS[kind]
         if "bufferView" in accessor:
             offset = accessor.get("byteOffset", 0)
