@@ -105,31 +105,6 @@ def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     )
 
 
-# Names of tasks that are being worked on; the last line of a terminal shows the latest.
-_tasks: list[str] = []
-
-
-@contextmanager
-def _shown(name: str) -> Iterator[None]:
-    """Show the name of a task, and repeat it below anything written in the meantime."""
-    with _above_tasks():
-        _tasks.append(name)
-    try:
-        yield
-    finally:
-        _tasks.pop()
-
-
-@contextmanager
-def _above_tasks() -> Iterator[None]:
-    """Make room for whole lines, and show the current task below them."""
-    if sys.stderr.isatty():
-        say("\r\x1b[K")
-    yield
-    if _tasks:
-        say(f"{_tasks[-1]} ...")
-
-
 def say(text: str) -> None:
     """Write to standard error; no work ends because its disk is full or its terminal closed."""
     try:
@@ -142,10 +117,15 @@ def say(text: str) -> None:
 
 
 def note(text: str) -> None:
-    """Write a line to standard error, above progress bars and the name of the task."""
+    """Write a line to standard error, above progress bars and in place of a task's name."""
     tqdm = sys.modules.get("tqdm")  # only progress bars import it
-    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext(), _above_tasks():
-        say(f"riemhuman: {one_line(text)}\n")
+    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext():
+        say(f"{_line_start()}riemhuman: {one_line(text)}\n")
+
+
+def _line_start() -> str:
+    """Return what wipes out the name of a task on a terminal."""
+    return "\r\x1b[K" if sys.stderr.isatty() else ""
 
 
 def say_compilation() -> None:
@@ -172,13 +152,11 @@ def discard(stream: TextIO) -> None:
 def task(options: argparse.Namespace, name: str) -> Iterator[None]:
     """Report a task and its duration on standard error; on a terminal, also when it begins."""
     start = time.perf_counter()
-    with _shown(name) if options.bars else nullcontext():
-        yield
+    if options.bars:
+        say(f"{_line_start()}{name} ...")
+    yield
     if not options.quiet:
-        # On a terminal, this replaces the name of the task.
-        begin = "\r" if options.bars else ""
-        with _above_tasks():
-            say(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
+        say(f"{_line_start()}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
 @contextmanager
