@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from riemhuman.arrays import Array, Integers, Triangles
+from riemhuman.arrays import Array
 from riemhuman.checks import checked, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.io.mesh_seams import find_seams
 from riemhuman.kernels.elimination import symmetric_factor
 from riemhuman.kernels.projections import with_positive_peaks
-from riemhuman.kernels.surface import cotangent_laplacian
-from riemhuman.kernels.threads import Run
 from riemhuman.representation import Record
 from riemhuman.surfaces.measures import vertex_components
-from riemhuman.surfaces.template import Template, refuse_flat
+from riemhuman.surfaces.template import Template
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +71,7 @@ def spectrum(vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int) -> Spect
     vertices : array_like, shape (V, 3), in metres
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0. The mesh may be open. Vertices duplicated
-        along a seam share their value and their area.
+        along a seam share their value.
     n_eigenvalues : int
 
     Examples
@@ -85,28 +81,14 @@ def spectrum(vertices: ArrayLike, faces: ArrayLike, n_eigenvalues: int) -> Spect
     >>> spectrum.eigenvalues.shape, bool((spectrum.eigenvalues > 0).all())
     ((4,), True)
     """
-    vertices, faces = check_mesh(vertices, faces)
-    seams = find_seams(vertices, faces)
-    if seams:
-        joined = spectrum(seams.join(vertices), seams.faces, n_eigenvalues)
-        copies = seams.joined_vertices
-        return Spectrum(
-            joined.eigenvalues,
-            joined.functions[:, copies],
-            joined.constants[copies],
-            (joined.areas / np.bincount(copies))[copies],
-        )
-    refuse_flat(vertices, faces, "the mesh", "the cotangent Laplacian needs triangles with area")
-    mesh = Template(vertices, faces)
+    mesh = Template(*check_mesh(vertices, faces))
     values, functions = harmonics(mesh, n_eigenvalues, "n_eigenvalues")
-    constants = _constants(mesh.faces, mesh.vertex_areas)
+    components = vertex_components(mesh.joined_faces, mesh.n_vertices)
+    if mesh.seams:
+        components = components[mesh.seams.first_copies]
+    sizes = np.bincount(components, mesh.vertex_areas)
+    constants = np.divide(1.0, sizes, where=sizes > 0, out=np.zeros_like(sizes))[components]
     return Spectrum(values, functions, constants, mesh.vertex_areas)
-
-
-def _constants(faces: Triangles, areas: Array) -> Array:
-    components = vertex_components(faces, len(areas))
-    sizes = np.bincount(components, areas)
-    return np.divide(1.0, sizes, where=sizes > 0, out=np.zeros_like(sizes))[components]
 
 
 # Shift of the spectrum, in units of the mean spacing 4π / area of Weyl's law, that makes the
@@ -116,8 +98,8 @@ _SHIFT = 0.01
 # Eigenvalues that differ by less than this share are copies of one.
 _ROUNDING = 1e-8
 
-# Connected parts with up to this many vertices are solved densely.
-_SMALL_PART = 64
+# Meshes with up to this many vertices are solved densely.
+_SMALL = 64
 
 
 def harmonics(
@@ -127,80 +109,31 @@ def harmonics(
 
     Copies of vertices along seams have equal values, those of the joined mesh.
     """
-    areas, faces = _joined_areas(template), template.joined_faces
-    used = np.flatnonzero(areas)
-    laplacian = cotangent_laplacian(template.vertices, faces)[used][:, used]
-    values, functions = _eigenfunctions(laplacian, areas, faces, n_harmonics, name)
-    return values, functions[:, template.seams.first_copies] if template.seams else functions
-
-
-def _joined_areas(template: Template) -> Array:
-    """Return the vertex areas, at the first copies of vertices that seams double."""
-    if not template.seams:
-        return template.vertex_areas
-    copies = template.seams.first_copies
-    areas = np.bincount(copies, template.vertex_areas, minlength=template.n_vertices)
-    return areas.astype(np.float64, copy=False)
-
-
-def _eigenfunctions(
-    laplacian: sparse.csr_array, areas: Array, faces: Triangles, count: int, name: str
-) -> tuple[Array, Array]:
-    """Return the lowest eigenfunctions with μ > 0, from the Laplacian at vertices with areas."""
-    used, n_used = np.flatnonzero(areas), len(np.unique(faces))
-    n_unused = len(areas) - n_used
-    components = vertex_components(faces, len(areas))
-    n_constant = int(components.max()) + 1 - n_unused
-    if count > n_used - n_constant:
+    heat = template.vertex_heat
+    areas, used = heat.masses, np.flatnonzero(heat.masses)
+    components = vertex_components(template.joined_faces, len(areas))
+    n_parts = len(np.unique(components[used]))
+    if n_harmonics > len(used) - n_parts:
         raise ArgumentError(
-            f"{name}={count} exceeds the {n_used - n_constant} of a mesh with {n_used} vertices "
-            f"in {n_constant} connected components"
+            f"{name}={n_harmonics} exceeds the {len(used) - n_parts} of a mesh with {len(used)} "
+            f"vertices in {n_parts} connected components"
         )
-    values, vectors = _eigenpairs_of_parts(laplacian, areas[used], components[used], count)
-    functions = np.zeros((count, len(areas)))
-    functions[:, used] = vectors
-    return values, with_positive_peaks(functions)
-
-
-def _eigenpairs_of_parts(
-    laplacian: sparse.csr_array, areas: Array, components: Integers, count: int
-) -> tuple[Array, Array]:
-    """Return the lowest eigenvalues above zero, and eigenvectors as rows, part by part.
-
-    The zeros of thousands of parts are as many, and Lanczos iterations would look for them all.
-    """
-    _, parts, sizes = np.unique(components, return_inverse=True, return_counts=True)
-    order = np.argsort(parts, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(sizes)])
-    blocks = laplacian[order][:, order].tocsr()
-    areas = areas[order]
-    modes: list[_Mode] = []
-    for start, size in zip(starts[:-1], sizes, strict=True):
-        part = slice(start, start + size)
-        n_modes = min(count, int(size) - 1)
-        values, vectors = lowest_eigenpairs(blocks[part, part], areas[part], n_modes + 1)
-        # The first mode of a connected part is constant.
-        modes += [_Mode(values[k], vectors[:, k], part) for k in range(1, n_modes + 1)]
-    modes = sorted(modes, key=lambda mode: mode.value)[:count]
-    functions = np.zeros((count, len(areas)))
-    for function, mode in zip(functions, modes, strict=True):
-        function[order[mode.rows]] = mode.vector
-    return np.array([mode.value for mode in modes]), functions
-
-
-class _Mode(NamedTuple):
-    """An eigenvalue of a part, its eigenvector, and the rows of the part in the matrix."""
-
-    value: float
-    vector: Array
-    rows: Run
+    # The lowest are constant on each connected part.
+    values, vectors = lowest_eigenpairs(
+        heat.laplacian[used][:, used], areas[used], n_parts + n_harmonics
+    )
+    functions = np.zeros((n_harmonics, len(areas)))
+    functions[:, used] = vectors[:, n_parts:].T
+    functions = with_positive_peaks(functions)
+    copies = template.seams.first_copies if template.seams else slice(None)
+    return values[n_parts:], functions[:, copies]
 
 
 def lowest_eigenpairs(laplacian: sparse.csr_array, areas: Array, count: int) -> tuple[Array, Array]:
     """Return the lowest eigenvalues and eigenvectors of L h = μ A h."""
     n_vertices = len(areas)
     # Lanczos iterations need room; a small mesh has none.
-    if n_vertices <= max(2 * count, _SMALL_PART):
+    if n_vertices <= max(2 * count, _SMALL):
         values, vectors = linalg.eigh(
             laplacian.toarray(), np.diag(areas), subset_by_index=(0, count - 1), check_finite=False
         )

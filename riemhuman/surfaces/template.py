@@ -321,7 +321,7 @@ class Template:
 
 def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
     """Return triangle areas and frame coefficients; raise if a triangle has no area."""
-    refuse_flat(vertices, faces, "the template", "every triangle of a template must have area")
+    _refuse_flat(vertices, faces)
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]
     second_edge = corners[:, 2] - corners[:, 0]
@@ -333,8 +333,8 @@ def _areas_and_frames(vertices: Array, faces: Triangles) -> tuple[Array, Array]:
     return read_only(double_areas / 2), read_only(frames)
 
 
-def refuse_flat(vertices: Array, faces: Triangles, name: str, remedy: str) -> None:
-    """Raise an error if a triangle of a mesh has no area; its message ends with the remedy."""
+def _refuse_flat(vertices: Array, faces: Triangles) -> None:
+    """Raise an error if a triangle has no area."""
     corners = vertices[faces]
     double_areas = np.linalg.norm(doubled_area_vectors(vertices, faces), axis=1)
     sides = corners - np.roll(corners, 1, axis=1)
@@ -344,8 +344,9 @@ def refuse_flat(vertices: Array, faces: Triangles, name: str, remedy: str) -> No
     if is_flat.any():
         first = int(is_flat.argmax())
         raise DegenerateSurfaceError(
-            f"{name} has {int(is_flat.sum())} of {len(faces)} triangles without area, the first "
-            f"at index {first} with vertices {tuple(faces[first].tolist())}; {remedy}"
+            f"the template has {int(is_flat.sum())} of {len(faces)} triangles without area, the "
+            f"first at index {first} with vertices {tuple(faces[first].tolist())}; every triangle "
+            "must have area"
         )
 
 
