@@ -7,52 +7,79 @@ same command then ends as if nothing had happened.
 import os
 import shutil
 import signal
+import subprocess
 import sys
-import tempfile
-from itertools import islice, product
 from pathlib import Path
 
+import numpy as np
 import pytest
-from faults import OPERATIONS, Processes
-from sockets import folder_of_sockets
+from cases import sphere_template, surfaces
 
-SUPPORT = Path(__file__).parents[1] / "support"
+from riemhuman.io import save_mesh
+
 ROOT = Path(__file__).parents[2]
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes fork")
+# Before the change of a file with a number, the process is killed: changes are counted as Python's
+# audit events tell of files opened for writing, renamed or removed, and of folders made or removed.
+COMMAND = """
+import os, signal, sys
+from riemhuman.cli import main
+
+folder, fatal, count = sys.argv[1], int(sys.argv[2]), 0
+CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate")
+
+def hook(event, arguments):
+    global count
+    is_write = event == "open" and isinstance(arguments[2], int) and arguments[2] & (
+        os.O_WRONLY | os.O_RDWR | os.O_CREAT
+    )
+    if (is_write or event in CHANGES) and not isinstance(arguments[0], int):
+        if os.fsdecode(arguments[0]).startswith(folder):
+            count += 1
+            if count == fatal:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+sys.addaudithook(hook)
+code = main(sys.argv[3:])
+print(count, file=sys.__stderr__)
+sys.exit(code)
+"""
+FILES = ("matrix", "-o", "D.npz", "--csv", "D.csv", "--resume", "work", "--pose")
+OPERATIONS = {"files": FILES, "a folder": ("align", "-o", "aligned")}
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are killed by signals")
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patches:
-        # The server imports the tests and the library by itself.
-        patches.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), str(ROOT)]))
-        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-            patches.setenv(name, "1")
-        patches.setattr(tempfile, "tempdir", folder_of_sockets())
-        yield Processes(tmp_path_factory.mktemp("server"))
+def make_inputs(folder, seed):
+    """Write meshes of three people in two poses, with their labels."""
+    folder.mkdir()
+    rows = ["file,subject,pose"]
+    for number, points in enumerate(surfaces(sphere_template(), 6, rng=seed, size=0.1)):
+        save_mesh(folder / f"body_{number}.ply", points, sphere_template().faces)
+        rows.append(f"body_{number}.ply,person {number // 2},pose {number % 2}")
+    (folder / "labels.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder
 
 
-@pytest.fixture(scope="module")
-def undisturbed(server, tmp_path_factory):
-    """Return a function for what an operation writes without faults, and its number of changes."""
-    known = {}
-
-    def run(operation, inputs):
-        if (operation, inputs) not in known:
-            outputs = tmp_path_factory.mktemp(operation)
-            code, said, n_changes = server.run(operation, outputs, inputs=inputs)
-            assert code == 0, said
-            known[operation, inputs] = content(outputs), n_changes
-        return known[operation, inputs]
-
-    return run
+def run(operation, inputs, outputs, fatal=0):
+    """Return the exit code, or minus the signal, and the number of changes of files."""
+    outputs.mkdir(parents=True, exist_ok=True)
+    command, *options = OPERATIONS[operation]
+    arguments = [sys.executable, "-c", COMMAND, str(outputs), str(fatal), command, str(inputs)]
+    done = subprocess.run(
+        [*arguments, *options, "--force", "-q"],
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
+        cwd=outputs,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, int(done.stderr.split()[-1]) if done.returncode == 0 else 0
 
 
 def content(folder):
     """Return what a user sees: files by name, without hidden ones and those of a job."""
-    files = (file for file in sorted(folder.rglob("*")) if file.is_file())
-    names = {str(file.relative_to(folder)): file for file in files}
+    names = {str(file.relative_to(folder)): file for file in folder.rglob("*") if file.is_file()}
     return {
         name: file.read_bytes()
         for name, file in names.items()
@@ -73,29 +100,24 @@ def is_old_or_new(found, old, new):
 
 
 @pytest.mark.slow
-@pytest.mark.everyday("resumable_matrix-19")
-@pytest.mark.parametrize("step", [19, 1])
 @pytest.mark.parametrize("operation", OPERATIONS)
-def test_killed_before_every_change_of_a_file(server, undisturbed, operation, step, tmp_path):
-    new, n_changes = undisturbed(operation, server.inputs)
-    old, _ = undisturbed(operation, server.others)
-    assert n_changes >= 4
-    assert server.run(operation, tmp_path / "old", inputs=server.others)[0] == 0
+def test_killed_before_changes_of_files(operation, tmp_path):
+    inputs = make_inputs(tmp_path / "inputs", 0)
+    others = make_inputs(tmp_path / "others", 1)
+    code, n_changes = run(operation, inputs, tmp_path / "new")
+    assert (code, n_changes >= 4) == (0, True)
+    assert run(operation, others, tmp_path / "old")[0] == 0
     shutil.rmtree(tmp_path / "old" / "work", ignore_errors=True)
-    # Replacing a result takes a few changes more.
-    # An odd step: changes of new files and of old ones in turn.
-    kills = islice(product(range(1, n_changes + 6), ({}, old)), n_changes % step, None, step)
-    for change, before in kills:
-        outputs = tmp_path / f"{change} {len(before)}"
+    old, new = content(tmp_path / "old"), content(tmp_path / "new")
+    kills = np.linspace(1, n_changes, 8).astype(int)
+    for number, before in zip(kills, 4 * ({}, old), strict=True):
+        outputs = tmp_path / f"{number} {len(before)}"
         if before:
             shutil.copytree(tmp_path / "old", outputs)
-        code, *_ = server.run(operation, outputs, kill_at=change)
-        assert code == -signal.SIGKILL or change > n_changes
+        assert run(operation, inputs, outputs, fatal=number)[0] == -signal.SIGKILL
         found = content(outputs)
         # Between two renames, an old folder is there under a hidden name alone.
         is_between = not found and list(outputs.glob(".*/*"))
-        assert is_old_or_new(found, before, new) or is_between, change
-        code, said, _ = server.run(operation, outputs)
-        assert code == 0, said
+        assert is_old_or_new(found, before, new) or is_between, number
+        assert run(operation, inputs, outputs)[0] == 0
         assert content(outputs) == new
-        shutil.rmtree(outputs)
