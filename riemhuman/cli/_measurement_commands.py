@@ -16,7 +16,13 @@ from riemhuman.errors import ArgumentError, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord
-    from riemhuman.measurements import BodySizes, Measurements, PersonDistance, VisitComparison
+    from riemhuman.measurements import (
+        BodySizes,
+        Measurements,
+        MeasurementSet,
+        PersonDistance,
+        VisitComparison,
+    )
     from riemhuman.measurements.readable_units import ReadableUnit
 
 _MOST_COLUMNS = 5
@@ -62,6 +68,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     files = inputs.list_meshes(options.meshes)
+    visits = [files] if options.same_person else [[file] for file in files]
     if options.seated and options.model is not None:
         raise ArgumentError("--seated is for the open body model; leave out --model")
     pose = "seated" if options.seated else "standing"
@@ -83,6 +90,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
         axes = "space"
     with options.task(f"Measurements of {counted(len(files), 'mesh', 'meshes')}"):
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
+        measured = _without_hidden(measured, visits, definitions)
     if options.picture is not None:
         with rh.plots.figure_style():
             figure = rh.plots.plot_measurements(
@@ -108,6 +116,27 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
     record = {"pose": pose, "units": units, "bodies": bodies, "missing": missing}
     lines = [*_measured_table(files, measured, options.output_units), *reasons]
     return cli.Answer("\n".join(lines), record)
+
+
+def _without_hidden(
+    measured: BodySizes, visits: Sequence[Sequence[Path]], definitions: MeasurementSet
+) -> BodySizes:
+    """Return measurements without those at a crotch that the registered scans do not show."""
+    from riemhuman.report.registered_scans import record_beside
+    from riemhuman.report.sheet_values import CROTCH, SheetSubject, is_crotch_hidden
+
+    values, why_missing = measured.values.copy(), dict(measured.why_missing)
+    records_of_folders: dict[Path, dict[str, rh.registration.ScanRecord]] = {}
+    for number, files in enumerate(visits):
+        records = [record_beside(file, records_of_folders) for file in files]
+        scans = [SheetSubject.of_record(record) for record in records if record is not None]
+        if len(scans) < len(files):
+            continue
+        if is_crotch_hidden(SheetSubject.of_visit(scans), definitions):
+            for name in {*CROTCH.measurements} & {*measured.names}:
+                values[number, measured.names.index(name)] = float("nan")
+                why_missing.setdefault((number, name), CROTCH.reason)
+    return dataclasses.replace(measured, values=values, why_missing=why_missing)
 
 
 def _missing(
@@ -201,11 +230,10 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         "expected_beyond_threshold_by_chance": result.expected_by_chance,
         "pose_distance": result.pose_distance,
         "outward_millimetres": {"least": least, "most": most},
-        "share_of_triangles_changed": float(result.areas_significant.mean()),
         "area_distance": people.distance,
         "usual_area_distances": vars(people.usual),
     }
-    count, share = len(result.names), 100 * result.areas_significant.mean()
+    count = len(result.names)
     ends = (max(-least, 0.0), max(most, 0.0))
     gaps = [rh.measurements.readable_gap(1e-3 * end, options.output_units) for end in ends]
     lines = [
@@ -217,7 +245,6 @@ def _compare(options: argparse.Namespace) -> cli.Answer:
         ),
         *([advice] if advice else []),
         f"surface change: {gaps[0]} inward to {gaps[1]} outward",
-        f"triangles that changed area by more than noise: {share:.0f} %",
     ]
     return cli.Answer("\n".join(lines), record)
 

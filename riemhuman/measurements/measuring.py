@@ -48,6 +48,9 @@ _VERTICES = 20_000
 _THREADED = 64
 # Largest share of a measurement, by its derivatives, that may depend on unseen vertices.
 _MOST_UNSEEN = 0.05
+# A girth that does not touch the fingers, and the landmark at their tips: closed
+# fingers thicken the knuckles.
+_FINGERS = {"hand girth": "right_dactylion"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +230,8 @@ class Measurements:
             in `why_missing`.
         trusted_vertices : array_like of bool, shape (..., V), optional
             Which vertices to trust, such as `rh.registration.RegisteredScan.trusted_vertices`. A
-            measurement is not defined if more than a twentieth of it depends on other vertices.
+            measurement is not defined if more than a twentieth of it depends on other vertices, nor
+            is the hand girth without the fingers, which may be closed.
         """
         dtype = getattr(points, "dtype", None)
         points = real_array(points, "points", (self.definitions.n_vertices, 3))
@@ -328,6 +332,11 @@ class Measurements:
                 reasons[number, self.names[which]] = (
                     f"{100 * shares[which]:.0f} % of its {place} lies on untrusted parts"
                 )
+            for name, landmark in _FINGERS.items():
+                if name in self.names and landmark in self.definitions.landmarks:
+                    vertices, _ = self.definitions.landmarks[landmark]
+                    if not trusted[number, vertices].all():
+                        reasons.setdefault((number, name), "untrusted fingers may be bent")
         return reasons
 
     def _why_missing(self, surfaces: Array, values: Array, axes: str) -> dict[tuple[int, str], str]:

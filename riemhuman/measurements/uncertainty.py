@@ -104,24 +104,6 @@ def noise_of_measurements(
     return deviations
 
 
-def noise_of_areas(
-    definitions: MeasurementSet, pose_distance: float, n_scans: float = 1.0
-) -> Array:
-    """Return the standard deviations of the logarithms of triangles' areas, shape (F,).
-
-    That of simulated people over poses is known by part of the body. Of real people nothing was
-    measured: the deviations grow with the pose distance like the median of the measurements.
-    """
-    record = load_json("noise_of_poses.json")
-    noise, slopes = _noise_and_slopes(tuple(record["measurements"]))
-    growth = np.sqrt(1.0 / n_scans + np.nanmedian(slopes / noise**2) * pose_distance)
-    deviations = np.full(len(definitions.faces), np.nan)
-    for name, noise_of_part in record["log_areas"].items():
-        if name in definitions.parts:
-            deviations[definitions.parts[name]] = growth * noise_of_part
-    return deviations
-
-
 def _noise_and_slopes(names: Sequence[str]) -> tuple[Array, Array]:
     # See tutorials/remake/build_noise_of_poses.py; the slopes are figures of real people.
     noise = load_json("noise_of_poses.json")["measurements"]

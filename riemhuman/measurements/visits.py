@@ -16,7 +16,7 @@ from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements
 from riemhuman.measurements.readable_units import readable_unit
 from riemhuman.measurements.same_person import person_in_standard_pose, pose_distance_of_visits
-from riemhuman.measurements.uncertainty import noise_of_areas, noise_of_measurements
+from riemhuman.measurements.uncertainty import noise_of_measurements
 from riemhuman.surfaces.procrustes import procrustes
 
 # Two scans in the same pose are about 0.1 apart if simulated people hold it exactly; above this
@@ -50,9 +50,6 @@ class VisitComparison:
         Number of scans of each visit; their harmonic mean if it differs.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second aligned with the first.
-    area_changes, area_noise : array, shape (F,)
-        Natural logarithm of each triangle's area at the second visit over that at the first, and
-        its noise, by part of the body, at this distance of poses; NaN where unknown.
     displacements : array, shape (V,)
         Outward displacement of each vertex, metres.
     why_missing : dict of (int, str) to str
@@ -72,8 +69,6 @@ class VisitComparison:
     n_scans: float
     points_before: Array
     points_after: Array
-    area_changes: Array
-    area_noise: Array
     displacements: Array
     why_missing: Mapping[tuple[int, str], str]
 
@@ -121,12 +116,6 @@ class VisitComparison:
             f"{unit.text(known[name])} {unit.name} to be noticed; in the same pose, "
             f"{unit.text(in_same_pose)} {unit.name} would do. Repeat the {again}."
         )
-
-    @property
-    def areas_significant(self) -> Booleans:
-        """Which changes of area exceed two standard deviations of their noise, shape (F,)."""
-        significant: Booleans = np.abs(self.area_changes) > _SIGNIFICANT * self.area_noise
-        return significant
 
 
 @checked(measurements=instance(Measurements))
@@ -178,9 +167,6 @@ def compare_visits(
     )
     known_in_both: Booleans = np.all(known, axis=0)
     first, second = straight[0], procrustes(straight[1], to=straight[0])
-    areas = definitions.space.face_areas(straight)
-    is_face_known = known_in_both[definitions.faces].all(axis=1)
-    area_changes = np.where(is_face_known, np.log(areas[1] / areas[0]), np.nan)
     outward = np.sum((second - first) * vertex_normals(first, definitions.faces), axis=1)
     distance = pose_distance_of_visits(definitions, *visits)
     n_scans = 2.0 / sum(1.0 / len(scans) for scans in visits)
@@ -194,8 +180,6 @@ def compare_visits(
         n_scans=n_scans,
         points_before=first,
         points_after=second,
-        area_changes=area_changes,
-        area_noise=noise_of_areas(definitions, distance, n_scans),
         displacements=np.where(known_in_both, outward, np.nan),
         why_missing=measured.why_missing,
     )

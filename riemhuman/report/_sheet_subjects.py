@@ -16,10 +16,11 @@ from riemhuman.io.label_tables import LABELS, LabelRow, read_label_rows, rows_of
 from riemhuman.io.meshes import load_trusted
 from riemhuman.measurements.adults import check_values
 from riemhuman.registration import ScanRecord, read_records
+from riemhuman.registration.folders import RECORDS
+from riemhuman.report.registered_scans import record_beside
 from riemhuman.report.sheet_values import SheetSubject
 from riemhuman.representation import join_names
 
-_RECORDS = "registrations"
 _SEXES = {
     **dict.fromkeys(("woman", "women", "female", "f", "w"), "woman"),
     **dict.fromkeys(("man", "men", "male", "m"), "man"),
@@ -211,7 +212,7 @@ def _table_of(paths: Sequence[Path], labels: str | os.PathLike[str] | None) -> P
 
 def _in_folder(folder: Path, unit: str | None, up: str | None) -> _Subjects:
     """Return the bodies of a folder, also those that `register` did not trust."""
-    if not (folder / _RECORDS).is_dir():
+    if not (folder / RECORDS).is_dir():
         return _in_files(find_meshes(folder), unit, up)
     records = sorted(read_records(folder), key=lambda record: natural_key(record.name))
     subjects = [SheetSubject.of_record(record) for record in records if record.arrays]
@@ -235,7 +236,7 @@ def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> _Subje
     faces = []
     records_of_folders: dict[Path, dict[str, ScanRecord]] = {}
     for file in files:
-        record = _record_beside(file, records_of_folders)
+        record = record_beside(file, records_of_folders)
         if record is not None:
             subjects.append(SheetSubject.of_record(record))
             faces.append(record.arrays["faces"])
@@ -253,20 +254,3 @@ def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> _Subje
         )
         faces.append(meshes.faces)
     return _Subjects(subjects, faces, [])
-
-
-def _record_beside(
-    file: Path, records_of_folders: dict[Path, dict[str, ScanRecord]]
-) -> ScanRecord | None:
-    """Return the record of the registered scan in a file, if `register` kept one.
-
-    Records that are read are added to those of folders.
-    """
-    for folder in (file.parent, file.parent.parent):
-        if (folder / _RECORDS / f"{file.stem}.npz").is_file():
-            if folder not in records_of_folders:
-                records = {record.name: record for record in read_records(folder)}
-                records_of_folders[folder] = records
-            record = records_of_folders[folder][file.stem]
-            return record if record.arrays else None
-    return None

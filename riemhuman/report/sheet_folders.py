@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+
 from riemhuman.arrays import Triangles
 from riemhuman.checks import checked, choice, flag, instance, items_of
 from riemhuman.errors import ArgumentError, FileError, counted, warn
@@ -181,12 +183,21 @@ def _measured(
     for number in range(len(subjects)):
         order = labelled.visits_until(number)
         if len(order) > 2:
-            visits = tuple(
-                (subjects[k].visit, {row.name: row.value for row in values[k].rows}) for k in order
-            )
+            # Statures in a row are of one kind: typed in for all visits, or of the scans.
+            is_typed_in = all(np.isfinite(subjects[k].stature) for k in order)
+            named = [at_visit(values[k], is_typed_in=is_typed_in) for k in order]
+            visits = tuple((subjects[k].visit, row) for k, row in zip(order, named, strict=True))
             values[number] = replace(values[number], visits=visits)
     ordered = [values[number] for number in range(len(subjects))]
     return _Sheets(labelled, ordered, measurements_by_size, units)
+
+
+def at_visit(values: SheetValues, *, is_typed_in: bool) -> dict[str, float]:
+    """Return measurements by name, with the stature that was typed in or that of the scan."""
+    known = {row.name: row.value for row in values.rows}
+    if not is_typed_in and "stature" in known:
+        known["stature"] = values.scanned_stature
+    return known
 
 
 def _since_earlier(

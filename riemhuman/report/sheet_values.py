@@ -53,7 +53,7 @@ _LARGEST_NOISE = 0.5
 # Where thighs touch, or a scanner closes its scan between them, nobody sees the crotch. It is
 # hidden if it is farther from the scan than this, metres, and than so many times the median vertex.
 _HIDDEN_METRES, _HIDDEN_TIMES = 0.02, 3.0
-_CROTCH = Group(
+CROTCH = Group(
     "inside leg",
     {},
     "the scan does not show the crotch, as when the thighs touch",
@@ -229,6 +229,7 @@ class SheetValues:
     withheld: tuple[Group, ...] = ()  # groups whose measurements are left blank
     pairs: tuple[PairedRow, ...] = ()  # of the left and the right side
     visits: tuple[tuple[str, Mapping[str, float]], ...] = ()  # up to this one, if more than two
+    scanned_stature: float = float("nan")
 
     @cached_property
     def by_name(self) -> dict[str, SheetRow]:
@@ -408,6 +409,7 @@ def _values(
         average_faces=load_open_model(resolution).faces,
         remarks=(*remarks, *said),
         withheld=tuple(withheld),
+        scanned_stature=measured_stature,
     )
 
 
@@ -432,14 +434,14 @@ def _withheld(
     definitions: MeasurementSet,
 ) -> list[Group]:
     """Return groups that no scan shows, and those that no adult combines; none for children."""
-    is_measured = any(np.isfinite(named.get(name, np.nan)) for name in _CROTCH.measurements)
-    groups = [_CROTCH] if is_measured and _is_crotch_hidden(subject, definitions) else []
+    is_measured = any(np.isfinite(named.get(name, np.nan)) for name in CROTCH.measurements)
+    groups = [CROTCH] if is_measured and is_crotch_hidden(subject, definitions) else []
     if is_of_adults(named.get("stature", float("nan")), subject.sex):
         groups += implausible_groups(named, deviations, subject.sex)
     return groups
 
 
-def _is_crotch_hidden(subject: SheetSubject, definitions: MeasurementSet) -> bool:
+def is_crotch_hidden(subject: SheetSubject, definitions: MeasurementSet) -> bool:
     """Return whether a body is known by scans alone, of which none has points near its crotch."""
     if "crotch" not in definitions.landmarks:
         return False

@@ -236,6 +236,12 @@ def test_unseen_parts_are_not_measured(bodies, measurements):
         assert "untrusted parts" in measured.why_missing[0, name]
     with pytest.raises(ArgumentError, match="untrusted parts"):
         measurements.measure(straight, trusted_vertices=trusted)
+    # Fingers that may be closed thicken the knuckles, which they do not touch.
+    tips, _ = measurements.definitions.landmarks["right_dactylion"]
+    trusted = np.linalg.norm(straight - straight[tips[0]], axis=1) > 0.01
+    measured = measurements.measure(straight, trusted_vertices=trusted, **options)
+    assert measured.why_missing[0, "hand girth"] == "untrusted fingers may be bent"
+    assert np.isfinite([measured["hand breadth"], measured["wrist girth"]]).all()
 
 
 def test_sizes_are_a_mapping_of_names(bodies, measurements):

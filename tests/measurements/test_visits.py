@@ -23,7 +23,6 @@ def test_the_same_person_in_other_poses(bodies):
     measurements = Measurements(bodies.model)
     result = compare_visits(measurements, bodies.points[3], bodies.points[8])
     assert result.is_significant.mean() < 0.2
-    assert np.nanmean(result.areas_significant) < 0.1
     assert np.abs(result.displacements).mean() < 0.005
     # The threshold is twice the deviation of a difference; 4.55 % of normal numbers exceed it.
     np.testing.assert_allclose(result.thresholds, 2 * np.hypot(result.noise, result.noise))
@@ -42,7 +41,6 @@ def test_poses_hide_changes(bodies):
     np.testing.assert_array_equal(result.noise, noise_of_measurements(result.names, distance))
     in_same_pose = compare_visits(measurements, bodies.points[0], bodies.points[0])
     assert (result.thresholds > in_same_pose.thresholds).all()
-    assert (result.area_noise > in_same_pose.area_noise).all()
     chest = f"chest girth must change by {100 * result.thresholds[0]:.1f} cm"
     assert chest in result.pose_advice()
     assert "in the same pose, 2.2 cm" in result.pose_advice()
@@ -71,12 +69,6 @@ def test_a_change_is_found_where_it_is(bodies, number, is_told):
     assert result.changes[0] == pytest.approx(0.021, abs=0.005)
     most = np.argsort(-result.displacements)[:8]
     assert (belly[most] > 0.3).all()
-
-
-def test_areas_of_a_larger_body_have_grown(bodies):
-    measurements = Measurements(bodies.model, ["waist girth"])
-    result = compare_visits(measurements, bodies.points[3], 1.05 * bodies.points[3])
-    assert np.median(result.area_changes) == pytest.approx(2.0 * np.log(1.05), rel=0.1)
 
 
 def test_what_is_not_trusted_is_not_expected_to_change(bodies):

@@ -1,6 +1,7 @@
 """A folder of sheets: its pages and tables, what is refused, and what an interruption leaves."""
 
 import csv
+import json
 import re
 from dataclasses import replace
 
@@ -8,9 +9,11 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
+from riemhuman.cli import main
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.report import sheet_folders
 from riemhuman.report._sheet_subjects import find_subjects
+from riemhuman.report.sheet_values import CROTCH
 
 
 def table_of(folder):
@@ -106,7 +109,7 @@ def test_an_earlier_result_is_kept_unless_asked(folder, tmp_path, no_browser):
 
 @pytest.mark.filterwarnings("ignore:no PDF")
 def test_three_visits_have_a_trend(bodies, folder, tmp_path, no_browser):
-    """The typed-in stature of a scan that shows none gives it percentiles."""
+    """Its statures are all of the scans, unless all are typed in."""
     rh.save_mesh(folder / "emma_3.ply", bodies[3], bodies.template.faces)
     rows = ["file,person,sex,visit,stature"]
     rows += [f"emma_{k}.ply,Emma,woman,{k},{'1.61' if k == 3 else ''}" for k in (1, 2, 3)]
@@ -118,7 +121,11 @@ def test_three_visits_have_a_trend(bodies, folder, tmp_path, no_browser):
     )
     assert "All visits" not in second
     assert re.findall(r'class="n">(visit \d)<', third)[:3] == ["visit 1", "visit 2", "visit 3"]
-    assert '<td class="n">161.0</td>' in third
+    assert '<td class="n v">161.0</td>' in third  # among the measurements of this visit
+    statures = re.search(r'Stature <span class="u">cm</span>.*?</tr>', third)[0]
+    shown = [float(text) for text in re.findall(r'<td class="n">([\d.]+)</td>', statures)]
+    expected = [rh.report.sheet(bodies[k]).measurements[0].value for k in (0, 3, 3)]
+    np.testing.assert_allclose(shown, 100 * np.array(expected), atol=0.051)
     with pytest.raises(ArgumentError, match="stature is for one body; found 3"):
         rh.report.make_sheets(folder, tmp_path / "others", stature=1.7)
 
@@ -135,7 +142,7 @@ def test_other_bodies_are_refused(bodies, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:no PDF")
-def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_browser):
+def test_registered_scans_come_with_their_scans(record, measurements, tmp_path, no_browser, capsys):
     """Also those that are not trusted, and the reason why there is no body."""
     from riemhuman.registration.folders import _write
 
@@ -157,5 +164,21 @@ def test_registered_scans_come_with_their_scans(record, bodies, tmp_path, no_bro
     one = (tmp_path / "sheets" / "half.html").read_text(encoding="utf-8")
     assert "The scan from three sides" in one
     # One file of such a folder, too, is found with its scan.
-    found = find_subjects([place / "partial" / "half.ply"], None)
+    file = place / "partial" / "half.ply"
+    found = find_subjects([file], None)
     assert found.subjects[0].scan is not None
+    # `riemhuman measure` leaves out what the scan does not show, as a sheet does.
+    for name, hole in (("half", 0.0), ("hole", 0.05)):
+        crotch, weights = measurements.definitions.landmarks["crotch"]
+        points = whole.arrays["points"]
+        is_shown = np.linalg.norm(points - weights @ points[crotch], axis=1) >= hole
+        arrays = whole.arrays | {
+            "shown": points[is_shown].astype(np.float32),
+            "shown_distances": np.zeros(is_shown.sum(), np.float32),
+            "trusted_vertices": np.ones(len(points), dtype=bool),
+        }
+        _write(place, replace(whole, name=name, arrays=arrays), "key", None)
+        file = place / "partial" / f"{name}.ply"
+        assert main(["measure", str(file), "--only", "inside leg height", "--json"]) == 0
+        missing = json.loads(capsys.readouterr().out)["missing"]
+        assert [entry["why"] for entry in missing] == [CROTCH.reason] * (name == "hole")

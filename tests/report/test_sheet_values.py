@@ -6,6 +6,7 @@ import numpy as np
 
 import riemhuman as rh
 from riemhuman.measurements.populations import spread_of_adults
+from riemhuman.report.sheet_folders import at_visit
 from riemhuman.report.sheet_values import SheetSubject, values_of
 
 
@@ -77,6 +78,14 @@ def test_percentiles_that_the_pose_hides_are_left_out(bodies):
     spread = spread_of_adults("neck girth", "adult") * rows["neck girth"].value
     assert np.isnan(rows["neck girth"].percentile) == (rows["neck girth"].uncertainty > spread)
     assert np.isfinite(rows["hip girth"].percentile)
+
+
+def test_a_row_of_visits_holds_statures_of_one_kind(bodies, measurements):
+    (values,) = values_of(measurements, [SheetSubject("x", bodies[0], stature=1.61)])
+    scanned = measurements.measure(bodies[0], pose="standard")["stature"]
+    assert values.by_name["stature"].value == 1.61
+    assert at_visit(values, is_typed_in=True)["stature"] == 1.61
+    assert abs(at_visit(values, is_typed_in=False)["stature"] - scanned) < 1e-9
 
 
 def test_several_scans_of_a_visit(bodies, measurements):

@@ -41,14 +41,12 @@ from numpy import ndarray
 from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import Bodies, load_open_bodies, load_open_model
 from riemhuman.errors import FileError
-from riemhuman.geometry import AlignedSurfaces
 from riemhuman.measurements import (
     Breadth,
     Girth,
     Height,
     Measurement,
     Measurements,
-    MeasurementSet,
     in_standard_pose,
 )
 from riemhuman.measurements.measurement_set import DATA
@@ -91,10 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not options.people:
         return
     noise = _noise(_differences(values["registered"], bodies)).round(_DIGITS)
-    record = {
-        "measurements": dict(zip(measurements.names, noise.tolist(), strict=True)),
-        "log_areas": _noise_of_areas(measurements.definitions, straight, bodies),
-    }
+    record = {"measurements": dict(zip(measurements.names, noise.tolist(), strict=True))}
     others = ~np.isin(natural.subject, bodies.subject)
     for name, values_of_group, group in (
         ("plain", values["plain"], variants["plain"]),
@@ -139,18 +134,6 @@ def _differences(values: ndarray, bodies: Bodies) -> ndarray:
 
 def _noise(differences: ndarray) -> ndarray:
     return np.nanquantile(differences, 1.0 - _CHANCE, axis=0) / _LIMIT
-
-
-def _noise_of_areas(
-    description: MeasurementSet, straight: ndarray, bodies: Bodies
-) -> dict[str, float]:
-    assert description.model is not None
-    space = AlignedSurfaces(description.model.template, equip=False, scale=None)
-    changes = _differences(np.log(space.face_areas(straight)), bodies)
-    return {
-        name: round(float(_noise(changes[:, faces].ravel())), _DIGITS)
-        for name, faces in description.parts.items()
-    }
 
 
 def _print(measurements: Measurements, spreads: dict[str, tuple[ndarray, ndarray]]) -> None:
