@@ -1,7 +1,5 @@
 """The compiled and sparse forms of metrics on surfaces agree with their definitions."""
 
-import pickle
-
 import numpy as np
 import pytest
 from cases import TEMPLATES, deformations, open_template, sphere_template, surfaces
@@ -53,12 +51,6 @@ def test_drift_is_what_the_metric_does_not_see(metric):
         np.testing.assert_allclose(found, path if blind else other, atol=1e-3)
         assert (np.abs(found - other).max() > 0.1) == blind
     assert blind == (metric in (METRICS["shape"], METRICS["stretch"]))
-
-
-def test_metrics_are_pickled():
-    metric, path = METRICS["mixed"], wavy_path(0.1, n_times=3)
-    again = pickle.loads(pickle.dumps(metric))
-    assert again.energy(path) == metric.energy(path)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from cases import name_of, surface_cases
 from scipy.spatial.transform import Rotation
 
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.kernels.drift import centroid
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,
@@ -18,7 +17,6 @@ from riemhuman.solvers import (
     PoissonPath,
     PoleLadder,
 )
-from riemhuman.solvers._alignment import align_ends
 from riemhuman.surfaces import DeformationBasis, procrustes
 
 BLIND = [case for case in surface_cases("dist") if "rotation" in case.invariant_under]
@@ -165,19 +163,3 @@ def test_transport_turns_vectors_with_the_end():
         turned_vector = turned(expected.tangent_vec, degrees, axis) - SHIFT
         difference = metric.norm(found.tangent_vec - turned_vector, other)
         assert difference <= 0.01 * metric.norm(expected.tangent_vec, end)
-
-
-@pytest.mark.parametrize(("degrees", "axis"), TURNS[1:])
-def test_paths_turned_back_move_evenly(degrees, axis):
-    """From centroid to centroid; aligned again, they are the same paths."""
-    metric = shape_metric()
-    start, end = bodies.body("resting"), turned(bodies.body("arm raised"), degrees, axis)
-    ends = align_ends(metric, start, end)
-    path = np.linspace(0.0, 1.0, 5)[:, None, None] * (ends.end - ends.start) + ends.start
-    back = ends.turned_back(path)
-    np.testing.assert_array_equal(back[[0, -1]], [start, end])
-    areas = metric.space.template.vertex_areas
-    centroids = centroid(back, areas)
-    even = np.linspace(centroids[0], centroids[-1], 5)
-    np.testing.assert_allclose(centroids, even, atol=1e-12)
-    np.testing.assert_allclose(ends.aligned(back), path, atol=1e-12)
