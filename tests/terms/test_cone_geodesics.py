@@ -1,33 +1,98 @@
 """Cones in closed form: functions, distances, geodesics, against exact arithmetic and others."""
 
 import autograd.numpy as anp
-import ebin_matrices
 import numpy as np
 import oracles
 import pytest
 from autograd import grad
-from ebin_matrices import FAMILIES, LAMBDAS, N_PAIRS, cone_size, matrices, pairs, squared_dist
 from oracles import mp
 
 from riemhuman.kernels import surface
 from riemhuman.kernels.sphere import sine_cardinal
-from riemhuman.terms import _cone_geodesics, cone
+from riemhuman.terms import EbinTerm, _cone_geodesics, cone
 from riemhuman.terms._cone_geodesics import hyperbolic_sine_cardinal, product_minus_square
 from riemhuman.terms.cone import inverse_hyperbolic_sine_cardinal
 
 pytestmark = pytest.mark.usefixtures("strict_floats")
+
+LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
+N_PAIRS = 10
+FAMILIES = (
+    *("ordinary", "near-identical", "within π", "anisotropic", "near-degenerate", "thin"),
+    "of all sizes",
+)
+
+
+def matrices(n_samples, anisotropy, rng):
+    """Return random positive definite matrices with this quotient of eigenvalues."""
+    angle = rng.uniform(0, np.pi, n_samples)
+    axes = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=1)
+    axes = axes.reshape(-1, 2, 2)
+    g = axes @ np.diag([1.0, 1.0 / anisotropy]) @ np.swapaxes(axes, 1, 2)
+    return _cone_geodesics.symmetric_part(g) * np.exp(rng.normal(size=(n_samples, 1, 1)))
+
+
+def pairs(family, lam=1.0):
+    """Return pairs of matrices, shape (2, n, 2, 2)."""
+    rng = np.random.default_rng(1)
+    first = matrices(N_PAIRS, 3.0, rng)
+    if family == "ordinary":
+        return np.stack([first, matrices(N_PAIRS, 2.0, rng)])
+    if family == "near-identical":
+        noise = _cone_geodesics.symmetric_part(rng.normal(size=first.shape))
+        return np.stack([first, first + 1e-8 * noise])
+    if family == "within π":
+        noise = _cone_geodesics.symmetric_part(rng.uniform(-1, 1, first.shape))
+        noise *= min(0.5, 4 * np.sqrt(lam))
+        factor = np.linalg.cholesky(first)
+        scale = np.exp(rng.normal(size=(N_PAIRS, 1, 1)))
+        return np.stack([first, scale * factor @ (np.eye(2) + noise) @ np.swapaxes(factor, 1, 2)])
+    if family == "anisotropic":
+        return np.stack([matrices(N_PAIRS, 1e6, rng), matrices(N_PAIRS, 1e4, rng)])
+    if family == "near-degenerate":
+        return np.stack([matrices(N_PAIRS, 1e8, rng), matrices(N_PAIRS, 1e8, rng)])
+    if family == "thin":
+        return np.exp(rng.uniform(-30, 1, (2, N_PAIRS, 2)))[..., None] * np.eye(2)
+    scales = np.exp(rng.uniform(-20, 20, (2, N_PAIRS, 1, 1)))  # of all sizes
+    return scales * np.stack([first, matrices(N_PAIRS, 2.0, rng)])
+
+
+def cone_size(g1, g2, lam):
+    """Return 4√λ(s₁ + s₂), the largest distance that g₁ and g₂ can have."""
+    s1, s2 = (np.linalg.det(g) ** 0.25 for g in (g1, g2))
+    return 4 * np.sqrt(lam) * (s1 + s2)
+
+
+# Closed forms of the Ebin metric of one λ.
+
+
+def squared_dist(g1, g2, lam):
+    return EbinTerm(lam=lam).squared_dist(*map(_cone_geodesics.coordinates, (g1, g2)))
+
+
+def exp(delta_g, g, lam):
+    (end,), met_apex = _cone_geodesics.exp((delta_g,), (g,), EbinTerm(lam=lam))
+    return end, met_apex
+
+
+def log(g1, g2, lam):
+    return _cone_geodesics.log((g1,), (g2,), EbinTerm(lam=lam))[0][0]
+
+
+def geodesic(g1, g2, t, lam):
+    return _cone_geodesics.geodesic((g1,), (g2,), t, EbinTerm(lam=lam))[0]
 
 
 @pytest.mark.parametrize("lam", LAMBDAS)
 @pytest.mark.parametrize(("family", "tolerance"), [("within π", 1e-12), ("near-identical", 1e-14)])
 def test_log_and_exp_are_exact(family, tolerance, lam):
     g1, g2 = pairs(family, lam)
-    log = ebin_matrices.log(g1, g2, lam)
+    velocity = log(g1, g2, lam)
     exact = [oracles.exact_log(a, b, lam) for a, b in zip(g1, g2, strict=True)]
-    np.testing.assert_allclose(log, exact, rtol=0, atol=tolerance * np.abs(g2).max() * 10)
-    end, met_apex = ebin_matrices.exp(log, g1, lam)
+    np.testing.assert_allclose(velocity, exact, rtol=0, atol=tolerance * np.abs(g2).max() * 10)
+    end, met_apex = exp(velocity, g1, lam)
     assert not met_apex.any()
-    exact = [oracles.exact_exp(v, g, lam) for v, g in zip(log, g1, strict=True)]
+    exact = [oracles.exact_exp(v, g, lam) for v, g in zip(velocity, g1, strict=True)]
     np.testing.assert_allclose(end, exact, rtol=0, atol=tolerance * np.abs(g2).max())
     np.testing.assert_allclose(end, g2, rtol=0, atol=tolerance * np.abs(g2).max())
 
@@ -36,8 +101,8 @@ def test_log_and_exp_are_exact(family, tolerance, lam):
 def test_exp_loses_no_more_than_its_conditioning(anisotropy):
     rng = np.random.default_rng(2)
     g1, g2 = matrices(N_PAIRS, anisotropy, rng), matrices(N_PAIRS, 3.0, rng)
-    velocity = ebin_matrices.log(g1, g2, 10.0)
-    end, _ = ebin_matrices.exp(velocity, g1, 10.0)
+    velocity = log(g1, g2, 10.0)
+    end, _ = exp(velocity, g1, 10.0)
     exact = [oracles.exact_exp(v, g, 10.0) for v, g in zip(velocity, g1, strict=True)]
     np.testing.assert_allclose(end, exact, rtol=0, atol=5e-15 * anisotropy)
 
@@ -46,7 +111,7 @@ def test_squared_norms_of_anisotropic_matrices_are_not_negative():
     rng = np.random.default_rng(9)
     g = matrices(500, 1e12, rng)
     a = _cone_geodesics.symmetric_part(rng.normal(size=g.shape))
-    assert np.all(ebin_matrices.inner_product(a, a, g, 1e-4) > 0)
+    assert np.all(_cone_geodesics.inner_product((a,), (a,), (g,), EbinTerm(lam=1e-4)) > 0)
 
 
 # Through the apex.
@@ -55,14 +120,14 @@ def test_squared_norms_of_anisotropic_matrices_are_not_negative():
 def test_far_matrices_meet_at_the_apex():
     lam = 1e-4
     g1, g2 = pairs("ordinary")
-    assert np.all(ebin_matrices.angle(g1, g2, lam) > np.pi)
+    assert np.all(_cone_geodesics.angle((g1,), (g2,), EbinTerm(lam=lam)) > np.pi)
     np.testing.assert_allclose(
         np.sqrt(squared_dist(g1, g2, lam)), cone_size(g1, g2, lam), rtol=1e-12
     )
     s1, s2 = (np.linalg.det(g) ** 0.25 for g in (g1, g2))
-    at_apex = ebin_matrices.geodesic(g1, g2, s1 / (s1 + s2), lam)
+    at_apex = geodesic(g1, g2, s1 / (s1 + s2), lam)
     np.testing.assert_allclose(at_apex, 0.0, atol=1e-30)
-    before, after = (ebin_matrices.geodesic(g1, g2, t * np.ones(N_PAIRS), lam) for t in (0.1, 0.95))
+    before, after = (geodesic(g1, g2, t * np.ones(N_PAIRS), lam) for t in (0.1, 0.95))
     for g, origin in ((before, g1), (after, g2)):
         quotient = g / origin
         np.testing.assert_allclose(quotient, quotient[:, :1, :1] * np.ones((2, 2)), rtol=1e-11)
@@ -90,12 +155,10 @@ def test_degenerate_matrices_are_the_apex(g):
     np.testing.assert_allclose(squared_dist(g, other, lam), 16 * lam * s**2, rtol=1e-13)
     np.testing.assert_allclose(squared_dist(other, g, lam), 16 * lam * s**2, rtol=1e-13)
     times = np.linspace(0, 1, 5)
-    path = ebin_matrices.geodesic(other, g, times, lam)
+    path = geodesic(other, g, times, lam)
     expected = (1 - times)[:, None, None] ** 2 * other
     np.testing.assert_allclose(path, expected, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(
-        ebin_matrices.geodesic(g, other, 1 - times, lam), expected, atol=1e-14
-    )
+    np.testing.assert_allclose(geodesic(g, other, 1 - times, lam), expected, atol=1e-14)
     for argument in (0, 1):
         for pair in ((g, other), (other, g), (g, g)):
             assert np.all(np.isfinite(grad(squared_dist, argument)(*pair, lam)))
@@ -105,7 +168,7 @@ def test_passing_beside_the_apex_is_legal():
     g = np.eye(2)
     shear = np.array([[1.0, 0.0], [0.0, -1.0]])
     for size in (1e-3, 1e-6, 1e-9):
-        end, met_apex = ebin_matrices.exp(-8 * g + size * shear, g, 1.0)
+        end, met_apex = exp(-8 * g + size * shear, g, 1.0)
         assert not met_apex
         np.testing.assert_allclose(end, oracles.exact_exp(-8 * g + size * shear, g, 1.0), rtol=1e-4)
 
@@ -115,7 +178,7 @@ def test_ways_straight_to_the_apex_meet_it_however_skewed(skew):
     """Rounding errors of whitening grow with the square of x/y."""
     y, x = np.random.default_rng(0).uniform(0.5, 1.0, (2, 100)) * [[1.0], [skew]]
     g = surface.symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)
-    _, met_apex = ebin_matrices.exp(-2.0 * g, g, 1.0)
+    _, met_apex = exp(-2.0 * g, g, 1.0)
     assert met_apex.all()
 
 
@@ -123,9 +186,7 @@ def test_ways_straight_to_the_apex_meet_it_however_skewed(skew):
 
 
 @pytest.mark.parametrize("argument", [0, 1])
-@pytest.mark.parametrize(
-    "function", [ebin_matrices.log, lambda v, g, lam: ebin_matrices.exp(v - g, g, lam)[0]]
-)
+@pytest.mark.parametrize("function", [log, lambda v, g, lam: exp(v - g, g, lam)[0]])
 def test_log_and_exp_are_differentiable(function, argument):
     weights = np.array([[1.0, -0.4], [-0.4, 2.0]])
     pair = [g[0] for g in pairs("within π")]
