@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
-from riemhuman.arrays import Triangles
+import numpy as np
+
 from riemhuman.datasets import RegisteredMeshes, find_meshes
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
 from riemhuman.io.files import file_path, natural_key
@@ -47,22 +48,11 @@ class PersonLabels:
 
 
 @dataclass(frozen=True, eq=False)
-class _Subjects:
-    """The bodies of a file or folder, their triangles, and scans that have no body."""
+class Subjects:
+    """The bodies for sheets, and scans that have no body."""
 
     subjects: list[SheetSubject]
-    faces: list[Triangles]
     failures: list[tuple[str, str]]  # names of scans and the reasons
-
-
-@dataclass(frozen=True, eq=False)
-class LabelledSubjects:
-    """The bodies for sheets, their triangles, labels, and scans that have no body."""
-
-    subjects: list[SheetSubject]
-    faces: list[Triangles]
-    labels: list[PersonLabels]
-    failures: list[tuple[str, str]]
 
     def visits_until(self, number: int) -> list[int]:
         """Return the same person's bodies up to this one in the order of visits, if labels do."""
@@ -74,14 +64,16 @@ class LabelledSubjects:
         return len(self._bodies_of_person(number)) > 1 and not self._visits(number)
 
     def _bodies_of_person(self, number: int) -> list[int]:
-        person = self.labels[number].person
-        return [k for k, label in enumerate(self.labels) if person and label.person == person]
+        person = self.subjects[number].person
+        return [k for k, body in enumerate(self.subjects) if person and body.person == person]
 
     def _visits(self, number: int) -> list[int]:
         """Return the bodies of a person in the order of their dates or visits, if all differ."""
         same = self._bodies_of_person(number)
-        for field in ("day", "visit"):
-            texts = {k: getattr(self.labels[k], field) for k in same}
+        for texts in (
+            {k: self.subjects[k].day for k in same},
+            {k: self.subjects[k].number for k in same},
+        ):
             if all(texts.values()) and len(set(texts.values())) == len(same):
                 return sorted(same, key=lambda k: natural_key(texts[k]))
         return []
@@ -93,56 +85,40 @@ def find_subjects(
     *,
     unit: str | None = None,
     up: str | None = None,
-) -> LabelledSubjects:
+) -> Subjects:
     """Return the bodies in mesh files and folders; registered scans with their records."""
     subjects: list[SheetSubject] = []
-    faces: list[Triangles] = []
     failures: list[tuple[str, str]] = []
     for place in paths:
-        is_folder = place.is_dir()
-        in_place = _in_folder(place, unit, up) if is_folder else _in_files([place], unit, up)
-        subjects += in_place.subjects
-        faces += in_place.faces
-        failures += in_place.failures
+        if place.is_dir():
+            in_place = _in_folder(place, unit, up)
+            subjects += in_place.subjects
+            failures += in_place.failures
+        else:
+            subjects += _in_files([place], unit, up)
     if not subjects and not failures:
         raise FileError("there are no bodies to make sheets for")
     table = _table_of(paths, labels)
-    files = list(dict.fromkeys(subject.file for subject in subjects))
-    people = {} if table is None else _people_of_files(table, files)
-    labels_of_subjects = [people.get(subject.file, PersonLabels()) for subject in subjects]
-    for k, label in enumerate(labels_of_subjects):
-        subjects[k] = replace(
-            subjects[k],
+    people: dict[str, PersonLabels] = {}
+    if table is not None:
+        people = people_of_files(table, list(dict.fromkeys(subject.file for subject in subjects)))
+    # All scans of a person with the same visit and date are of one visit.
+    scans_of_visits: dict[tuple[object, ...], list[SheetSubject]] = {}
+    for number, subject in enumerate(subjects):
+        label = people.get(subject.file, PersonLabels())
+        labelled = replace(
+            subject,
             person=label.person,
             sex=label.sex,
             visit=label.when,
+            number=label.visit,
+            day=label.day,
             stature=label.stature,
         )
-    return _one_per_visit(LabelledSubjects(subjects, faces, labels_of_subjects, failures))
-
-
-def _one_per_visit(labelled: LabelledSubjects) -> LabelledSubjects:
-    """Return one subject for all scans of a person with the same visit and date."""
-    scans_of_visits: dict[tuple[object, ...], list[int]] = {}
-    for number, label in enumerate(labelled.labels):
         visit = (label.person, label.when) if label.person and label.when else (number,)
-        key = (*visit, labelled.faces[number].tobytes())
-        scans_of_visits.setdefault(key, []).append(number)
-    subjects, faces, labels = [], [], []
-    for numbers in scans_of_visits.values():
-        subjects.append(SheetSubject.of_visit([labelled.subjects[number] for number in numbers]))
-        faces.append(labelled.faces[numbers[0]])
-        labels.append(labelled.labels[numbers[0]])
-    return LabelledSubjects(subjects, faces, labels, labelled.failures)
-
-
-def read_people(table: Path) -> dict[str, PersonLabels]:
-    """Return what a table says about files, by the names that it gives them.
-
-    Its first line names the columns: ``file`` and any of person (or subject), sex, visit, date and
-    stature.
-    """
-    return {row.file: _labels_of(table, row) for row in read_label_rows(table, (), _COLUMNS)}
+        key = (*visit, np.asarray(subject.faces).tobytes())
+        scans_of_visits.setdefault(key, []).append(labelled)
+    return Subjects(list(map(SheetSubject.of_visit, scans_of_visits.values())), failures)
 
 
 def _labels_of(table: Path, row: LabelRow) -> PersonLabels:
@@ -156,8 +132,12 @@ def _labels_of(table: Path, row: LabelRow) -> PersonLabels:
     )
 
 
-def _people_of_files(table: Path, files: Sequence[str]) -> dict[str, PersonLabels]:
-    """Return what a table says about bodies by their files; warn if it does not name all."""
+def people_of_files(table: Path, files: Sequence[str]) -> dict[str, PersonLabels]:
+    """Return what a table says about bodies by their files; warn if it does not name all.
+
+    Its first line names the columns: ``file`` and any of person (or subject), sex, visit, date and
+    stature.
+    """
     row_of_file, _ = rows_of_files(table, read_label_rows(table, (), _COLUMNS), files)
     unnamed = [file for number, file in enumerate(files) if number not in row_of_file]
     if unnamed:
@@ -210,36 +190,29 @@ def _table_of(paths: Sequence[Path], labels: str | os.PathLike[str] | None) -> P
     return beside if beside.is_file() else None
 
 
-def _in_folder(folder: Path, unit: str | None, up: str | None) -> _Subjects:
+def _in_folder(folder: Path, unit: str | None, up: str | None) -> Subjects:
     """Return the bodies of a folder, also those that `register` did not trust."""
     if not (folder / RECORDS).is_dir():
-        return _in_files(find_meshes(folder), unit, up)
+        return Subjects(_in_files(find_meshes(folder), unit, up), [])
     records = sorted(read_records(folder), key=lambda record: natural_key(record.name))
     subjects = [SheetSubject.of_record(record) for record in records if record.arrays]
-    faces = [record.arrays["faces"] for record in records if record.arrays]
     failures = [(record.name, record.message) for record in records if not record.arrays]
     names = {record.name for record in records}
     try:
         unregistered = [file for file in find_meshes(folder) if file.stem not in names]
     except FileError:  # all of them are in its subfolders
         unregistered = []
-    if unregistered:
-        meshes = _in_files(unregistered, unit, up)
-        subjects += meshes.subjects
-        faces += meshes.faces
-    return _Subjects(subjects, faces, failures)
+    return Subjects(subjects + _in_files(unregistered, unit, up), failures)
 
 
-def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> _Subjects:
+def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> list[SheetSubject]:
     """Return the bodies of mesh files; those of registered scans with their records."""
     subjects = []
-    faces = []
     records_of_folders: dict[Path, dict[str, ScanRecord]] = {}
     for file in files:
         record = record_beside(file, records_of_folders)
         if record is not None:
             subjects.append(SheetSubject.of_record(record))
-            faces.append(record.arrays["faces"])
             continue
         meshes = RegisteredMeshes([file], scale=None, unit=unit, up=up)
         trusted = load_trusted(file)
@@ -247,10 +220,10 @@ def _in_files(files: Sequence[Path], unit: str | None, up: str | None) -> _Subje
             SheetSubject(
                 name=file.stem,
                 points=meshes[0],
+                faces=meshes.faces,
                 file=file.name,
                 trusted_vertices=trusted,
                 is_trusted=trusted is None or bool(trusted.any()),
             )
         )
-        faces.append(meshes.faces)
-    return _Subjects(subjects, faces, [])
+    return subjects

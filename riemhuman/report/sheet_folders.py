@@ -20,7 +20,7 @@ from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.report._sheet_page import Content, Entry, index_page, logo_source
-from riemhuman.report._sheet_subjects import LabelledSubjects, find_subjects
+from riemhuman.report._sheet_subjects import Subjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
 from riemhuman.report._storage import Progress
 from riemhuman.report.printing import find_browser
@@ -126,7 +126,7 @@ def make_sheets(
     return folder / _INDEX
 
 
-def _set_stature(labelled: LabelledSubjects, stature: float) -> None:
+def _set_stature(labelled: Subjects, stature: float) -> None:
     if len(labelled.subjects) != 1:
         raise ArgumentError(
             f"stature is for one body; found {len(labelled.subjects)}: give the labels a column "
@@ -139,7 +139,7 @@ def _set_stature(labelled: LabelledSubjects, stature: float) -> None:
 class _Sheets:
     """The bodies of a folder, their values, and the measurements of each."""
 
-    labelled: LabelledSubjects
+    labelled: Subjects
     values: Sequence[SheetValues]
     measurements: Mapping[int, Measurements]  # by the number of vertices
     units: str
@@ -152,13 +152,15 @@ class _Sheets:
 
 
 def _measured(
-    labelled: LabelledSubjects, measurements: Measurements | None, units: str, progress: Progress
+    labelled: Subjects, measurements: Measurements | None, units: str, progress: Progress
 ) -> _Sheets:
     """Measure all bodies, those of one triangulation together, and compare visits."""
     subjects = labelled.subjects
     numbers_by_size: dict[int, list[int]] = {}
     measurements_by_size: dict[int, Measurements] = {}
-    for number, (subject, faces) in enumerate(zip(subjects, labelled.faces, strict=True)):
+    for number, subject in enumerate(subjects):
+        faces = subject.faces
+        assert faces is not None, "files have triangles"
         n_vertices = len(subject.points)
         if n_vertices not in measurements_by_size:
             measurements_of_size = _measurements_of_file(measurements, subject, faces)
@@ -201,7 +203,7 @@ def at_visit(values: SheetValues, *, is_typed_in: bool) -> dict[str, float]:
 
 
 def _since_earlier(
-    labelled: LabelledSubjects,
+    labelled: Subjects,
     number: int,
     values: SheetValues,
     measurements: Measurements,

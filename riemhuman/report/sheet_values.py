@@ -138,7 +138,10 @@ class SheetSubject:
     person: str = ""
     sex: str = "adult"
     visit: str = ""  # which, or when
+    number: str = ""  # of the visit, and its day, by which labels order visits
+    day: str = ""
     file: str = ""
+    faces: Triangles | None = None  # those of the file
     trusted_vertices: Booleans | None = None  # None if nothing is known
     is_trusted: bool = True
     message: str = ""
@@ -162,6 +165,7 @@ class SheetSubject:
             name=record.name,
             points=points,
             file=record.name,
+            faces=arrays["faces"],
             trusted_vertices=arrays["trusted_vertices"].astype(bool),
             is_trusted=record.trusted,
             message=record.message,

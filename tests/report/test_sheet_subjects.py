@@ -4,7 +4,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.errors import FileFormatError
-from riemhuman.report._sheet_subjects import find_subjects, read_people
+from riemhuman.report._sheet_subjects import find_subjects, people_of_files
 
 
 def test_labels_of_people(tmp_path):
@@ -12,8 +12,12 @@ def test_labels_of_people(tmp_path):
     rows = "File,Subject,Gender,Height\na.ply,Ann,Female,1.7\nb,Bo,m,\n"
     rows += "c.ply,NA,NaN,\na.v2.ply,Eve,w,\n"
     table.write_text(rows, encoding="utf-8")
-    people = read_people(table)
-    assert (people["a.ply"].person, people["a.ply"].sex, people["b"].sex) == ("Ann", "woman", "man")
+    people = people_of_files(table, ["a.ply", "b.ply", "c.ply", "a.v2.ply"])
+    assert (people["a.ply"].person, people["a.ply"].sex, people["b.ply"].sex) == (
+        "Ann",
+        "woman",
+        "man",
+    )
     assert (people["c.ply"].person, people["c.ply"].sex) == ("", "adult")
     assert people["a.v2.ply"].person == "Eve"
     assert people["a.ply"].stature == 1.7
@@ -28,7 +32,7 @@ def test_labels_of_people(tmp_path):
     ):
         table.write_text(text, encoding="utf-8")
         with pytest.raises(FileFormatError, match=message):
-            read_people(table)
+            people_of_files(table, ["a"])
 
 
 def test_the_visits_before(bodies, tmp_path):
