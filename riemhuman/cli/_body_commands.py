@@ -68,7 +68,7 @@ def _geodesic(options: argparse.Namespace) -> cli.Answer:
     description = (
         f"From {options.a_file.name} to {options.b_file.name}: the path of least energy under "
         f"{inputs.metric_in_words(metric)}. Length {length:.3g} (lower bound {distance:.3g}), "
-        f"energy {result.energy:.3g}. {terminal.convergence_sentence(result)}"
+        f"energy {result.energy:.3g}. Converged: {terminal.convergence(result)}."
     )
     inputs.write_path(
         options,

@@ -372,9 +372,9 @@ def _folder_facts(folder: Path) -> JSONRecord:
 
 
 def _npz_facts(file: Path) -> JSONRecord:
-    from riemhuman.io.arrays import array_shapes
+    from riemhuman.io.arrays import array_names
 
-    names = set(array_shapes(file, ())[0])
+    names = set(array_names(file))
     if names & {"mocap_framerate", "mocap_frame_rate"}:
         (motion,) = rh.datasets.load_amass(file)
         return {"kind": "motion of AMASS", **_times(motion), **_fields_of_recording(file)}
@@ -391,9 +391,10 @@ def _npz_facts(file: Path) -> JSONRecord:
 
 
 def _array_facts(file: Path) -> JSONRecord:
-    from riemhuman.io.arrays import first_headers
+    from riemhuman.io.arrays import array_headers, array_names
 
-    every_name, headers = first_headers(file, _MOST_LISTED)
+    every_name = array_names(file)
+    headers = array_headers(file, every_name[:_MOST_LISTED])
     facts = {"kind": "arrays"}
     facts |= {name: f"{dtype} {shape}" for name, (shape, dtype) in headers.items()}
     n_others = len(every_name) - len(headers)
@@ -401,9 +402,9 @@ def _array_facts(file: Path) -> JSONRecord:
 
 
 def _photograph_facts(file: Path, names: set[str]) -> JSONRecord:
-    from riemhuman.io.arrays import array_shapes
+    from riemhuman.io.arrays import array_headers
 
-    shape = array_shapes(file, ("pred_vertices",))[1]["pred_vertices"]
+    shape, _ = array_headers(file, ("pred_vertices",))["pred_vertices"]
     if len(shape) < 2 or shape[-1] != 3:
         raise FileFormatError(
             f"{file}: pred_vertices of SAM 3D Body must have shape (V, 3) or (n, V, 3); found "

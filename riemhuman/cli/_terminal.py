@@ -83,14 +83,6 @@ def convergence(result: Result) -> str:
     return f"{'yes' if result.converged else 'no'}, after {iterations}"
 
 
-def convergence_sentence(result: Result) -> str:
-    """Return a sentence about whether a solver converged."""
-    iterations = counted(result.n_iterations, "iteration", "iterations")
-    if result.converged:
-        return f"Converged after {iterations}."
-    return f"Not converged after {iterations}: {result.message}"
-
-
 def solved(result: Result, text: JSONRecord, **record: object) -> Answer:
     """Return the answer of a solver, with whether and how it has converged."""
     outcome = {

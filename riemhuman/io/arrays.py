@@ -137,22 +137,18 @@ def load_arrays(
     return arrays
 
 
-def array_shapes(
+def array_names(path: str | os.PathLike[str]) -> list[str]:
+    """Return the names of all arrays of an .npz file."""
+    with _open_archive(path) as (_, members, _):
+        return list(members)
+
+
+def array_headers(
     path: str | os.PathLike[str], names: Sequence[str]
-) -> tuple[list[str], dict[str, tuple[int, ...]]]:
-    """Return the names of all arrays of an .npz file, and the shapes of some, without data."""
+) -> dict[str, tuple[tuple[int, ...], DType]]:
+    """Return shapes and types of those arrays of an .npz file that are there, without data."""
     with _open_archive(path) as (archive, members, limit):
-        shapes = {n: _header(archive, members[n], limit)[0] for n in names if n in members}
-        return list(members), shapes
-
-
-def first_headers(
-    path: str | os.PathLike[str], most: int
-) -> tuple[list[str], dict[str, tuple[tuple[int, ...], DType]]]:
-    """Return the names of all arrays of an .npz file, and shapes and types of the first ones."""
-    with _open_archive(path) as (archive, members, limit):
-        names = list(members)
-        return names, {name: _header(archive, members[name], limit) for name in names[:most]}
+        return {name: _header(archive, members[name], limit) for name in names if name in members}
 
 
 def check_fields(fields: Iterable[str], required: Iterable[str]) -> None:

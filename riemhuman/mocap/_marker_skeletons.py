@@ -18,7 +18,6 @@ from riemhuman.mocap._skeletons import (
     bone,
     frame,
     middle,
-    nearest_axis,
     pelvis_frame,
     trunk,
     turned_towards,
@@ -108,12 +107,11 @@ def _parents(places: Mapping[str, Array]) -> dict[str, str]:
 
 
 def _rotations(positions: Array, joints: Mapping[str, int], head_axes: Array | None) -> Array:
-    """Return rotations in space, (n_frames, J, 3, 3), from a T-pose along the axes of the file."""
-    rest = _rest_axes(positions, joints)
-    left, up, ahead = rest.T
+    """Return rotations in space, (n_frames, J, 3, 3), from a T-pose with x left and y up."""
+    left, up, ahead = np.eye(3)
     rotations = np.empty((*positions.shape, 3))
-    rotations[:, joints["pelvis"]] = pelvis_frame(positions, joints) @ rest.T
-    rotations[:, joints["chest"]] = _chest_frame(positions, joints) @ rest.T
+    rotations[:, joints["pelvis"]] = pelvis_frame(positions, joints)
+    rotations[:, joints["chest"]] = _chest_frame(positions, joints)
     for limb in LIMBS:
         is_leg = limb[0].endswith("hip")
         outward = left if limb[0].startswith("left") else -left
@@ -160,16 +158,6 @@ def _chest_frame(positions: Array, joints: Mapping[str, int]) -> Array:
     lift = np.linalg.norm(centre - positions[:, joints["chest"]], axis=1)
     shrug = np.clip(beside_spine, -2.0 * lift, 2.0 * lift)
     return frame(shoulders - shrug[:, None] * up, up)
-
-
-def _rest_axes(positions: Array, joints: Mapping[str, int]) -> Array:
-    """Return the directions to the left, up and ahead of the rest pose, columns of a matrix.
-
-    The rest pose stands along the axis along which the person mostly stands.
-    """
-    up = nearest_axis(middle(positions, joints, "shoulder") - middle(positions, joints, "ankle"))
-    left = np.eye(3)[(int(np.argmax(np.abs(up))) + 2) % 3]
-    return np.stack([left, up, np.cross(left, up)], axis=-1)
 
 
 def _rotate_limb(

@@ -15,8 +15,8 @@ from riemhuman.bodies import BodyModel
 from riemhuman.bodies.open_model import load_open_model
 from riemhuman.checks import check_shape, checked, checked_rate, choice, instance, real_array
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, warn
-from riemhuman.io.arrays import array_shapes, check_fields, load_arrays
-from riemhuman.io.files import convert_errors, file_path, format_errors, visible_files
+from riemhuman.io.arrays import array_headers, array_names, check_fields, load_arrays
+from riemhuman.io.files import file_path, format_errors, visible_files
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
 from riemhuman.mocap._body_size import model_of_size
 from riemhuman.mocap._joint_names import model_joints
@@ -62,6 +62,7 @@ class _Source(NamedTuple):
     """A file whose arrays are read when frames are asked for, and then kept for a while."""
 
     path: Path
+    modified: int  # when, so that another content is read
     gender: str
     rate: float
     n_frames: int
@@ -75,18 +76,9 @@ class _Source(NamedTuple):
             sequence = sequence.removesuffix(ending)
         return self.path.absolute().parent.name, sequence
 
-    def read(self) -> _Recording:
-        """Return the arrays."""
-        with convert_errors(self.path, "cannot be read"):
-            status = self.path.stat()
-        recording = _read_unchanged(self, status.st_mtime_ns, status.st_size)
-        if len(recording.translations) != self.n_frames:
-            raise FileError(f"{self.path} has changed: it had {self.n_frames} frames before")
-        return recording
-
     def upward_axis(self) -> str:
         """Return the axis that points up; warn if in doubt."""
-        recording = self.read()
+        recording = _read(self)
         axes = smpl_upward_axes(recording.poses, recording.translations, AMASS)
         return chosen_axis(self.path.name, axes)
 
@@ -112,7 +104,7 @@ class AmassMotion(ModelMotion):
     @property
     def betas(self) -> Array:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        return model_betas(self._source.read().betas, self.model)
+        return model_betas(_read(self._source).betas, self.model)
 
     @cached_property
     def up(self) -> str:
@@ -120,7 +112,7 @@ class AmassMotion(ModelMotion):
         return self._up or self._source.upward_axis()
 
     def _parameters(self, numbers: Integers) -> tuple[Array, Array]:
-        recording = self._source.read()
+        recording = _read(self._source)
         frames = self._numbers[numbers]
         poses, translations = recording.poses[frames], recording.translations[frames]
         return model_parameters(self.model, self.betas, poses, translations, self.up)
@@ -243,7 +235,7 @@ def _saved_motion(
         rest = real_array(rest, SAVED_FIELDS[2], (model.n_joints, 3), batched=False)
         poses = real_array(poses, SAVED_FIELDS[3], ("n_frames", model.n_joints, 3), batched=False)
         check_shape(digests, SAVED_FIELDS[4], (len(poses),), batched=False)
-    recording = source.read()
+    recording = _read(source)
     performer = model_of_size(model, betas, rest)
     rows = dict(zip(digests.tolist(), range(len(digests)), strict=True))
     keys = frame_digests(recording.poses[frames].reshape(len(frames), -1)).tolist()
@@ -263,7 +255,7 @@ def _skeleton_motion(
     source: _Source, frames: Integers, rate: float, up: str | Callable[[], str]
 ) -> SkeletonMotion:
     """Return the joints of SMPL's body in frames of a file."""
-    recording = source.read()
+    recording = _read(source)
     poses, translations = recording.poses[frames], recording.translations[frames]
     axis = up() if callable(up) else up
     return smpl_skeleton(poses, translations, rate, source.names[1], axis)
@@ -272,7 +264,9 @@ def _skeleton_motion(
 def _read_header(file: Path, rate: float | None, unit: str | float | None) -> _Source:
     """Return what a file says of itself; its frame rate is the given one if it states none."""
     # Other arrays may hold Python objects, like the markers of SMPL-X.
-    names, shapes = array_shapes(file, ("trans", "poses", *_POSES))
+    names = array_names(file)
+    headers = array_headers(file, ("trans", "poses", *_POSES))
+    shapes = {name: shape for name, (shape, _) in headers.items()}
     rate_name = next((name for name in RATES if name in names), None)
     are_parts = any(name in names for name in _NEEDED_POSES)
     required = ["trans", "betas", *(_NEEDED_POSES if are_parts else ["poses"])]
@@ -300,7 +294,7 @@ def _read_header(file: Path, rate: float | None, unit: str | float | None) -> _S
             f"{file} does not state its frame rate, in {' or '.join(RATES)}: pass "
             "frames_per_second="
         )
-    return _Source(file, gender, rate, n_frames, unit)
+    return _Source(file, file.stat().st_mtime_ns, gender, rate, n_frames, unit)
 
 
 def _gender(value: Values, file: Path) -> str:
@@ -313,7 +307,8 @@ def _gender(value: Values, file: Path) -> str:
 
 
 @lru_cache(maxsize=_FILES_KEPT)
-def _read_unchanged(source: _Source, _time: int, _size: int) -> _Recording:
+def _read(source: _Source) -> _Recording:
+    """Return the arrays of a file, of which the latest few are kept."""
     file = source.path
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     with format_errors(file, "a motion"):

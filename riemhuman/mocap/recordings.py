@@ -6,6 +6,7 @@ recognised by its name, wherever it is in a file; rates and axes are those of th
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +15,11 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array, ArrayLike, JSONRecord, JSONValue
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import ArgumentError, FileFormatError, RiemhumanError, shown, warn
-from riemhuman.io.arrays import array_shapes, load_arrays
+from riemhuman.io.arrays import array_names, load_arrays
 from riemhuman.io.files import file_path, format_errors, read_bytes, suffix_of
 from riemhuman.io.gltf_animation import read_animation
 from riemhuman.io.kinds_of_files import YES, FileKind, reads
@@ -152,7 +152,7 @@ def recording_contents(
     file = file_path(path)
     suffix = suffix_of(file, (".npz", SMPL_ENDING, ".pkl", ".pickle", ".joblib", ".pt", ".pth"))
     if suffix in (".npz", SMPL_ENDING):
-        names = set(array_shapes(file, ())[0])
+        names = set(array_names(file))
         if suffix == SMPL_ENDING or names & set(RATES):
             used = names & set(FIELDS_USED if suffix == SMPL_ENDING else FIELDS_READ)
             return _contents(used, names)
@@ -308,7 +308,7 @@ def load_recording(
         return perform(load_positions(file, frames_per_second, layout, unit), up=up)
     if layout is not None:
         raise ArgumentError(f"layout is for positions of joints; found {file.name}")
-    if suffix == ".npz" and set(RATES) & set(array_shapes(file, ())[0]):
+    if suffix == ".npz" and set(RATES) & set(array_names(file)):
         (motion,) = load_amass(file, model, frames_per_second=frames_per_second, up=up, unit=unit)
     else:
         motion = _video_motion(file, suffix, model, frames_per_second, up, person, unit)
@@ -336,7 +336,7 @@ def _ending(file: Path) -> str:
 
 def _holds_positions(file: Path) -> bool:
     """Return whether an archive holds positions of joints, and no poses under known names."""
-    names = array_shapes(file, ())[0]
+    names = array_names(file)
     if POSE_FIELDS & set(names) or "pred_vertices" in names:
         return False
     return any(has_joints(array) for array in load_arrays(file, ()).values())
@@ -539,30 +539,25 @@ def _person(content: Mapping[str, JSONValue], name: str) -> _Person | None:
 def _poses(
     content: Mapping[str, JSONValue],
 ) -> tuple[Array | None, tuple[tuple[str, ...], ...]]:
-    """Return poses as axis-angle vectors, shape (n_frames, J, 3), and what their fields may be."""
-    whole = _vectors(_first(content, _WHOLE_POSES))
+    """Return the rotations of all joints, and what their fields may be."""
+    whole = _rotations(_first(content, _WHOLE_POSES))
     if whole is not None:
         return whole, (_WHOLE_POSES,)
     parts = (_ROOT_POSES, _BODY_POSES)
-    root, body = (_vectors(_first(content, names)) for names in parts)
-    if root is None or body is None or len(root) != len(body):
+    root, body = (_rotations(_first(content, names)) for names in parts)
+    if root is None or body is None or len(root) != len(body) or root.ndim != body.ndim:
         return None, parts
     return np.concatenate([root, body], axis=1), parts
 
 
-def _vectors(array: Array | None) -> Array | None:
-    """Return rotations of any layout as axis-angle vectors, shape (n_frames, joints, 3)."""
+def _rotations(array: Array | None) -> Array | None:
+    """Return rotations of any layout by joints: vectors (n_frames, J, 3), or their matrices."""
     if array is None or array.ndim < 2:
         return None
-    if array.shape[-2:] == (3, 3) and array.ndim > 2:
-        matrices = array.reshape(len(array), -1, 3, 3).astype(float)
-        if not np.isfinite(matrices).all() or (np.linalg.det(matrices) <= 0.0).any():
-            return None
-        vectors: Array = Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec()
-        return vectors.reshape(len(array), -1, 3)
-    if array.size % (3 * max(len(array), 1)):
+    shape = (3, 3) if array.shape[-2:] == (3, 3) and array.ndim > 2 else (3,)
+    if array.size % (math.prod(shape) * max(len(array), 1)):
         return None
-    return array.reshape(len(array), -1, 3).astype(float)
+    return array.reshape(len(array), -1, *shape).astype(float)
 
 
 def _first(content: Mapping[str, JSONValue], names: tuple[str, ...]) -> Array | None:

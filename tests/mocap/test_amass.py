@@ -7,11 +7,7 @@ from recorded_people import joint_paths
 from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import Motion, load_amass, load_open_model, load_recording
-from riemhuman.errors import (
-    ArgumentError,
-    FileError,
-    FileFormatError,
-)
+from riemhuman.errors import ArgumentError, FileFormatError
 
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 
@@ -126,16 +122,11 @@ def test_a_folder_is_all_its_motions(tmp_path, model):
     assert [(m.subject, m.sequence) for m in motions] == [("s1", "x"), ("s1", "y"), ("s2", "x")]
 
 
-def test_a_file_that_changes(tmp_path, model):
+def test_a_file_that_was_written_again(tmp_path, model):
     path = write(tmp_path / "a.npz", smpl_h())
-    (motion,) = load_amass(path, model)
-    motion[0]
-    write(path, smpl_h(n_frames=10))
-    with pytest.raises(FileError, match=r"a\.npz has changed: it had 50 frames"):
-        motion[0]
-    path.unlink()
-    with pytest.raises(FileError, match=r"a\.npz cannot be read"):
-        motion[0]
+    load_amass(path, model)[0][0]
+    write(path, smpl_h(rng=1))
+    np.testing.assert_array_equal(load_amass(path, model)[0].betas, smpl_h(rng=1)["betas"])
 
 
 def walking(n_frames=80, rate=40.0, leg=0.78):
