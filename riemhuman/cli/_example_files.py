@@ -27,17 +27,6 @@ PEOPLE = {
     "henry": "older lean man",
 }
 
-# File, person and, for visits, the date.
-_FILES_OF_PEOPLE = (
-    ("anna.ply", "anna", ""),
-    ("ben.ply", "ben", ""),
-    ("sit.ply", "felix", ""),
-    ("stand.ply", "felix", ""),
-    ("visit1.ply", "gina", "2026-03-02"),
-    ("visit2.ply", "gina", "2026-06-15"),
-)
-_SCANS_OF_PEOPLE = (("anna.ply", "anna", ""), ("ben.ply", "ben", ""))
-
 _STANDING: Angles = {"shoulder": ("xz", 10, -58), "elbow": ("y", -18), "hip": ("z", 5)}
 # On a high stool: at hips that bend further, the model's skin folds, and elastic paths to other
 # poses keep part of the fold half way.
@@ -62,6 +51,17 @@ _FLOOR_NOISE = 0.001
 _CHANGE_OF_SHAPE = {1: 0.4, 2: -0.3}
 _VISIT_NOISE = 0.0005
 
+# File, person, pose and, for visits, the date.
+_FILES_OF_PEOPLE = (
+    ("anna.ply", "anna", _STANDING, ""),
+    ("ben.ply", "ben", _STANDING, ""),
+    ("sit.ply", "felix", _SITTING, ""),
+    ("stand.ply", "felix", _STANDING, ""),
+    ("visit1.ply", "gina", _STANDING, "2026-03-02"),
+    ("visit2.ply", "gina", {**_STANDING, "shoulder": ("xz", 6, -50)}, "2026-06-15"),
+)
+_SCANNED = ("anna", "ben")
+
 _STRIDES = 4
 _FRAMES_OF_STRIDE, _FRAMES_PER_SECOND = 66, 60
 _STEPS, _FRAMES_BETWEEN_STEPS = 11, 6  # one stride
@@ -82,11 +82,8 @@ def write_example_files(folder: Path) -> dict[str, str]:
     }
     rng = np.random.default_rng(0)
     _write_bodies(folder / "bodies", bodies)
-    _write_people(folder / "labels.csv", _FILES_OF_PEOPLE)
-    _write_single_bodies(folder, betas)
     _write_scans(folder / "scans", betas, rng)
-    _write_people(folder / "scans" / "labels.csv", _SCANS_OF_PEOPLE)
-    _write_visits(folder, betas["gina"], rng)
+    _write_people(folder, betas, rng)
     walk = _walk(betas["anna"])
     walk.save(folder / "walk.bvh")
     walk.save(folder / "walk.npz")
@@ -126,13 +123,6 @@ def _sex(person: str) -> str:
     return "woman" if PEOPLE[person].endswith("woman") else "man"
 
 
-def _write_people(file: Path, people: Sequence[tuple[str, str, str]]) -> None:
-    """Write a table of labels: the person of each file, their sex, and the day of the visit."""
-    rows: list[Sequence[object]] = [("file", "person", "sex", "date")]
-    rows += [(name, person, _sex(person), day) for name, person, day in people]
-    write_text(file, csv_text(rows))
-
-
 def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
     folder.mkdir()
     rows: list[Sequence[object]] = [("file", "subject", "pose", "sex")]
@@ -146,21 +136,29 @@ def _write_bodies(folder: Path, bodies: rh.datasets.Bodies) -> None:
     write_text(folder / "labels.csv", csv_text(rows))
 
 
-def _write_single_bodies(folder: Path, betas: Mapping[str, Array]) -> None:
+def _write_people(folder: Path, betas: Mapping[str, Array], rng: np.random.Generator) -> None:
+    """Write single bodies, noisy ones for visits, and their table of labels."""
     model = rh.datasets.load_open_model("full")
-    for file, person, angles in (
-        ("anna.ply", "anna", _STANDING),
-        ("ben.ply", "ben", _STANDING),
-        ("sit.ply", "felix", _SITTING),
-        ("stand.ply", "felix", _STANDING),
-    ):
-        rh.save_mesh(folder / file, _on_the_floor(model, betas[person], angles), model.faces)
+    rows: list[Sequence[object]] = [("file", "person", "sex", "date")]
+    shapes = dict(betas)
+    for name, person, angles, day in _FILES_OF_PEOPLE:
+        points = _on_the_floor(model, shapes[person], angles)
+        if day:
+            points += _VISIT_NOISE * rng.standard_normal(points.shape)
+            shapes[person] = shapes[person].copy()  # until the next visit
+            for number, change in _CHANGE_OF_SHAPE.items():
+                shapes[person][number] += change
+        rh.save_mesh(folder / name, points, model.faces)
+        rows.append((name, person, _sex(person), day))
+    write_text(folder / "labels.csv", csv_text(rows))
 
 
 def _write_scans(folder: Path, betas: Mapping[str, Array], rng: np.random.Generator) -> None:
     folder.mkdir()
     model = rh.datasets.load_open_model("full")
-    for person in ("anna", "ben"):
+    rows: list[Sequence[object]] = [("file", "person", "sex", "date")]
+    for person in _SCANNED:
+        rows.append((f"{person}.ply", person, _sex(person), ""))
         scan = rh.registration.simulated_scan(
             _on_the_floor(model, betas[person], _STANDING),
             model.faces,
@@ -177,6 +175,7 @@ def _write_scans(folder: Path, betas: Mapping[str, Array], rng: np.random.Genera
             np.concatenate([scan.points, points]),
             np.concatenate([scan.faces, triangles + len(scan.points)]),
         )
+    write_text(folder / "labels.csv", csv_text(rows))
 
 
 def _floor(rng: np.random.Generator) -> tuple[Points, Triangles]:
@@ -200,21 +199,6 @@ def _write_other_mesh(file: Path, betas: Array, rng: np.random.Generator) -> Non
     )
     assert remeshed.faces is not None
     rh.save_mesh(file, remeshed.points, remeshed.faces)
-
-
-def _write_visits(folder: Path, betas: Array, rng: np.random.Generator) -> None:
-    model = rh.datasets.load_open_model("full")
-    later = betas.copy()
-    for number, change in _CHANGE_OF_SHAPE.items():
-        later[number] += change
-    raised = {**_STANDING, "shoulder": ("xz", 6, -50)}
-    for file, shape, angles in (
-        ("visit1.ply", betas, _STANDING),
-        ("visit2.ply", later, raised),
-    ):
-        points = _on_the_floor(model, shape, angles)
-        noise = _VISIT_NOISE * rng.standard_normal(points.shape)
-        rh.save_mesh(folder / file, points + noise, model.faces)
 
 
 def _on_the_floor(model: rh.BodyModel, betas: Array, angles: Angles) -> Points:

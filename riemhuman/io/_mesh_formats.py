@@ -247,26 +247,6 @@ def _obj_by_lines(content: bytes) -> Mesh:
 
 
 def read_off(content: bytes) -> Mesh:
-    mesh = _plain_off(content)
-    return _off_by_lines(content) if mesh is None else mesh
-
-
-def _plain_off(content: bytes) -> Mesh | None:
-    """Return the mesh of a file as most programs write it, of triangles; None of another."""
-    lines = [line for line in content.splitlines() if line and not line.isspace()]
-    if len(lines) < 3 or lines[0].strip() != b"OFF" or b"#" in content or b"\\" in content:
-        return None
-    counts = re.fullmatch(rb"\s*(\d{1,9})\s+(\d{1,9})(\s+\d+)?\s*", lines[1])
-    if counts is None or int(counts[1]) + int(counts[2]) != len(lines) - 2:
-        return None
-    vertices = _rows_of_numbers(lines[2 : 2 + int(counts[1])], 3, float)
-    faces = _rows_of_numbers(lines[2 + int(counts[1]) :], 4, np.int64)
-    if vertices is None or faces is None or (faces[:, 0] != 3).any():
-        return None
-    return vertices, Polygons.of_triangles(faces[:, 1:])
-
-
-def _off_by_lines(content: bytes) -> Mesh:
     lines = _lines_of_words(content)
     _, words = next(lines, (0, [b""]))
     # The letters say that texture coordinates, colours or normals follow the positions. Some
