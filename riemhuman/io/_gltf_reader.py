@@ -1,7 +1,8 @@
 """Reading of GLB files (glTF 2.0): what the default scene shows at rest, as one triangle mesh.
 
 The importer of trimesh leaves out strips, fans, skins and morph targets, lists nodes in reverse
-order, and allocates the sizes that a file declares.
+order, and allocates the sizes that a file declares. What no exporter writes ends in an error of
+Python, which `format_errors` names.
 """
 
 from __future__ import annotations
@@ -23,10 +24,9 @@ _Json = JSONRecord
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-# Modes of primitives; smaller ones are points and lines.
+# Modes of primitives; smaller ones are points and lines, 6 are fans.
 _TRIANGLES = 4
 _STRIP = 5
-_FAN = 6
 _LARGEST_STRIDE = 252  # bytes from a vertex to the next, by the specification
 # Rows that are read for each byte of arrays: primitives and nodes may share some.
 _MOST_ROWS = 4
@@ -73,11 +73,7 @@ def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
             raise FileFormatError("truncated: a part is longer than the rest of the file")
         parts.setdefault(kind, content[start + 8 : start + 8 + size])
         start += 8 + size
-    if b"JSON" not in parts:
-        raise FileFormatError("the GLB file has no JSON part")
-    document = json_value(parts[b"JSON"])
-    if not isinstance(document, dict):
-        raise FileFormatError("the JSON part of the GLB file is not an object")
+    document: _Json = json_value(parts[b"JSON"])
     return document, parts.get(b"BIN\0")
 
 
@@ -146,10 +142,6 @@ class _Reader:
     def _item(self, kind: str, number: JSONValue) -> _Json:
         """Return a numbered part of the document."""
         items = self._document.get(kind, ())
-        if isinstance(number, bool) or not isinstance(number, int):
-            raise FileFormatError(
-                f"{kind} must be referred to by number; found {str(number)[:40]!r}"
-            )
         if not 0 <= number < len(items):
             raise FileFormatError(f"it refers to {kind}[{number}] of {len(items)}")
         item: _Json = items[number]
@@ -172,15 +164,15 @@ class _Reader:
         else:
             count = len(self._document.get("nodes", ()))
             roots = [number for number in range(count) if number not in self._parents]
+        placed = set(self._parents)
+        for number in roots:
+            if number in placed:
+                raise FileFormatError(f"its node {number} has more than one parent")
+            placed.add(number)
         waiting = list(reversed(roots))
-        roots_of_scene = set(roots)
-        visited = set()
         while waiting:
             number = waiting.pop()
             node = self._item("nodes", number)
-            if number in visited or (number in roots_of_scene and number in self._parents):
-                raise FileFormatError(f"its node {number} has more than one parent")
-            visited.add(number)
             if _INSTANCES in node.get("extensions", ()):
                 raise FileFormatError(
                     f"its node {number} uses {_INSTANCES}, which is not supported"
@@ -223,8 +215,6 @@ class _Reader:
         if "inverseBindMatrices" in skin:
             where = f"skin {node['skin']}"
             inverse = self._accessor(skin["inverseBindMatrices"], "MAT4", where)
-            if len(inverse) < len(matrices):
-                raise FileFormatError(f"{where}: {len(inverse)} matrices, {len(matrices)} joints")
             # Matrices are stored by columns.
             inverse = inverse[: len(matrices)].reshape(-1, 4, 4).swapaxes(1, 2)
             matrices = matrices @ inverse
@@ -255,16 +245,9 @@ class _Reader:
         node = self._item("nodes", number)
         positions = self._accessor(source.positions, "VEC3", where)
         shares: Sequence[float] = node.get("weights") or mesh.get("weights") or ()
-        if shares and len(shares) != len(source.targets):
-            raise FileFormatError(
-                f"{where}: {len(shares)} weights for {len(source.targets)} morph targets"
-            )
-        for share, target in zip(shares, source.targets, strict=False):
+        for share, target in zip(shares, source.targets, strict=bool(shares)):
             if share and target is not None:
-                offsets = self._accessor(target, "VEC3", where)
-                if offsets.shape != positions.shape:
-                    raise FileFormatError(f"{where}: a morph target has {len(offsets)} vertices")
-                positions = positions + float(share) * offsets
+                positions = positions + float(share) * self._accessor(target, "VEC3", where)
         joints = self._joint_matrices(number)
         if joints is None:
             matrix = self._matrix(number)
@@ -279,10 +262,6 @@ class _Reader:
         for numbers, shares in zip(source.joints, source.weights, strict=True):
             indices = self._accessor(numbers, "VEC4", where).astype(np.int64)
             weights = self._accessor(shares, "VEC4", where)
-            if indices.shape != weights.shape or len(weights) != len(positions):
-                raise FileFormatError(f"{where}: joints and weights are not one per vertex")
-            if len(indices) and not 0 <= indices.min() <= indices.max() < len(joints):
-                raise FileFormatError(f"{where}: a joint is not among the skin's {len(joints)}")
             for index, weight in zip(indices.T, weights.T, strict=True):
                 matrices = joints[index, :3]
                 image = np.einsum("vij,vj->vi", matrices[:, :, :3], positions) + matrices[:, :, 3]
@@ -294,9 +273,6 @@ class _Reader:
 
     def _triangles(self, primitive: _Json, n_vertices: int, where: str) -> Values:
         if "indices" in primitive:
-            accessor = self._item("accessors", primitive["indices"])
-            if accessor.get("componentType") not in (5121, 5123, 5125):
-                raise FileFormatError(f"{where}: indices must be unsigned whole numbers")
             corners = self._accessor(primitive["indices"], "SCALAR", where, whole=True)[:, 0]
         else:
             self._count_rows(n_vertices, where)
@@ -307,13 +283,7 @@ class _Reader:
             )
         mode = primitive.get("mode", _TRIANGLES)
         if mode == _TRIANGLES:
-            if len(corners) % 3:
-                raise FileFormatError(
-                    f"{where}: {len(corners)} corners do not make complete triangles"
-                )
             return corners.reshape(-1, 3)
-        if mode not in (_STRIP, _FAN):
-            raise FileFormatError(f"{where}: there is no mode {str(mode)[:20]}")
         first = np.arange(max(len(corners) - 2, 0))
         if mode == _STRIP:
             odd = first % 2
@@ -356,13 +326,9 @@ class _Reader:
         count = sparse["count"]
         places = sparse["indices"]
         rows = sparse["values"]
-        if places["componentType"] not in (5121, 5123, 5125) or not 0 <= count <= len(values):
-            raise FileFormatError(f"{where}: the sparse part of an accessor is wrong")
         dtype = np.dtype(_COMPONENTS[places["componentType"]])
         offset = places.get("byteOffset", 0)
         indices = self._view(places["bufferView"], offset, count, 1, dtype, where)[:, 0]
-        if count and indices.max() >= len(values):
-            raise FileFormatError(f"{where}: the sparse part of an accessor has too many rows")
         offset = rows.get("byteOffset", 0)
         width = values.shape[1]
         values[indices] = self._view(rows["bufferView"], offset, count, width, values.dtype, where)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from riemhuman.arrays import Array, Integers, JSONRecord, JSONValue, Values
+from riemhuman.arrays import Array, Integers, JSONRecord, Values
 from riemhuman.errors import FileFormatError
 from riemhuman.io._gltf_reader import _check_extensions, _chunks, _Reader
 
@@ -100,8 +100,6 @@ class _AnimationReader(_Reader):
             path, sampler = target.get("path"), channel.get("sampler")
             if path not in _WIDTHS or "node" not in target:
                 continue
-            if not isinstance(sampler, int) or not 0 <= sampler < len(samplers):
-                raise FileFormatError(f"{where} has no sampler")
             source: JSONRecord = samplers[sampler]
             times = self._accessor(source.get("input"), "SCALAR", where)[:, 0]
             values = self._accessor(source.get("output"), _WIDTHS[path], where)
@@ -134,17 +132,9 @@ def _local_parts(node: JSONRecord) -> tuple[Values, Rotation, float]:
         matrix = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
         scale = float(np.cbrt(abs(np.linalg.det(matrix[:3, :3])))) or 1.0
         return matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3] / scale), scale
-    place = _numbers(node.get("translation"), (0.0, 0.0, 0.0))
-    quaternion = _numbers(node.get("rotation"), (0.0, 0.0, 0.0, 1.0))
-    scales = _numbers(node.get("scale"), (1.0, 1.0, 1.0))
-    return place, Rotation.from_quat(quaternion), float(scales.mean())
-
-
-def _numbers(values: JSONValue, default: tuple[float, ...]) -> Array:
-    numbers = np.array(default if values is None else values, dtype=np.float64)
-    if numbers.shape != (len(default),) or not np.isfinite(numbers).all():
-        raise FileFormatError(f"{len(default)} numbers expected, found {str(values)[:40]}")
-    return numbers
+    place = np.array(node.get("translation", (0.0, 0.0, 0.0)), dtype=np.float64)
+    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0)))
+    return place, turn, float(np.mean(node.get("scale", 1.0)))
 
 
 def _linear(curve: tuple[Array, Array], frames: Array) -> Array:
