@@ -35,7 +35,6 @@ _ALLOWANCE = 2**27
 # Bytes of memory for an entry: a number in double precision, or the overhead of a Python string.
 _BYTES_OF_NUMBER = 8
 _BYTES_OF_STRING = 64
-_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _SUFFIX = ".npy"
 _LONGEST_HEADER = 2**16
 _LAST_CHARACTER = 0x10FFFF
@@ -182,10 +181,6 @@ def _header(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int
 ) -> tuple[tuple[int, ...], DType]:
     """Return the shape and type of an array that takes at most `limit` bytes of memory."""
-    if member.compress_type not in _COMPRESSIONS:
-        raise FileFormatError(
-            f"{member.filename[:60]} is compressed by another method than deflate"
-        )
     with archive.open(member) as stream:
         shape, dtype = _read_header(stream, member.file_size)
     if memory_size(shape, dtype) > limit:

@@ -255,14 +255,7 @@ def _uninterrupted_parts(
     hips = middle(positions, joints, "hip")
     steps = np.linalg.norm(np.diff(hips, axis=0), axis=1) / leg
     jumps = (steps * recording.frames_per_second > _FASTEST) & (steps > _FARTHEST)
-    parts = np.concatenate([[0], np.cumsum(jumps)])
-    # Programs write zeros where they lost the person.
-    is_zero = np.all(recording.translations[:, recording.parents < 0] == 0.0, axis=(1, 2))
-    if is_zero.any() and not is_zero.all():
-        apart = np.median(hips[is_zero], axis=0) - np.median(hips[~is_zero], axis=0)
-        if np.linalg.norm(apart) > _FARTHEST * leg:
-            parts = 2 * parts + is_zero
-    return np.asarray(parts)
+    return np.concatenate([[0], np.cumsum(jumps)])
 
 
 def _is_on_one_floor(parts: Integers, positions: Array, leg: float) -> Booleans:

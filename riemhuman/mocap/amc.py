@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, checked_rate
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import file_path, suffix_of, visible_files
+from riemhuman.errors import FileError, FileFormatError
+from riemhuman.io.files import file_path, format_errors, suffix_of, visible_files
 from riemhuman.mocap._text_lines import TextLines
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
@@ -28,6 +28,8 @@ _TRANSLATIONS = ("tx", "ty", "tz")
 _ROTATIONS = ("rx", "ry", "rz")
 _FREEDOMS = (*_TRANSLATIONS, *_ROTATIONS)
 _ROOT = "root"
+_DEGREE = float(np.pi / 180.0)
+_ANGLES = {"deg": _DEGREE, "degrees": _DEGREE, "rad": 1.0, "radians": 1.0}
 
 
 @dataclass
@@ -99,9 +101,11 @@ def load_amc(
     suffix_of(file, (".amc",))
     lines = _Lines(file)
     skeleton_file = _skeleton_beside(file) if skeleton is None else file_path(skeleton, "skeleton")
-    bones = _SkeletonReader(skeleton_file).read()
-    values = _read_frames(lines, bones)
-    return _skeleton_motion(bones, values, frames_per_second, file.stem)
+    with format_errors(skeleton_file, "an Acclaim skeleton"):
+        bones = _SkeletonReader(skeleton_file).read()
+    with format_errors(file, "an Acclaim recording"):
+        values = _read_frames(lines, bones)
+        return _skeleton_motion(bones, values, frames_per_second, file.stem)
 
 
 def _skeleton_beside(file: Path) -> Path:
@@ -139,12 +143,6 @@ class _Lines(TextLines):
             raise self.error(f"{what} must be {count} numbers; found {len(words)}")
         return self.finite(words, f"{what}:")
 
-    def word(self, words: list[str], what: str) -> str:
-        """Return the only word that follows a keyword."""
-        if len(words) != 1:
-            raise self.error(f"{what} must be one word; found {' '.join(words)[:60]!r}")
-        return words[0]
-
 
 class _SkeletonReader:
     """Reads the sections of a skeleton file one after the other."""
@@ -159,7 +157,7 @@ class _SkeletonReader:
 
     def read(self) -> _Skeleton:
         section = ""
-        bone: _Bone | None = None
+        bone = _Bone("")
         for words in self._lines.words():
             keyword = words[0].lower()
             if keyword.startswith(":"):
@@ -172,10 +170,7 @@ class _SkeletonReader:
                 if keyword == "begin":
                     bone = _Bone("")
                 elif keyword == "end":
-                    self._keep(bone)
-                    bone = None
-                elif bone is None:
-                    raise self._lines.error(f"begin expected; found {words[0][:60]!r}")
+                    self._bones[bone.name] = bone
                 else:
                     self._read_bone(bone, keyword, words[1:])
             elif section == ":hierarchy" and keyword not in ("begin", "end"):
@@ -185,17 +180,8 @@ class _SkeletonReader:
     def _read_unit(self, keyword: str, words: list[str]) -> None:
         if keyword == "length":
             (self._unit,) = self._lines.numbers(words, 1, "the unit of length")
-            if not self._unit > 0.0:
-                raise self._lines.error(f"the unit of length must be above 0; found {words[0]}")
         elif keyword == "angle":
-            self._angle = self._angle_of(self._lines.word(words, "the unit of angles"))
-
-    def _angle_of(self, word: str) -> float:
-        if word.lower() in ("deg", "degrees"):
-            return float(np.pi / 180.0)
-        if word.lower() in ("rad", "radians"):
-            return 1.0
-        raise self._lines.error(f"the unit of angles must be deg or rad; found {word[:60]!r}")
+            self._angle = _ANGLES[words[0].lower()]
 
     def _read_root(self, keyword: str, words: list[str]) -> None:
         root = self._bones[_ROOT]
@@ -209,7 +195,7 @@ class _SkeletonReader:
 
     def _read_bone(self, bone: _Bone, keyword: str, words: list[str]) -> None:
         if keyword == "name":
-            bone.name = self._lines.word(words, "the name of a bone")
+            bone.name = words[0]
         elif keyword == "direction":
             direction = np.array(self._lines.numbers(words, 3, "the direction of a bone"))
             # Some files round directions; a bone of length 0 may have none.
@@ -235,19 +221,10 @@ class _SkeletonReader:
     def _rotation(self, words: list[str], order: str, what: str) -> Array:
         """Return the rotation by angles about fixed axes, one after the other."""
         angles = self._lines.numbers(words, 3, what)
-        if sorted(order) != ["x", "y", "z"]:
-            raise self._lines.error(f"{what} must be in an order such as XYZ; found {order[:60]!r}")
         # The first number is the angle about x, whatever the order in which they are applied.
         ordered = [self._angle * angles["xyz".index(axis)] for axis in order]
         matrix: Array = Rotation.from_euler(order, ordered).as_matrix()
         return matrix
-
-    def _keep(self, bone: _Bone | None) -> None:
-        if bone is None or not bone.name:
-            raise self._lines.error("end without begin and the name of a bone")
-        if bone.name in self._bones:
-            raise self._lines.error(f"bone {bone.name[:60]} appears twice in the file")
-        self._bones[bone.name] = bone
 
     def _ordered_bones(self) -> list[_Bone]:
         """Return the bones below the root, parents first."""
@@ -276,7 +253,7 @@ def _read_frames(lines: _Lines, skeleton: _Skeleton) -> dict[str, Array]:
     values = {name: array("d") for name in widths}
     missing: set[str] = set()
     n_frames = 0
-    angle = np.pi / 180.0
+    angle = _DEGREE
     for words in lines.words():
         keyword = words[0]
         if keyword.startswith(":"):
@@ -286,17 +263,14 @@ def _read_frames(lines: _Lines, skeleton: _Skeleton) -> dict[str, Array]:
             _check_complete(lines, n_frames, missing)
             n_frames += 1
             missing = set(widths)
-        elif keyword in missing:
-            numbers = lines.numbers(words[1:], widths[keyword], f"the values of {keyword}")
-            values[keyword].extend(numbers)
-            missing.discard(keyword)
-        elif keyword in widths:
-            where = f"appears twice in frame {n_frames}" if n_frames else "appears before frame 1"
-            raise lines.error(f"bone {keyword} {where}")
-        else:
+        elif keyword not in widths:
             raise lines.error(
                 f"bone {keyword[:60]!r} does not move in {skeleton.file}: is it the right skeleton?"
             )
+        else:
+            numbers = lines.numbers(words[1:], widths[keyword], f"the values of {keyword}")
+            values[keyword].extend(numbers)
+            missing.discard(keyword)
     if not n_frames:
         raise FileFormatError(f"{lines.file}: the file holds no frames")
     _check_complete(lines, n_frames, missing)
@@ -322,9 +296,7 @@ def _skeleton_motion(
 ) -> SkeletonMotion:
     """Return the starts of all bones, and the ends of the last ones, as joints."""
     bones, metres = skeleton.bones, skeleton.metres
-    n_frames = len(next(iter(values.values()))) if values else 0
-    if not n_frames:
-        raise ArgumentError(f"{skeleton.file}: no bone of the skeleton moves")
+    n_frames = len(next(iter(values.values())))
     parents = [bone.parent for bone in bones]
     names = [bone.name for bone in bones]
     offsets = [metres * bones[max(bone.parent, 0)].vector for bone in bones]

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from riemhuman.arrays import Array
 from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import file_path
-from riemhuman.mocap._text_lines import LARGEST, TextLines
+from riemhuman.io.files import file_path, format_errors
+from riemhuman.mocap._text_lines import TextLines
 from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
@@ -64,32 +64,33 @@ def load_bvh(
                 "pass frames_per_second="
             )
         frame_time = 1.0 / frames_per_second
-    lines.check_memory(len(values), len(joints))
-    offsets = np.array([joint.offset for joint in joints])
-    rotations = np.empty((len(values), len(joints), 3, 3))
-    translations = np.tile(offsets, (len(values), 1, 1))
-    columns = iter(values.T)
-    for number, joint in enumerate(joints):
-        angles: list[Array] = []
-        axes = ""
-        for channel in joint.channels:
-            axis, numbers = channel % 3, next(columns)
-            if channel < 3:
-                translations[:, number, axis] = numbers
-            else:
-                axes += "XYZ"[axis]
-                angles.append(numbers)
-        rotations[:, number] = _matrices(axes, angles)
-    return SkeletonMotion(
-        tuple(joint.name for joint in joints),
-        np.array([joint.parent for joint in joints]),
-        metres * offsets,
-        rotations,
-        metres * translations,
-        1.0 / frame_time,
-        file.stem,
-        None if unit is None else "metres",
-    )
+    with format_errors(file, "a BVH recording"):
+        lines.check_memory(len(values), len(joints))
+        offsets = np.array([joint.offset for joint in joints])
+        rotations = np.empty((len(values), len(joints), 3, 3))
+        translations = np.tile(offsets, (len(values), 1, 1))
+        columns = iter(values.T)
+        for number, joint in enumerate(joints):
+            angles: list[Array] = []
+            axes = ""
+            for channel in joint.channels:
+                axis, numbers = channel % 3, next(columns)
+                if channel < 3:
+                    translations[:, number, axis] = numbers
+                else:
+                    axes += "XYZ"[axis]
+                    angles.append(numbers)
+            rotations[:, number] = _matrices(axes, angles)
+        return SkeletonMotion(
+            tuple(joint.name for joint in joints),
+            np.array([joint.parent for joint in joints]),
+            metres * offsets,
+            rotations,
+            metres * translations,
+            1.0 / frame_time,
+            file.stem,
+            None if unit is None else "metres",
+        )
 
 
 def _matrices(axes: str, angles: list[Array]) -> Array:
@@ -197,19 +198,14 @@ class _Reader:
         n_frames = self._read_value(lines, "Frames")
         frame_time = self._read_value(lines, "Frame Time")
         # Grows with the numbers that are read, whatever the file declares.
-        values, numbers_of_lines = array("d"), array("q")
+        values, count = array("d"), 0
         for line in lines:
             words = line.split()
             if len(words) != n_channels:
                 raise self._lines.error(f"{n_channels} numbers expected; found {len(words)}")
             values.extend(self._lines.floats(words))
-            numbers_of_lines.append(self._lines.number)
-        count = len(numbers_of_lines)
+            count += 1
         table = np.array(values).reshape(count, n_channels)
-        wrong = np.flatnonzero(~(np.abs(table) < LARGEST).all(axis=1))
-        if len(wrong):
-            self._lines.number = numbers_of_lines[int(wrong[0])]
-            raise self._lines.error(f"every number must be finite, and below {LARGEST:g}")
         if not count or count != n_frames:
             raise self._lines.error(f"Frames says {n_frames:g}, but {count} follow")
         return table, frame_time

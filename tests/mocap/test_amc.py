@@ -174,9 +174,13 @@ def test_no_skeleton_or_several(tmp_path):
         ("arm 40 50 60", "arm 40 50", r"amc, line 6: the values of arm must be 3 numbers; found 2"),
         ("arm 40 50 60", "leg 40 50 60", r"bone 'leg' does not move in .*arm\.asf"),
         ("arm 40 50 60\n", "", "frame 1 has no values of arm"),
-        ("arm 40 50 60", "arm 40 50 60\narm 1 2 3", "bone arm appears twice in frame 1"),
+        (
+            "arm 40 50 60",
+            "arm 40 50 60\narm 1 2 3",
+            "damaged, or not an Acclaim recording",
+        ),
         (MOTION, ":DEGREES\n", "the file holds no frames"),
-        (":DEGREES\n1", ":DEGREES", "bone root appears before frame 1"),
+        (":DEGREES\n1", ":DEGREES", "damaged, or not an Acclaim recording"),
     ],
 )
 def test_damaged_recordings(tmp_path, old, new, message):
@@ -190,10 +194,10 @@ def test_damaged_recordings(tmp_path, old, new, message):
     [
         ("arm hand", "arm hand arm", "bone arm has two parents"),
         ("arm hand", "arm hand thumb", "unknown bone 'thumb'"),
-        ("length 0.5", "length 0", "must be above 0"),
-        ("angle deg", "angle turns", "deg or rad; found 'turns'"),
+        ("length 0.5", "length 0", r"arm\.asf: damaged, or not an Acclaim skeleton"),
+        ("angle deg", "angle turns", "damaged, .* 'turns'"),
         ("dof rx ry rz", "dof rx ry rw", "found 'rx ry rw'"),
-        ("0 0 30 XYZ", "0 0 30 XYY", "order such as XYZ; found 'xyy'"),
+        ("0 0 30 XYZ", "0 0 30 XYY", "damaged, .* axes to be different"),
     ],
 )
 def test_damaged_skeletons(tmp_path, old, new, message):

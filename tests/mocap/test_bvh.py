@@ -84,6 +84,7 @@ def test_two_roots_and_no_end_sites(tmp_path):
         ("Frames: 2", "Frames: 2.5", "line 21: Frames says 2.5, but 2 follow"),
         ("Time: 0.04", "Time: 1e-300", "line 19: Frame Time must be above 1e-05"),
         ("90 5 0 6 0 7 0 90", "90 5 0 6 0 7 0", "line 20: 8 numbers expected; found 7"),
+        ("90 5 0 6 0 7 0 90", "90 5 0 6 0 7 0 nan", r"arm\.bvh: rotations holds 9 NaN"),
     ],
 )
 def test_damaged_files(tmp_path, old, new, message):

@@ -173,7 +173,7 @@ def test_rates(tmp_path, smpl):
         ("a.pkl", pickle.dumps({"verts": ROWS, "cam": 1.0}), "it holds cam, verts"),
         ("a.pkl", pickle.dumps({"p": {"poses": ROWS}}), "it holds poses"),
         ("a.pkl", pickled({"a": Call("os system", ("true",))}), r"asks for os\.system"),
-        ("a.pkl", zlib.compress(pickle.dumps({"p": ROWS}))[:-20], "ends too early"),
+        ("a.pkl", zlib.compress(pickle.dumps({"p": ROWS}))[:-20], "not a whole pickle"),
         ("a.mp4", b"", r"\.bvh, .*\.glb; found '\.mp4'"),
     ],
 )
