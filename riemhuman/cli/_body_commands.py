@@ -103,19 +103,14 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     with options.task(f"Mean of {len(points)}, {metric}"):
         result = rh.solvers.BasisMean(basis, progress=options.bars).solve(metric, points)
     rh.save_mesh(options.output, result.point, surfaces.faces)
-    picture = None
     if options.picture is not None:
         names = [*(file.stem for file in surfaces.files), "Karcher mean"]
-        picture = rh.plots.save_picture(
-            options.picture,
-            [*points, result.point],
-            surfaces.faces,
-            names,
-            title="Meshes and their mean",
-            mean=True,
-        )
+        colors = [*([rh.plots.figures.SKIN] * len(points)), rh.plots.figures.MEAN]
+        bodies, title = [*points, result.point], "Meshes and their mean"
+        viewer = rh.plots.view_bodies(bodies, surfaces.faces, names, colors=colors, title=title)
+        viewer.save(options.picture)
     record = {"files": surfaces.files, "metric": inputs.metric_record(metric)}
-    values = {"variance": result.variance, "picture": picture}
+    values = {"variance": result.variance, "picture": options.picture}
     return terminal.solved(result, values, variances=result.variances, **record)
 
 
@@ -275,9 +270,8 @@ def _disentangle(options: argparse.Namespace) -> cli.Answer:
     if options.picture is not None:
         names = [f"shape of {options.shape.stem}", f"pose of {options.pose.stem}", "both"]
         bodies = [*surfaces[:], result.surface]
-        rh.plots.save_picture(
-            options.picture, bodies, surfaces.faces, names, title="Shape and pose"
-        )
+        viewer = rh.plots.view_bodies(bodies, surfaces.faces, names, title="Shape and pose")
+        viewer.save(options.picture)
     values = {"shape_distance": result.shape_dist, "pose_distance": result.pose_dist}
     record = {"shape": options.shape, "pose": options.pose, "pose_weight": options.pose_weight}
     return terminal.solved(result, values, **record)
@@ -313,7 +307,7 @@ def _align(options: argparse.Namespace) -> cli.Answer:
     faces, titles = surfaces.faces, [file.stem for file in surfaces.files]
     with inputs.mesh_folder(options, dict(zip(names, points, strict=True)), faces) as folder:
         page = folder / "aligned.html"
-        rh.plots.save_picture(page, points, faces, titles, title="Aligned meshes")
+        rh.plots.view_bodies(points, faces, titles, title="Aligned meshes").save(page)
     lines = ["root mean square distances to the template:"]
     lines += _gap_lines(names, distances.tolist(), options)
     return cli.Answer("\n".join(lines), {"files": surfaces.files, "root_mean_square": distances})
@@ -360,7 +354,7 @@ def _fit(options: argparse.Namespace) -> cli.Answer:
         bodies = np.stack([surfaces[:], models], axis=1).reshape(-1, *models[0].shape)
         titles = [title for file in files for title in (file.stem, f"{file.stem}, model")]
         title = "Meshes, each beside its model"
-        rh.plots.save_picture(options.picture, bodies, surfaces.faces, titles, title=title)
+        rh.plots.view_bodies(bodies, surfaces.faces, titles, title=title).save(options.picture)
     means = [float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
     lines = ["mean distances between mesh and model:"]

@@ -356,6 +356,7 @@ PICTURE = output(
     text="picture to write: .png, or .html for an interactive page",
     flags="--picture",
     required=False,
+    needs_matplotlib=False,
 )
 MODEL = path_option("--model", "FILE", "body model (default: the open one)")
 OUTPUT_UNITS = choice(

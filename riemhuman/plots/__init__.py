@@ -25,12 +25,7 @@ from riemhuman.plots.result_plots import (
 from riemhuman.plots.scan_views import plot_scan, view_scan
 from riemhuman.plots.standing import on_the_ground
 from riemhuman.plots.viewed_bodies import ViewedBody
-from riemhuman.plots.viewer import (
-    Viewer,
-    save_picture,
-    view_bodies,
-    view_path,
-)
+from riemhuman.plots.viewer import Viewer, view_bodies, view_path
 from riemhuman.plots.views import view
 from riemhuman.plots.windows import View
 
@@ -57,7 +52,6 @@ __all__ = [
     "plot_scan",
     "plot_sweep",
     "render",
-    "save_picture",
     "stress",
     "surfaces_html",
     "view",

@@ -410,9 +410,12 @@ def strip_picture(
 
 
 def _named(picture: Image, name: str) -> Image:
-    """Return a picture with a name below it, cut to its width."""
+    """Return a picture with a name below it, smaller if it is long, at most as wide."""
     height, width = picture.shape[:2]
-    text = written(name, height // 20)[:, :width]
+    pixels = height // 20
+    text = written(name, pixels)
+    if text.shape[1] > width:
+        text = written(name, max(1, pixels * width // text.shape[1]))[:, :width]
     below = np.zeros((height // 16, width, 4), dtype=np.uint8)
     left = (width - text.shape[1]) // 2
     below[: len(text), left : left + text.shape[1]] = text

@@ -41,15 +41,7 @@ from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
 from riemhuman.plots._web_files import web_file as web_file
 from riemhuman.plots._web_files import web_templates as web_templates
-from riemhuman.plots.body_plots import plot_path
-from riemhuman.plots.figures import (
-    MEAN,
-    SKIN,
-    VALUE_COLORS,
-    figure_style,
-    new_figure,
-    save_figure,
-)
+from riemhuman.plots.figures import SKIN, VALUE_COLORS
 from riemhuman.plots.rendering import (
     as_surfaces,
     image_source,
@@ -59,7 +51,7 @@ from riemhuman.plots.rendering import (
 )
 from riemhuman.plots.standing import on_the_ground
 from riemhuman.plots.viewed_bodies import ViewedBody, body_record
-from riemhuman.plots.windows import View, window_around
+from riemhuman.plots.windows import View
 
 SAVED_VIEWS = (".html", ".htm", ".png", *FILM_ENDINGS)
 """Endings of the files that `save` of a viewer writes."""
@@ -68,7 +60,6 @@ _SECONDS = 2.4  # a path is played in, unless its duration is given
 # Recordings with more frames are shown at fewer a second, but at no fewer than the second.
 _MOST_FRAMES, _LEAST_RATE = 10_000, 30.0
 _STILL_HEIGHT = 480
-_MOST_IN_PICTURE = 8
 # Parts of the script, in their order.
 _SCRIPTS = (
     "viewer_ground.js",
@@ -429,6 +420,7 @@ def view_bodies(
     faces: ArrayLike | None = None,
     names: Sequence[str] | None = None,
     *,
+    colors: ArrayLike | None = None,
     title: str = "Bodies",
 ) -> Viewer:
     """Return an interactive view of bodies side by side.
@@ -440,6 +432,8 @@ def view_bodies(
     faces : array_like, shape (F, 3), optional
         Triangles; none for mesh objects.
     names : sequence of str, length n, optional
+    colors : array_like, shape (n, 3), optional
+        Red, green and blue of each body, between 0 and 1.
     title : str
 
     Examples
@@ -454,93 +448,11 @@ def view_bodies(
         raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
     given_names = [""] * len(surfaces) if names is None else names
-    bodies = _labelled(given_names, surfaces, [SKIN] * len(surfaces))
-    return Viewer(values_of(triangles, "faces"), {title: bodies}, title=title)
-
-
-def _labelled(
-    given_names: Sequence[str], surfaces: Points, colors: Sequence[tuple[float, float, float]]
-) -> list[ViewedBody]:
-    names = names_of(given_names, "names", len(surfaces), "bodies")
-    return [
-        ViewedBody(name, surface[np.newaxis], color)
-        for name, surface, color in zip(names, surfaces, colors, strict=True)
+    labels = names_of(given_names, "names", len(surfaces), "bodies")
+    skin = np.tile(SKIN, (len(surfaces), 1))
+    tints = skin if colors is None else real_array(colors, "colors", skin.shape, batched=False)
+    bodies = [
+        ViewedBody(label, surface[np.newaxis], (red, green, blue))
+        for label, surface, (red, green, blue) in zip(labels, surfaces, tints.tolist(), strict=True)
     ]
-
-
-@checked(title=text, mean=flag)
-def save_picture(
-    path: str | os.PathLike[str],
-    points: ArrayLike,
-    faces: ArrayLike,
-    names: Sequence[str],
-    *,
-    title: str = "Bodies",
-    mean: bool = False,
-) -> str:
-    """Write bodies side by side to a PNG file, or to an interactive page.
-
-    Parameters
-    ----------
-    path : path_like
-        The file, with the ending .png or .html; an existing file is replaced.
-    points : array_like, shape (n, V, 3)
-        Surfaces, metres, y up.
-    faces : array_like, shape (F, 3)
-    names : sequence of str, length n
-    title : str
-        Title of a page.
-    mean : bool
-        Whether the last body is the mean of the others, shown in yellow.
-
-    Returns
-    -------
-    str
-        A sentence about the bodies shown in the picture; a PNG shows at most eight.
-
-    Examples
-    --------
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.plots.save_picture("two.png", bodies[:2], bodies.template.faces, ["Anna", "Ben"])
-    'Anna, Ben'
-    """
-    surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
-    if surfaces.size == 0:
-        raise ArgumentError(f"points must hold at least one body; found shape {surfaces.shape}")
-    colors = [SKIN] * len(surfaces)
-    if mean:
-        colors[-1] = MEAN
-    bodies = _labelled(names, surfaces, colors)
-    ending = file_path(path).suffix.lower()
-    if ending not in (".png", ".html"):
-        raise ArgumentError(f"path must end in .png or .html; found {os.fspath(path)!r}")
-    if ending == ".html":
-        Viewer(values_of(faces, "faces"), {title: bodies}, title=title).save(path)
-        return f"all {len(surfaces)} bodies"
-    # The mean is always drawn, the others evenly chosen.
-    n_others = len(bodies) - 1 if mean else len(bodies)
-    n_drawn = min(n_others, _MOST_IN_PICTURE - 1 if mean else _MOST_IN_PICTURE)
-    numbers = np.linspace(0, n_others - 1, n_drawn).round().astype(int).tolist()
-    drawn = [bodies[number] for number in numbers]
-    if mean:
-        drawn.append(bodies[-1])
-    labels = [body.label for body in drawn]
-    frames = [body.frames[0] for body in drawn]
-    spacing = max(window_around(frame, View()).width for frame in frames)
-    with figure_style():
-        figure = new_figure(1.9 * len(drawn), 3.0)
-        plot_path(
-            np.stack(frames),
-            faces,
-            colors=[body.color for body in drawn],
-            spacing=spacing,
-            labels=labels,
-            ax=figure.subplots(),
-        )
-    save_figure(figure, path)
-    sentence = ", ".join(labels)
-    if n_drawn < n_others:
-        sentence += f": {n_drawn} of {n_others} bodies"
-        if mean:
-            sentence += " and their mean"
-    return sentence
+    return Viewer(values_of(triangles, "faces"), {title: bodies}, title=title)

@@ -105,20 +105,12 @@ def test_the_ending_says_what_is_written(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["two.html", "two.png"]
 
 
-def test_pictures_have_an_ending_that_says_so_and_a_name_for_each_body(tmp_path):
-    for name, names, message in (
-        ("x.jpg", "abcd", r"path must end in .png or .html; found .*x\.jpg"),
-        ("x.html", "abcde", "names must name each of the 4 bodies; found 5"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            rh.plots.save_picture(tmp_path / name, PATH, TEMPLATE.faces, list(names))
-    assert not list(tmp_path.iterdir())
-
-
-def test_names_with_dollar_signs_are_no_formulas(tmp_path):
-    names = [r"$\frac$", "a$b$ 5 $"]
-    said = rh.plots.save_picture(tmp_path / "x.png", PATH[:2], TEMPLATE.faces, names)
-    assert said == ", ".join(names)
+def test_names_and_colors_of_bodies():
+    mean = [0.9, 0.7, 0.3]
+    (body, _) = view_bodies(PATH[:2], TEMPLATE.faces, colors=[mean, mean]).choices["Bodies"]
+    assert body.color == tuple(mean)
+    with pytest.raises(ArgumentError, match="colors must have shape"):
+        view_bodies(PATH[:2], TEMPLATE.faces, colors=[mean])
     # Whole numbers are names, too.
     numbered = view_bodies(PATH, TEMPLATE.faces, [1, 2, 3, np.int64(4)])
     assert [body.label for body in numbered.choices["Bodies"]] == ["1", "2", "3", "4"]
