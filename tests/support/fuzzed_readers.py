@@ -11,7 +11,7 @@ from unittest import mock
 import h5py
 import numpy as np
 from fuzzing import ARCHIVES, BYTES, archive
-from model_pickles import smpl_fields, smpl_pickle
+from model_pickles import smpl_fields, smpl_model, smpl_pickle
 
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model
@@ -134,13 +134,6 @@ def read_hdf5(folder):
     return [frames for m in motions for frames in (m[:5][:, m.faces], m[len(m) - 1])]
 
 
-@cache
-def amass_model():
-    fields = smpl_fields(22, n_vertices=8, n_betas=3)
-    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
-    return BodyModel(**fields)
-
-
 def amass_file():
     rng = np.random.default_rng(3)
     fields = {
@@ -154,7 +147,7 @@ def amass_file():
 
 
 def read_amass(folder):
-    (motion,) = load_amass(folder / "a" / "b_poses.npz", amass_model())
+    (motion,) = load_amass(folder / "a" / "b_poses.npz", smpl_model(22, n_betas=3))
     return motion.betas, motion[:10]
 
 
