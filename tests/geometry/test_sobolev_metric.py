@@ -179,6 +179,15 @@ def test_tangential_fields_cost_nothing_and_change_nothing():
     assert metric.metric.norm(along, f) > 0.1 * metric.metric.norm(h, f)
 
 
+def test_a_sobolev_metric_of_first_order_has_a_gauge_invariant_one():
+    """With b1 = ½ and c1 = 1 it is that of square-root normals."""
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f, h = surfaces(template, 1)[0], deformations(template, 1)[0]
+    found = GaugeInvariantMetric(only(space, b1=0.5, c1=1.0)).norm(h, f)
+    assert found == pytest.approx(GaugeInvariantMetric(SRNFMetric(space)).norm(h, f), rel=1e-12)
+
+
 def test_a_warning_says_that_meshes_crumple_over_all_vertices():
     template = sphere_template()
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template, equip=False)))
