@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
@@ -71,12 +72,19 @@ LARGEST_RATIO = 0.01
 _DEGREES = {np.dtype(np.float32): 7, np.dtype(np.float64): 12}
 
 
-PRECISION = {np.dtype(np.float32): None, np.dtype(np.float64): True}
-"""What loops are told of the precision of their features, for the functions below.
+Flag: TypeAlias = tuple[bool, ...]
+"""What loops are told by a tuple that is empty or not.
 
-The branch is known when a loop is compiled, so that coefficients are constants. What double
-precision needs is compiled only where the argument is not None: slopes, too, which paths alone need
-and which are NaN in single precision.
+Lengths of tuples are known when loops are compiled: branches that are not taken are left out.
+"""
+
+NO: Flag = ()
+YES: Flag = (True,)
+
+PRECISION = {np.dtype(np.float32): NO, np.dtype(np.float64): YES}
+"""Whether the precision of features is double, for the functions below.
+
+Slopes, which paths alone need, are NaN in single precision.
 """
 
 
@@ -103,12 +111,12 @@ def long_polynomial(coefficients: tuple[float, ...], x: float) -> float:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_arc_and_slope(chord: float, acute: bool, double: bool | None) -> tuple[float, float]:
+def squared_arc_and_slope(chord: float, acute: bool, double: Flag) -> tuple[float, float]:
     """Return θ² and |dθ²/dp| = θ/sin θ of unit vectors n and m."""
     # By the shorter squared chord p ≤ 2, from n to m if `acute`, else from n to −m:
     # θ² = p Q(p) or (π − √(p Q(p)))². At antipodal vectors the slope is set to 0.
     real = type(chord)
-    if double is None:
+    if len(double) == 0:
         squared = chord * polynomial(_SINGLE_ARC, chord)
         slope = obtuse = real(math.nan)
         angle = real(math.pi) - np.sqrt(squared)
@@ -123,9 +131,9 @@ def squared_arc_and_slope(chord: float, acute: bool, double: bool | None) -> tup
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def _split(x: float, double: bool | None) -> tuple[float, float]:
+def _split(x: float, double: Flag) -> tuple[float, float]:
     """Return k and 2⁻ᵏ, for x > 0, such that 2⁻ᵏ x lies in [√½, √2), from the bits of x."""
-    if double is not None:
+    if len(double) > 0:
         k = (np.float64(x).view(np.int64) - _LOWEST) >> 52
         return type(x)(k), type(x)(np.int64((1023 - k) << 52).view(np.float64))
     bits = np.int32(np.float32(x).view(np.int32) - _LOWEST_SINGLE)
@@ -135,13 +143,13 @@ def _split(x: float, double: bool | None) -> tuple[float, float]:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def hyperbolic_length(m: float, sinh: float, double: bool | None) -> float:
+def hyperbolic_length(m: float, sinh: float, double: Flag) -> float:
     """Return ℓ = log(1 + m + sinh ℓ), where m = cosh ℓ − 1; NaN where sinh ℓ overflows."""
     real = type(m)
     growth = m + sinh
     exponent, scale = _split(real(1.0) + growth, double)
     fraction = growth * scale + (scale - real(1.0))
-    if double is None:
+    if len(double) == 0:
         quotient = polynomial(_SINGLE_LOGARITHM, fraction)
     else:
         quotient = real(long_polynomial(_LOGARITHM, fraction))
@@ -149,7 +157,7 @@ def hyperbolic_length(m: float, sinh: float, double: bool | None) -> float:
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def squared_length_and_slope(m: float, double: bool | None) -> tuple[float, float]:
+def squared_length_and_slope(m: float, double: Flag) -> tuple[float, float]:
     """Return ℓ² and dℓ²/dm = 2ℓ/sinh ℓ, where m = cosh ℓ − 1 ≥ 0; NaN where m² overflows."""
     real = type(m)
     tiny = real(1e-30)  # keeps 0/0 from m = 0, where ℓ/sinh ℓ = 1
@@ -159,14 +167,14 @@ def squared_length_and_slope(m: float, double: bool | None) -> tuple[float, floa
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def half_sine_squared_and_slope(squared: float, double: bool | None) -> tuple[float, float]:
+def half_sine_squared_and_slope(squared: float, double: Flag) -> tuple[float, float]:
     """Return sin²(min(½ψ, ½π)), and its slope in ¼ψ²."""
     real = type(squared)
     limit = real(0.25 * math.pi**2)
     inside = squared < limit
     # In this order, NaN stays NaN.
     squared = limit if squared > limit else squared
-    if double is None:
+    if len(double) == 0:
         value, slope = polynomial(_SINGLE_SINE, squared), real(math.nan)
     else:
         value = real(polynomial(_SINE, squared))

@@ -41,7 +41,10 @@ from riemhuman.kernels.surface import (
 from riemhuman.kernels.threads import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.terms._polynomial_fits import (
     LARGEST_RATIO,
+    NO,
     PRECISION,
+    YES,
+    Flag,
     excess_at_pi,
     half_angle_fit,
     half_sine_of_share,
@@ -201,7 +204,8 @@ class ConeTerm(Term):
 
     def squared_distances(self, a: FeatureRows, b: FeatureRows, areas: Array) -> Array:
         real, double, squared = a.dtype.type, PRECISION[a.dtype], np.zeros((len(a), len(b)))
-        scale, turn, fit = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2, None
+        scale, turn = 0.25 * self.angle_per_length**2, 0.25 * self.angle_per_turn**2
+        fit: tuple[float, ...] = ()
         if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
             ratio = self.b / self.a
             scale, fit = 1.0 / excess_at_pi(ratio), half_angle_fit(ratio, a.dtype)
@@ -327,19 +331,19 @@ def cone_pair(
     inverse: float,
     angle: float,
     scale: float,
-    fit: tuple[float, ...] | None,
-    double: bool | None,
+    fit: tuple[float, ...],
+    double: Flag,
 ) -> tuple[float, Point, Point, float]:
     """Return d²/16b of points (x, y, s) and its slopes by both and by `angle`, for all loops.
 
-    `inverse` is 1/(2 y₁ y₂), `angle` what normals add to ¼ψ², and `scale` is ¼ (ψ/ℓ)². With the
-    coefficients of a `half_angle_fit`, which is faster and leaves no room for normals, `scale` is
-    that of its argument, and there are no slopes: paths do without it.
+    `inverse` is 1/(2 y₁ y₂), `angle` what normals add to ¼ψ², and `scale` is ¼ (ψ/ℓ)². `fit` is
+    empty or a `half_angle_fit`, which is faster and leaves no room for normals: then `scale` is
+    that of its argument, and there are no slopes. Paths do without it.
     """
     (x1, y1, s1), (x2, y2, s2), real = a, b, type(inverse)
     x, y, s = x1 - x2, y1 - y2, s1 - s2
     m = (x * x + y * y) * inverse
-    if fit is None:
+    if len(fit) == 0:
         length, by_length = squared_length_and_slope(m, double)
         half, by_angle = half_sine_squared_and_slope(scale * length + angle, double)
         by_m = by_angle * scale * by_length
@@ -404,13 +408,13 @@ def _segment(
     angles, rates = onp.zeros(len(areas)), onp.empty(len(areas))
     # Three loops, because a single one would need too many arrays for vector registers.
     if turn is not None:
-        _fill_angles(record1[6:9], record2[6:9], turn, True, angles, 0, len(areas))
+        _fill_angles(record1[6:9], record2[6:9], turn, YES, angles, 0, len(areas))
     total = 0.0
     for t in range(len(areas)):
         weight = factor * areas[t]
         a, b = (x1[t], y1[t], s1[t]), (x2[t], y2[t], s2[t])
         inverse = 0.5 / (y1[t] * y2[t])
-        squared, by_a, by_b, rate = cone_pair(a, b, inverse, angles[t], stretch, None, True)
+        squared, by_a, by_b, rate = cone_pair(a, b, inverse, angles[t], stretch, (), YES)
         total += weight * squared
         rates[t] = weight * rate
         by_x1[t] += weight * by_a[0]
@@ -429,7 +433,7 @@ def _fill_angles(
     rows: Array,
     columns: Array,
     turn: float,
-    double: bool | None,
+    double: Flag,
     angles: Array,
     first: int,
     last: int,
@@ -443,7 +447,7 @@ def _fill_angles(
         start, stop = onp.uintp(first), onp.uintp(last)
         for t in range(start, stop):
             a, b = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
-            angles[t - start] = turn * arc_pair(a, b, None, double)[0]
+            angles[t - start] = turn * arc_pair(a, b, NO, double)[0]
 
 
 @compiled(forceinline=True, fastmath=FUSED)
@@ -498,8 +502,8 @@ def _tile(
     a: Array,
     b: Array,
     scales: tuple[float, float],
-    fit: tuple[float, ...] | None,
-    double: bool | None,
+    fit: tuple[float, ...],
+    double: Flag,
     within: bool,
     angles: Array,
     squared: Array,
@@ -514,7 +518,7 @@ def _tile(
             x1, y1, h1, s1 = a[i, 0], a[i, 1], a[i, 2], a[i, 3]
             for j in range(i + 1 if within else 0, len(b)):
                 x2, y2, h2, s2 = b[j, 0], b[j, 1], b[j, 2], b[j, 3]
-                if fit is None:
+                if len(fit) == 0:
                     _fill_angles(a[i, 4:], b[j, 4:], turn, double, angles, first, last)
                 total = type(scale)(0.0)
                 for t in range(start, stop):

@@ -13,7 +13,7 @@ from riemhuman.kernels.compilation import FUSED, SUM, compiled
 from riemhuman.kernels.rotations import quaternions
 from riemhuman.kernels.surface import Derivatives, dot, polar_frames, square_root
 from riemhuman.kernels.threads import CHUNK, UNDERFLOW
-from riemhuman.terms._polynomial_fits import PRECISION, squared_arc_and_slope
+from riemhuman.terms._polynomial_fits import NO, PRECISION, YES, Flag, squared_arc_and_slope
 from riemhuman.terms.term import FieldSpaces, Term
 
 
@@ -23,7 +23,7 @@ class _AngleTerm(Term):
     needs_area = True
     is_stretch_invariant = True
     single = True
-    _either_sign: bool | None = None  # None is known when loops are compiled
+    _either_sign: Flag = NO
     _factor = 1.0
 
     def pack(self, fields: Fields, areas: Array, kept: FeatureRows) -> float:
@@ -105,7 +105,7 @@ class RotationTerm(_AngleTerm):
     """
 
     n_features = 4
-    _either_sign = True
+    _either_sign = YES
     _factor = 4.0  # θ is twice the angle of quaternions
 
     def fields(self, first: Derivatives) -> Fields:
@@ -155,9 +155,7 @@ Vector = tuple[float, float, float, float]
 
 
 @compiled(forceinline=True, fastmath=FUSED)
-def arc_pair(
-    a: Vector, b: Vector, either_sign: bool | None, double: bool | None
-) -> tuple[float, Vector, Vector]:
+def arc_pair(a: Vector, b: Vector, either_sign: Flag, double: Flag) -> tuple[float, Vector, Vector]:
     """Return θ² between unit vectors and its slopes by both, for all loops over pairs.
 
     Normals have a last component of 0; quaternions may have either sign. Slopes are in multiples
@@ -170,7 +168,7 @@ def arc_pair(
     x, y = a[0] - sign * b[0], a[1] - sign * b[1]
     z, w = a[2] - sign * b[2], a[3] - sign * b[3]
     chord = x * x + y * y + z * z + w * w
-    if either_sign is None:
+    if len(either_sign) == 0:
         squared, slope = squared_arc_and_slope(chord, acute, double)
         by_a, by_b = real(2.0) * sign * slope, real(-2.0) * slope
     else:
@@ -208,7 +206,7 @@ def add_segment(
     total = 0.0
     for t in range(len(areas)):
         a, b = (x1[t], y1[t], z1[t], 0.0), (x2[t], y2[t], z2[t], 0.0)
-        squared, by_a, by_b = arc_pair(a, b, None, True)
+        squared, by_a, by_b = arc_pair(a, b, NO, YES)
         factor = weight * areas[t]
         total += factor * squared
         by_x1[t] += factor * by_a[0]
@@ -233,8 +231,8 @@ def _tile(
     a: Array,
     b: Array,
     weights: Array,
-    double: bool | None,
-    either_sign: bool | None,
+    double: Flag,
+    either_sign: Flag,
     within: bool,
     squared: Array,
 ) -> None:
@@ -248,7 +246,7 @@ def _tile(
                 x2, y2, z2, w2 = b[j, 0], b[j, 1], b[j, 2], b[j, -1]
                 total = zero
                 for t in range(start, stop):  # unsigned: see `cone._fill_angles`
-                    if either_sign is None:
+                    if len(either_sign) == 0:
                         one, other = (x1[t], y1[t], z1[t], zero), (x2[t], y2[t], z2[t], zero)
                     else:
                         one, other = (x1[t], y1[t], z1[t], w1[t]), (x2[t], y2[t], z2[t], w2[t])

@@ -7,7 +7,7 @@ from autograd import grad
 from numba import njit
 
 from riemhuman.terms import NormalTerm, RotationTerm, normals
-from riemhuman.terms._polynomial_fits import PRECISION
+from riemhuman.terms._polynomial_fits import NO, PRECISION, YES
 
 PRECISIONS = {"single": np.float32, "double": np.float64}
 each_precision = pytest.mark.parametrize("precision", PRECISIONS)
@@ -22,7 +22,7 @@ def pair(a, b, either_sign, double):
 def squared_angle(a, b):
     """Return the squared angle between vectors of R³."""
     zero = a.dtype.type(0.0)
-    return pair((*a, zero), (*b, zero), None, PRECISION[a.dtype])[0]
+    return pair((*a, zero), (*b, zero), NO, PRECISION[a.dtype])[0]
 
 
 @each_precision
@@ -69,7 +69,7 @@ def pairs_at(angle, n_components):
 )
 def test_the_pair_function_is_the_definition(term, n_components, factor, angle):
     """Values, and slopes along the sphere, which alone have an effect."""
-    either_sign = True if n_components == 4 else None
+    either_sign = YES if n_components == 4 else NO
     first, second = pairs_at(angle, n_components)
 
     def definition(a, b):
@@ -78,7 +78,7 @@ def test_the_pair_function_is_the_definition(term, n_components, factor, angle):
     by_first, by_second = (grad(definition, k)(first, second) for k in (0, 1))
     for k, (a, b) in enumerate(zip(first, second, strict=True)):
         rest = np.zeros(4 - n_components)
-        value, *slopes = pair((*a, *rest), (*b, *rest), either_sign, True)
+        value, *slopes = pair((*a, *rest), (*b, *rest), either_sign, YES)
         expected = definition(a[None], b[None])
         assert factor * value == pytest.approx(expected, rel=1e-13, abs=1e-300)
         for n, slope, other in ((a, slopes[0], by_first[k]), (b, slopes[1], by_second[k])):

@@ -74,7 +74,7 @@ def test_an_excess_whose_square_overflows_is_nan():
     """Pairs in single precision are then computed again in double precision."""
     double = fits.PRECISION[np.dtype(np.float32)]
     assert np.isnan(half_angle(np.float32(1e25), np.float32(0.01), double))
-    assert half_angle(1e25, 1e-6, True) < 1.0
+    assert half_angle(1e25, 1e-6, fits.YES) < 1.0
 
 
 @pytest.mark.parametrize(("real", "tolerance"), [(np.float32, 5e-7), (np.float64, 5e-15)])
