@@ -17,6 +17,7 @@ from autograd.tracer import isbox
 
 from riemhuman.arrays import Array, Integers, Points, TangentVectors
 from riemhuman.kernels.compilation import compiled
+from riemhuman.kernels.threads import of_one_kind
 
 
 class Followers(NamedTuple):
@@ -132,8 +133,8 @@ def _aligned(
 def _items(array: Array, n_axes: int, lead: tuple[int, ...]) -> tuple[Array, Integers]:
     leading, item = array.shape[:-n_axes], array.shape[-n_axes:]
     numbers = onp.arange(math.prod(leading)).reshape(leading)
-    items = onp.ascontiguousarray(array).reshape(-1, *item)
-    return items, onp.broadcast_to(numbers, lead).ravel()
+    items = of_one_kind(array).reshape(-1, *item)
+    return items, of_one_kind(onp.broadcast_to(numbers, lead).ravel())
 
 
 def _transposed(motions: Array) -> Array:

@@ -263,9 +263,9 @@ def skinning_derivatives(
     _fill_derivatives(
         shaped,
         blended,
-        weights,
+        onp.ascontiguousarray(weights),
         shapedirs,
-        below,
+        onp.ascontiguousarray(below),
         motions.rotations[bones],
         motions.shifts[bones],
         motions.positions[active],
@@ -289,11 +289,12 @@ def _fill_derivatives(
     shift_shapes: Array,
     rows: Array,
 ) -> None:
-    n_active, n_betas = below.shape[1], shapedirs.shape[2]
+    # Not 3 but n_axes: loops of known length are unrolled, which takes seconds to compile.
+    n_axes, n_active, n_betas = rows.shape[1], below.shape[1], shapedirs.shape[2]
     of_betas, levers = onp.empty((3, n_betas)), onp.empty((3, n_active))
     for i in range(len(rows)):
         v, turned = shaped[i], blended[i]
-        for x in range(3):
+        for x in range(n_axes):
             p, q, r = turned[x, 0], turned[x, 1], turned[x, 2]
             for b in range(n_betas):
                 of_betas[x, b] = (
@@ -306,7 +307,7 @@ def _fill_derivatives(
             w = weights[i, k]
             if w == 0.0:
                 continue
-            for x in range(3):
+            for x in range(n_axes):
                 g = rotations[k, x]
                 place = g[0] * v[0] + g[1] * v[1] + g[2] * v[2] + shifts[k, x]
                 for j in range(n_active):
@@ -321,7 +322,7 @@ def _fill_derivatives(
             row[1, about_x], row[1, about_y], row[1, about_z] = -c, 0.0, a
             row[2, about_x], row[2, about_y], row[2, about_z] = b, -a, 0.0
         # One by one: numba takes two seconds to compile the assignment of an array to a slice.
-        for x in range(3):
+        for x in range(n_axes):
             for b in range(n_betas):
                 row[x, betas + b] = of_betas[x, b]
             row[x, betas + n_betas :] = 0.0

@@ -208,7 +208,8 @@ def shortest_rotations(start: Array, end: Array) -> Array:
 def _fill_shortest(start: Array, end: Array, rotations: Array) -> None:
     """Fill the shortest rotations between unit vectors, shape (n, 3)."""
     for t in range(len(start)):
-        (a, b, c), (p, q, r) = start[t], end[t]
+        a, b, c = start[t, 0], start[t, 1], start[t, 2]
+        p, q, r = end[t, 0], end[t, 1], end[t, 2]
         # Between opposite vectors it is half a turn about any axis across them.
         x = b * r - c * q + 1e-14 * (0.8 * b - 0.48 * c)
         y = c * p - a * r + 1e-14 * (0.36 * c - 0.8 * a)
@@ -216,22 +217,15 @@ def _fill_shortest(start: Array, end: Array, rotations: Array) -> None:
         w = 1.0 + a * p + b * q + c * r
         length = math.sqrt(x * x + y * y + z * z + w * w)
         x, y, z, w = x / length, y / length, z / length, w / length
-        turn = rotations[t]
-        turn[0, 0], turn[0, 1], turn[0, 2] = (
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        )
-        turn[1, 0], turn[1, 1], turn[1, 2] = (
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-        )
-        turn[2, 0], turn[2, 1], turn[2, 2] = (
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        )
+        rotations[t, 0, 0] = 1.0 - 2.0 * (y * y + z * z)
+        rotations[t, 0, 1] = 2.0 * (x * y - w * z)
+        rotations[t, 0, 2] = 2.0 * (x * z + w * y)
+        rotations[t, 1, 0] = 2.0 * (x * y + w * z)
+        rotations[t, 1, 1] = 1.0 - 2.0 * (x * x + z * z)
+        rotations[t, 1, 2] = 2.0 * (y * z - w * x)
+        rotations[t, 2, 0] = 2.0 * (x * z - w * y)
+        rotations[t, 2, 1] = 2.0 * (y * z + w * x)
+        rotations[t, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
 
 
 def parallel_transport(vector: TangentVectors, omega: Array) -> Array:

@@ -72,14 +72,14 @@ LARGEST_RATIO = 0.01
 _DEGREES = {np.dtype(np.float32): 7, np.dtype(np.float64): 12}
 
 
-Flag: TypeAlias = tuple[bool, ...]
+Flag: TypeAlias = tuple[float, ...]
 """What loops are told by a tuple that is empty or not.
 
 Lengths of tuples are known when loops are compiled: branches that are not taken are left out.
 """
 
 NO: Flag = ()
-YES: Flag = (True,)
+YES: Flag = (1.0,)  # unlike a bool, never a part of the type
 
 PRECISION = {np.dtype(np.float32): NO, np.dtype(np.float64): YES}
 """Whether the precision of features is double, for the functions below.
