@@ -437,11 +437,13 @@ def _model_facts(file: Path) -> JSONRecord:
 
 
 def _measurement_facts(file: Path) -> JSONRecord:
-    from riemhuman.io.files import format_errors, json_value, read_text
+    import json
+
+    from riemhuman.io.files import format_errors, read_text
 
     kind = "definitions of measurements"
     with format_errors(file, kind):
-        fields = json_value(read_text(file))
+        fields = json.loads(read_text(file))
         names = [str(measurement["name"]) for measurement in fields["measurements"]]
         sizes = {"vertices": int(fields["n_vertices"]), "triangles": int(fields["n_faces"])}
     return {"kind": kind, **sizes, "measurements": names}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
 import struct
 from collections.abc import Container, Iterator, Sequence
 from typing import NamedTuple
@@ -17,7 +18,6 @@ import numpy as np
 
 from riemhuman.arrays import DType, JSONRecord, JSONValue, Triangles, Values
 from riemhuman.errors import FileFormatError
-from riemhuman.io.files import json_value
 from riemhuman.io.polygons import Polygons
 
 _Json = JSONRecord
@@ -73,7 +73,7 @@ def _chunks(content: bytes) -> tuple[_Json, bytes | None]:
             raise FileFormatError("truncated: a part is longer than the rest of the file")
         parts.setdefault(kind, content[start + 8 : start + 8 + size])
         start += 8 + size
-    document: _Json = json_value(parts[b"JSON"])
+    document: _Json = json.loads(parts[b"JSON"])
     return document, parts.get(b"BIN\0")
 
 

@@ -6,7 +6,6 @@ or the new one. Only regular files are read: a device or a pipe may never end.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import secrets
@@ -16,7 +15,6 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from riemhuman.arrays import JSONValue
 from riemhuman.errors import (
     ArgumentTypeError,
     FileError,
@@ -96,13 +94,6 @@ def read_text(file: Path) -> str:
         raise FileFormatError(
             f"{file} is not text in UTF-8: {error}; a spreadsheet can save it as CSV UTF-8"
         ) from error
-
-
-def json_value(text: str | bytes) -> JSONValue:
-    """Return the value of a document of JSON, or raise a ValueError, also for nested brackets."""
-    with suppress(RecursionError):
-        return json.loads(text)
-    raise ValueError("brackets nest too deep")
 
 
 def short_message(error: BaseException) -> str:

@@ -29,7 +29,6 @@ from riemhuman.io.files import (
     format_errors,
     is_being_written,
     is_of_system,
-    json_value,
     lock_file,
     read_bytes,
     write_text,
@@ -106,24 +105,14 @@ class JobFolder:
 
     def make_tables(self, tables: Mapping[str, tuple[tuple[int, ...], DTypeLike]]) -> None:
         """Make the tables that do not exist yet, of these shapes and types, filled with zeros."""
-        missing = {}
-        for name, (shape, dtype) in tables.items():
-            if not self.exists(name):
-                missing[name] = (shape, np.dtype(dtype))
-                continue
-            table = self.read(name)
-            if table.shape != tuple(shape) or table.dtype != dtype:
-                raise FileFormatError(
-                    f"{self.path / name} is damaged: it must hold {dtype} of shape {shape}; found "
-                    f"{table.dtype} of shape {table.shape}"
-                )
+        missing = {name: table for name, table in tables.items() if not self.exists(name)}
         with convert_errors(self.path):
             for name in missing:
                 (self.path / (name + _UNFINISHED)).unlink(missing_ok=True)
             for name, (shape, dtype) in missing.items():
                 unfinished = self.path / (name + _UNFINISHED)
                 try:
-                    _allocate(unfinished, shape, dtype)
+                    _allocate(unfinished, shape, np.dtype(dtype))
                     os.replace(unfinished, self.path / name)
                 except BaseException:  # an interruption, too, leaves no unfinished table
                     unfinished.unlink(missing_ok=True)
@@ -156,7 +145,7 @@ class JobFolder:
     def _manifest(self) -> JSONRecord:
         file = self.path / MANIFEST
         with format_errors(file, "the manifest of a job"):
-            manifest = json_value(read_bytes(file))
+            manifest = json.loads(read_bytes(file))
             if not isinstance(manifest, dict) or not isinstance(manifest.get("layout"), dict):
                 raise FileFormatError("not the manifest of a job: it holds no layout")
             return manifest

@@ -32,7 +32,7 @@ from riemhuman.checks.labels import texts_of
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, FileFormatError, shown
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.io.files import file_path, json_value, read_bytes, write_text
+from riemhuman.io.files import file_path, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
@@ -363,7 +363,7 @@ class MeasurementSet:
         """
         surface, file = _surface_of(template), file_path(path)
         try:
-            record = json_value(read_bytes(file))
+            record = json.loads(read_bytes(file))
             if (record["n_vertices"], record["n_faces"]) != (surface.n_vertices, surface.n_faces):
                 raise ArgumentError(
                     f"it is for {record['n_vertices']} vertices and {record['n_faces']} triangles; "

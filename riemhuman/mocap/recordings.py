@@ -79,7 +79,6 @@ _MEANINGS = {
     "gender": "model to choose",
 }
 _SKELETONS = "skeletons and markers, in .bvh, .amc, .trc and .c3d"
-_DEEPEST = 4
 # What to do with files of programs whose formats are closed, or need their models.
 _EXPORTS = {
     ".fbx": "in Blender or MotionBuilder, export the animation as BVH",
@@ -173,19 +172,19 @@ def _with_meaning(name: str) -> str:
     return f"{name} ({_MEANINGS[name]})" if name in _MEANINGS else name
 
 
-def _leaves(content: object, depth: int = 0) -> set[str]:
+def _leaves(content: object) -> set[str]:
     """Return the names of all fields that are no dictionaries, of people in frames and lists."""
     if isinstance(content, list):
-        leaves = [_leaves(item, depth + 1) for item in content if isinstance(item, dict)]
+        leaves = [_leaves(item) for item in content if isinstance(item, dict)]
         return set().union(*leaves)
-    if not isinstance(content, dict) or depth > 2 * _DEEPEST:
+    if not isinstance(content, dict):
         return set()
     names = set()
     for key, value in content.items():
         is_nested = isinstance(value, dict) or (
             isinstance(value, list) and any(isinstance(item, dict) for item in value)
         )
-        names |= _leaves(value, depth + 1) if is_nested else {str(key)}
+        names |= _leaves(value) if is_nested else {str(key)}
     return names
 
 
@@ -439,9 +438,9 @@ def _read(file: Path, suffix: str) -> Unpickled:
     return load_pickled_tree(file)
 
 
-def _people(content: object, name: str, depth: int = 0) -> Iterator[_Person]:
+def _people(content: object, name: str) -> Iterator[_Person]:
     """Yield the people in a dictionary, in those that it holds, and in frames of lists."""
-    if not isinstance(content, dict) or depth > _DEEPEST:
+    if not isinstance(content, dict):
         return
     person = _person(content, name)
     if person is not None:
@@ -460,7 +459,7 @@ def _people(content: object, name: str, depth: int = 0) -> Iterator[_Person]:
     for key, value in inner.items():
         if not (in_space and key in before_camera):
             label = f"{name}/{key}" if name else key
-            yield from _people(value, label, depth + 1)
+            yield from _people(value, label)
 
 
 def _people_by_frame(content: Mapping[str, JSONValue]) -> dict[str, list[JSONRecord]]:

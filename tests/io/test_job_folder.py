@@ -63,8 +63,6 @@ def test_a_damaged_manifest(job, text):
 
 
 def test_damaged_tables(job):
-    with pytest.raises(FileFormatError, match=r"D\.npy is damaged: it must hold .* of shape \(4, "):
-        job.make_tables({"D.npy": ((4, 4), np.float64)})
     file = job.path / "D.npy"
     file.write_bytes(file.read_bytes()[:-8])
     with pytest.raises(FileFormatError, match=r"D\.npy: an array of shape"):
