@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -101,15 +102,14 @@ def own_person(recording: SkeletonMotion, model: BodyModel) -> OwnPerson | None:
         (values[limbs] - values[model.parents[limbs]]).reshape(3 * len(limbs), -1)
         for values in (mean, changes)
     )
-    for fit in (_fitted_bones, _fitted_scaled_bones):
-        for metres in _OWN_UNITS:
-            recorded_bones = metres * offsets.ravel()
-            size, betas = fit(recorded_bones, mean_bones, bone_changes)
-            fitted_bones = size * (mean_bones[:, 0] + bone_changes @ betas)
-            residual = np.abs(fitted_bones - recorded_bones).max()
-            is_own = max(residual, metres * np.abs(moved).max()) < _OWN_BONES
-            if is_own and _SMALLEST < size < _LARGEST:
-                return OwnPerson(betas, size, metres, joints)
+    for is_scaled, metres in product((False, True), _OWN_UNITS):
+        recorded_bones = metres * offsets.ravel()
+        size, betas = _fitted_bones(recorded_bones, mean_bones, bone_changes, is_scaled)
+        fitted_bones = size * (mean_bones[:, 0] + bone_changes @ betas)
+        residual = np.abs(fitted_bones - recorded_bones).max()
+        is_own = max(residual, metres * np.abs(moved).max()) < _OWN_BONES
+        if is_own and _SMALLEST < size < _LARGEST:
+            return OwnPerson(betas, size, metres, joints)
     return None
 
 
@@ -122,19 +122,13 @@ def model_of_size(model: BodyModel, betas: Array, rest: Array) -> BodyModel:
 
 
 def _fitted_bones(
-    recorded_bones: Array, mean_bones: Array, bone_changes: Array
+    recorded_bones: Array, mean_bones: Array, bone_changes: Array, is_scaled: bool
 ) -> tuple[float, Array]:
-    """Return size 1, and the coefficients with bones nearest to the recorded ones."""
-    differences = recorded_bones - mean_bones[:, 0]
-    changes = np.linalg.lstsq(bone_changes, differences, rcond=None)[0]
-    return 1.0, np.asarray(changes, np.float64)
-
-
-def _fitted_scaled_bones(
-    recorded_bones: Array, mean_bones: Array, bone_changes: Array
-) -> tuple[float, Array]:
-    """Return the size, and the coefficients, with bones nearest to the recorded ones."""
+    """Return the size, or 1, and the coefficients with bones nearest to the recorded ones."""
+    if not is_scaled:
+        differences = recorded_bones - mean_bones[:, 0]
+        return 1.0, np.asarray(np.linalg.lstsq(bone_changes, differences, rcond=None)[0])
     columns = np.hstack([mean_bones, bone_changes])
     products = np.linalg.lstsq(columns, recorded_bones, rcond=None)[0]
     size = float(products[0]) or 1.0
-    return size, np.asarray(products[1:] / size, np.float64)
+    return size, np.asarray(products[1:] / size)

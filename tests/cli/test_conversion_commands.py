@@ -1,6 +1,5 @@
 """The commands make-map and convert."""
 
-import pickle
 import re
 
 import numpy as np
@@ -131,16 +130,3 @@ def test_the_output_is_given_once(bodies, run, refused, tmp_path):
     assert "one output" in refused("convert", source)
     assert "one output" in refused("convert", source, target, "-o", target)
     assert refused("convert", source, tmp_path / "b.stl")
-
-
-@pytest.mark.filterwarnings("always")
-def test_the_person_that_is_written_is_named(run, tmp_path):
-    rng = np.random.default_rng(3)
-    people = {
-        name: {"pose": 0.1 * rng.standard_normal((n, 72)), "trans": np.zeros((n, 3))}
-        for name, n in (("ann", 5), ("ben", 9))
-    }
-    (tmp_path / "people.pkl").write_bytes(pickle.dumps(people))
-    finished = run("convert", tmp_path / "people.pkl", tmp_path / "motion.bvh")
-    assert finished.code == 0
-    assert "person ben" in finished.err

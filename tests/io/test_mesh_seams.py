@@ -1,7 +1,5 @@
 """Seams: cut bodies, triangle soups, lips, touching borders, rounding."""
 
-import time
-
 import numpy as np
 import pytest
 from known_surfaces import sheet, sphere
@@ -217,20 +215,3 @@ def test_registration_and_terms_at_vertices_refuse_seams(spaces):
     ):
         with pytest.raises(ArgumentError, match=rf"{reason}.*template\.join_seams"):
             make()
-
-
-def test_many_triangles_at_one_place():
-    """Their borders are not compared all with all."""
-    count = 3000
-    faces = np.arange(3 * count).reshape(-1, 3)
-    triangle = np.random.default_rng(0).standard_normal((3, 3))
-    there, back = (np.tile(one, (count // 2, 1)) for one in (triangle, triangle[::-1] + 1e-7))
-    piled = np.concatenate([there, back])
-    loose = np.random.default_rng(0).standard_normal((3 * count, 3))
-    times = [np.inf, np.inf]  # of the processor, the least of two
-    for _ in range(2):
-        for number, points in enumerate((loose, piled)):
-            start = time.process_time()
-            find_seams(points, faces)
-            times[number] = min(times[number], time.process_time() - start)
-    assert times[1] < 10 * times[0]
