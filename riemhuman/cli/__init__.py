@@ -94,13 +94,12 @@ def _run(words: Sequence[str]) -> int:
     options.bars = not options.quiet and sys.stderr.isatty()
     options.task = partial(terminal.task, options)
     options.written = []  # places of outputs, which the declarations of outputs add
-    options.files = {}  # those of them that are files, by the name of their option
     compilation_time.tell(terminal.say_compilation if options.bars else None)
     try:
         with terminal.short_warnings() as unconverged:
             for check in (*options.input_checks, *options.checks):
                 check(options)
-            answer = _answer(options)
+            answer: Answer = options.run(options)
     except Exception as error:
         if getattr(options, "debug", False):
             raise
@@ -118,20 +117,6 @@ def _run(words: Sequence[str]) -> int:
         return _NOT_DONE
     sys.stdout.write(f"{_text(answer, options)}\n")
     return _NOT_TRUSTED if unconverged or not answer.trusted else _DONE
-
-
-def _answer(options: argparse.Namespace) -> Answer:
-    """Run a command, whose files appear together."""
-    if not options.files:
-        answer: Answer = options.run(options)
-        return answer
-    from riemhuman.io.outputs import files_together
-
-    with files_together(options.files) as places:
-        vars(options).update(places)  # options are attributes named by `dest`
-        answer = options.run(options)
-    vars(options).update(options.files)
-    return answer
 
 
 def _text(answer: Answer, options: argparse.Namespace) -> str:

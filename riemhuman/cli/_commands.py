@@ -300,7 +300,6 @@ def output(
             options.ending = place.suffix.lower()
             accepted = endings if names is None else (*endings, "/ (a folder)")
             check_output_file(place, accepted, force=options.force)
-            options.files[attribute] = place
         is_figure = needs_matplotlib and options.ending in FIGURE_ENDINGS
         if is_figure or (not options.ending and options.has_figure):
             import_matplotlib()  # before the work, not after it

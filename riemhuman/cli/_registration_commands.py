@@ -128,7 +128,6 @@ def _chosen_registration(options: argparse.Namespace, *, clothed: bool = False) 
 def _register_file(registration: ScanRegistration, options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
-    from riemhuman.io.outputs import files_together
     from riemhuman.surfaces.measures import share_of_surface
 
     landmarks = options.landmarks and rh.registration.load_landmarks(options.landmarks)
@@ -145,14 +144,12 @@ def _register_file(registration: ScanRegistration, options: argparse.Namespace) 
     _note_message(options.scans, result, missing)
     is_written = result.trusted or options.untrusted
     sheets = {place.suffix: place for place in _sheet_files(options)}
-    with files_together({"body": options.output, **sheets}) as places:
-        if options.sheet:
-            _write_sheet(registration.model, result, options, [places[end] for end in sheets])
-        if is_written:
-            points = result.points if options.keep_axes else result.upright_points
-            faces = registration.model.faces
-            rh.save_mesh(places["body"], points, faces, result.trusted_vertices)
+    if is_written:
+        points = result.points if options.keep_axes else result.upright_points
+        faces = registration.model.faces
+        rh.save_mesh(options.output, points, faces, result.trusted_vertices)
     if sheets:
+        _write_sheet(registration.model, result, options, [*sheets.values()])
         printed = f", and for printing {sheets['.pdf']}" if ".pdf" in sheets else ""
         terminal.note(f"the sheet is {sheets['.html']}{printed}")
     if not is_written:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,40 +62,21 @@ def check_output_folder(path: Path, content: FolderContent, *, force: bool) -> N
 
 
 @contextmanager
-def files_together(places: Mapping[str, Path]) -> Iterator[dict[str, Path]]:
-    """Yield temporary places for files, which move to theirs once all are written."""
-    targets = {name: Path(os.path.realpath(place)) for name, place in places.items()}
-    temporary: dict[str, Path] = {}
-    with ExitStack() as stack:
-        folders: dict[Path, Path] = {}
-        for name, target in targets.items():
-            if target.parent not in folders:
-                folders[target.parent] = stack.enter_context(_temporary_folder(target))
-            temporary[name] = folders[target.parent] / target.name
-        try:
-            yield temporary
-        except FileError as error:
-            raise _at(error, {file: places[name] for name, file in temporary.items()}) from error
-        for name, file in temporary.items():
-            if file.exists():
-                with convert_errors(places[name]):
-                    if targets[name].exists():
-                        keep_permissions(targets[name], file)
-                    os.replace(file, targets[name])
-
-
-@contextmanager
 def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[Path]:
     """Yield a temporary folder, which then replaces an earlier result or, without content, nothing.
 
     A process that is killed leaves the earlier folder, or the new one.
     """
     path = Path(os.path.abspath(path))
-    with _temporary_folder(path) as temporary, convert_errors(path):
+    temporary = neighbour(path)
+    with ExitStack() as stack, convert_errors(path):
+        temporary.mkdir()
+        stack.callback(shutil.rmtree, temporary, ignore_errors=True)
         try:
             yield temporary
         except FileError as error:
-            raise _at(error, {temporary: path}) from error
+            # Errors name the place instead of the temporary one.
+            raise FileError(str(error).replace(str(temporary), str(path))) from error
         if not path.exists():
             os.rename(temporary, path)
             return
@@ -109,26 +90,6 @@ def atomic_folder(path: Path, content: FolderContent | None = None) -> Iterator[
             os.rename(replaced, path)
             raise
         shutil.rmtree(replaced, ignore_errors=True)
-
-
-@contextmanager
-def _temporary_folder(path: Path) -> Iterator[Path]:
-    """Yield an empty hidden folder beside a place."""
-    temporary = neighbour(path)
-    with convert_errors(path):
-        temporary.mkdir()
-    try:
-        yield temporary
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _at(error: FileError, places: Mapping[Path, Path]) -> FileError:
-    """Return an error that names places instead of temporary ones."""
-    text = str(error)
-    for temporary, place in places.items():
-        text = text.replace(str(temporary), str(place))
-    return FileError(text)
 
 
 def _check_content(path: Path, content: FolderContent | None) -> bool:

@@ -196,25 +196,6 @@ def test_a_full_disk_of_messages_costs_no_result(scans):
     assert b"table of labels" in finished.stdout
 
 
-def test_two_outputs_appear_together_or_not_at_all(run, scans, tmp_path, monkeypatch):
-    def fail(*arguments):
-        raise riemhuman.errors.FileError(f"{arguments[0]} cannot be written: no space left")
-
-    table, figure = tmp_path / "D.npz", tmp_path / "D.csv"
-    figure.write_text("old")
-    command = ["matrix", scans, "-o", table, "--csv", figure, "--force", "--quiet"]
-    with monkeypatch.context() as patch:
-        patch.setattr("riemhuman.io.files.write_text", fail)
-        finished = run(*command)
-    assert finished.code == 2
-    assert f"{figure} cannot be written: no space left" in finished.err
-    assert [file.name for file in tmp_path.iterdir()] == ["D.csv"]
-    assert figure.read_text() == "old"
-    assert run(*command).code == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["D.csv", "D.npz"]
-    assert figure.read_text().startswith("file,")
-
-
 def test_only_tables_go_to_standard_output(refused, scans, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for command in (["matrix", scans], ["geodesic", scans / "body_0.ply", scans / "body_1.ply"]):
