@@ -84,6 +84,15 @@ def read_bytes(file: Path) -> bytes:
         raise FileError(f"{file} cannot be read: {short_message(error)}") from error
 
 
+def read_in_utf8(file: Path) -> bytes:
+    """Return the content of a file; text as PowerShell writes it, in UTF-16, becomes UTF-8."""
+    content = read_bytes(file)
+    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        with suppress(UnicodeDecodeError):
+            return content.decode("utf-16").encode()
+    return content
+
+
 def read_text(file: Path) -> str:
     """Return the content of a text file in UTF-8, or UTF-16 if a byte order mark says so."""
     content = read_bytes(file)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,14 +18,14 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io import _mesh_formats as formats
 from riemhuman.io._gltf import write_glb
 from riemhuman.io._gltf_reader import read_glb
-from riemhuman.io._mesh_formats import Mesh, read_ply
-from riemhuman.io._point_text import read_points_text
+from riemhuman.io._mesh_formats import Mesh, read_ply, read_points_text
 from riemhuman.io.arrays import load_array
 from riemhuman.io.files import (
     check_file,
     file_path,
     format_errors,
     read_bytes,
+    read_in_utf8,
     short_message,
     suffix_of,
     write_bytes,
@@ -100,7 +99,7 @@ def load_split_mesh(
         if suffix in _MESHIO_SUFFIXES:
             points, polygons = _read_with_meshio(file)
         else:
-            points, polygons = _READERS[suffix](file)
+            points, polygons = _READERS[suffix](file, read_in_utf8(file))
         if expected is not None and is_split(expected, polygons):
             vertices, faces = check_mesh(points, expected)
         else:
@@ -137,7 +136,8 @@ def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, 
     """
     file = _existing_file(path, POINT_SUFFIXES)
     suffix = file.suffix.lower()
-    values = load_array(file) if suffix == ".npy" else None
+    is_array = suffix == ".npy"
+    values, content = (load_array(file), b"") if is_array else (None, read_in_utf8(file))
     polygons: Polygons | None = None
     faces: Triangles | None = None
     normals: Array | None = None
@@ -145,11 +145,11 @@ def load_points(path: str | os.PathLike[str]) -> tuple[Array, Triangles | None, 
         if values is not None:
             points, normals = _columns(values)
         elif suffix == ".xyz":
-            points, normals = _columns(read_points_text(_content(file)))
+            points, normals = _columns(read_points_text(content))
         elif suffix == ".ply":
-            points, polygons, normals, _ = read_ply(file, read_bytes(file))
+            points, polygons, normals, _ = read_ply(file, content)
         else:
-            points, polygons = _READERS[suffix](file)
+            points, polygons = _READERS[suffix](file, content)
         if polygons is None:
             points = np.asarray(real_array(points, "points", ("n", 3), batched=False))
         else:
@@ -321,17 +321,8 @@ def _existing_file(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Pat
     return file
 
 
-def _content(file: Path) -> bytes:
-    """Return the content of a file; text as PowerShell writes it, in UTF-16, becomes UTF-8."""
-    content = read_bytes(file)
-    if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
-        with suppress(UnicodeDecodeError):
-            return content.decode("utf-16").encode()
-    return content
-
-
-def _read_ply_mesh(file: Path) -> Mesh:
-    vertices, polygons, *_ = read_ply(file, read_bytes(file))
+def _read_ply_mesh(file: Path, content: bytes) -> Mesh:
+    vertices, polygons, *_ = read_ply(file, content)
     if polygons is None:
         raise FileFormatError("the PLY file holds no faces; a mesh needs at least one")
     return vertices, polygons
@@ -386,12 +377,12 @@ def _columns(values: Values) -> tuple[Array, Array | None]:
     return points, normals if values.shape[1] == 6 and is_unit.all() else None
 
 
-_READERS: dict[str, Callable[[Path], Mesh]] = {
+_READERS: dict[str, Callable[[Path, bytes], Mesh]] = {
     ".ply": _read_ply_mesh,
-    ".obj": lambda file: formats.read_obj(_content(file)),
-    ".off": lambda file: formats.read_off(_content(file)),
-    ".stl": lambda file: formats.read_stl(_content(file)),
-    ".glb": lambda file: read_glb(_content(file)),
+    ".obj": lambda _, content: formats.read_obj(content),
+    ".off": lambda _, content: formats.read_off(content),
+    ".stl": lambda _, content: formats.read_stl(content),
+    ".glb": lambda _, content: read_glb(content),
 }
 _WRITERS: dict[str, Callable[[Array, Triangles], bytes]] = {
     ".ply": formats.write_ply,

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from riemhuman.arrays import Array, Booleans, Integers, Points, Triangles
 from riemhuman.checks import real_array
-from riemhuman.io.mesh_arrays import check_edges, check_mesh, check_triangles, distinct_pairs
+from riemhuman.io.mesh_arrays import check_edges, check_triangles, distinct_pairs
 from riemhuman.kernels.surface import doubled_area_vectors, triangle_corners
 
 # Share of the cube of its extent below which the volume of a surface is that of a flat one.
@@ -165,8 +165,8 @@ def split_triangles(points: Array, faces: Triangles) -> tuple[Array, Triangles]:
 
 
 def vertex_components(faces: Triangles, n_vertices: int) -> Integers:
-    """Return the connected component of every vertex; one of no triangle is one by itself."""
-    starts, ends = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
+    """Return the connected component of every vertex, by triangles or edges."""
+    starts, ends = faces[:, :-1].ravel(), faces[:, 1:].ravel()
     shape = (n_vertices, n_vertices)
     links = sparse.coo_array((np.ones(len(starts)), (starts, ends)), shape=shape)
     components: Integers = connected_components(links, directed=False)[1]
@@ -180,7 +180,6 @@ def find_inward_triangles(points: Array, faces: Triangles) -> Booleans:
     its triangles face away from its centre; small or nearly flat parts are oriented like the whole
     mesh.
     """
-    points, faces = check_mesh(points, faces)
     centres = points[faces].mean(axis=1)
     directed = 0.5 * doubled_area_vectors(points, faces)
     areas = np.linalg.norm(directed, axis=1)
