@@ -1,12 +1,12 @@
 """Other forearms and hands for a dense fit; those nearest to the scan are kept.
 
-In goes a `DenseFit`; out comes an `ArmsFit`: the pose with the nearest arms and hands, and the
-others that were tried, by which the last stage tells whether the nearest are sure.
+In goes a `DenseFit`; out comes one with the nearest arms and hands, and the others that were tried,
+by which the last stage tells whether the nearest are sure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -16,7 +16,6 @@ import numpy as np
 from riemhuman.arrays import Array, Integers
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._constants import (
-    ARM_LEAST_LIKELY,
     ARM_MOST_FARTHER,
     ARM_STIFFNESSES,
     DENSE_SCALES,
@@ -24,87 +23,45 @@ from riemhuman.registration._constants import (
     FOREARM_ANGLES,
     HAND_METRES,
     LIMB_METRES,
-    N_ARM_COMPARED,
     N_FIRST_STEPS,
+    N_NEAR,
     UNEXPLAINED_METRES,
     WRIST_ANGLES,
 )
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
+from riemhuman.registration._dense_fit import (
+    DenseFit,
+    DenseTask,
+    LimbFit,
+    fit_again,
+    fit_joints,
+)
 from riemhuman.registration._elastic_step import ElasticFit, fit_elastic
 from riemhuman.registration._limbs import ArmSurface, are_less, limited_distances, points_on
 from riemhuman.registration._posed_body import ModelSamples, Pose, Prior, pose_body
 from riemhuman.registration._scan_preparation import N_THREADS
-from riemhuman.registration._start_search import find_likelihoods
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class ArmFit:
-    """One way to explain a part of a scan by an arm."""
-
-    pose: Pose
-    surface: Array  # (n, 3) vertices of the arm on the model
-    distances: Array  # (m,) of points of the scan from the arm after its elastic step, metres
-    strain: float  # factor for bends that arms hardly have
-
-    @property
-    def strained(self) -> Array:
-        """The distances, raised if the arm is implausible, metres."""
-        return self.strain * self.distances
-
-    @property
-    def cost(self) -> float:
-        """The mean of these distances, metres."""
-        return float(self.strained.mean())
-
-
-@dataclass(frozen=True)
-class HandFit:
-    """One pose of a hand, fitted to the points of a scan on it."""
-
-    pose: Pose
-    prior: Prior
-    surface: Array  # (n, 3) vertices of the arm on the model
-    distances: Array  # (m,) of points of the scan from the arm, metres
-
-    @property
-    def cost(self) -> float:
-        """The mean distance, metres."""
-        return float(self.distances.mean())
-
-
-@dataclass(frozen=True)
-class ArmsFit:
-    """A body whose arms and hands come nearest to a scan, and what else they might be."""
-
-    task: DenseTask
-    pose: Pose
-    arm_fits: dict[ArmSurface, list[ArmFit]]  # as it is, then others that are about as near
-    hand_fits: dict[ArmSurface, list[HandFit]]  # in all poses of the hand
-
-
-@dataclass(frozen=True)
 class BodyFit:
-    """A body fitted to a scan, and what else its arms and hands might be."""
+    """A body after the elastic step, and what else its arms and hands might be."""
 
     task: DenseTask
     fit: ElasticFit
-    arm_fits: dict[ArmSurface, list[ArmFit]]
-    hand_fits: dict[ArmSurface, list[HandFit]]
+    arm_fits: Mapping[ArmSurface, list[LimbFit]]
+    hand_fits: Mapping[ArmSurface, list[LimbFit]]
 
 
-def fit_arms_and_hands(dense: DenseFit, *, known: bool) -> ArmsFit:
+def fit_arms_and_hands(dense: DenseFit) -> DenseFit:
     """Return the body whose forearms and hands are nearest to a scan."""
-    if known or dense.is_refused:  # arms are as a moment before, or do not matter
-        return ArmsFit(dense.task, dense.pose, {}, {})
     pose, arm_fits = rotate_forearms(dense.task, dense.pose)
     task, pose, hand_fits = pose_hands(dense.task, pose)
-    return ArmsFit(task, pose, arm_fits, hand_fits)
+    return replace(dense, task=task, pose=pose, arm_fits=arm_fits, hand_fits=hand_fits)
 
 
-def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[ArmFit]]]:
+def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface, list[LimbFit]]]:
     """Return a body whose forearms are turned to be nearest to the scan, and what else is near."""
     arm_fits = {}
     for arm in task.body.arm_surfaces:
@@ -115,8 +72,8 @@ def rotate_forearms(task: DenseTask, pose: Pose) -> tuple[Pose, dict[ArmSurface,
         current, *others = elastic_arms(task, arm, points, [pose, *near])
         nearest = min(others, key=lambda fit: fit.cost)
         arm_fits[arm] = [current, *others]
-        if are_less(nearest.strained, current.strained):
-            pose = fit_closest(task.samples, nearest.pose, task.prior, task.scan, DENSE_SCALES)
+        if are_less(nearest.distances, current.distances):
+            _, pose = fit_again(task, nearest)
             arm_fits[arm] = [nearest, current, *others]
     return pose, arm_fits
 
@@ -136,21 +93,16 @@ def near_arms(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array) -> li
     ):
         fitted = fit_starts(task, arm.joints[1:], arm.samples, fitted, scales)
         fitted = _different(arm, fitted, known)
-    likelihoods = find_likelihoods(task.body, fitted, task.scan, task.up)
-    least = max(likelihoods, default=0.0) - ARM_LEAST_LIKELY
-    likely = [
-        candidate for candidate, value in zip(fitted, likelihoods, strict=True) if value > least
-    ]
     # The elastic step takes longest and hardly changes which arms are near.
-    few = points[:: max(len(points) // N_ARM_COMPARED, 1)]
-    costs = [_cost(arm, few, candidate) for candidate in (pose, *likely)]
+    few = points[:: max(len(points) // N_NEAR, 1)]
+    costs = [_cost(arm, few, candidate) for candidate in (pose, *fitted)]
     most = ARM_MOST_FARTHER * min(costs)
-    return [candidate for candidate, cost in zip(likely, costs[1:], strict=True) if cost < most]
+    return [candidate for candidate, cost in zip(fitted, costs[1:], strict=True) if cost < most]
 
 
 def elastic_arms(
     task: DenseTask, arm: ArmSurface, points: Array, poses: list[Pose]
-) -> list[ArmFit]:
+) -> list[LimbFit]:
     """Return how near arms are to points of the scan after an elastic step."""
     return _mapped(partial(_elastic_arm, task, arm, points), poses)
 
@@ -177,23 +129,23 @@ def _different(arm: ArmSurface, poses: list[Pose], known: list[Pose]) -> list[Po
     return different
 
 
-def _elastic_arm(task: DenseTask, arm: ArmSurface, points: Array, pose: Pose) -> ArmFit:
+def _elastic_arm(task: DenseTask, arm: ArmSurface, points: Array, pose: Pose) -> LimbFit:
     surface = pose_body(arm.skin, pose).points
     fitted, _ = fit_elastic(arm.metric, surface, surface, task.scan, ARM_STIFFNESSES)
     distances = limited_distances(points, fitted, arm.faces, LIMB_METRES)
-    return ArmFit(pose, surface, distances, arm.strain(pose.local))
+    return LimbFit(pose, task.prior, surface, arm.strain(pose.local) * distances)
 
 
 def pose_hands(
     task: DenseTask, pose: Pose
-) -> tuple[DenseTask, Pose, dict[ArmSurface, list[HandFit]]]:
+) -> tuple[DenseTask, Pose, dict[ArmSurface, list[LimbFit]]]:
     """Return a body whose hands come nearest to the scan, with its prior, and all fits of hands."""
     # The elastic step would hide a wrong one: it presses fingers into a fist. Only points on
     # the hand count, because those on the forearm lie as near in all poses.
     n_betas = task.body.model.n_betas
     # Twice, because the wrist moves with the first change, if there is one.
     tried: dict[ArmSurface, Pose] = {}
-    hand_fits: dict[ArmSurface, list[HandFit]] = {}
+    hand_fits: dict[ArmSurface, list[LimbFit]] = {}
     for arm in (*task.body.arm_surfaces, *task.body.arm_surfaces):
         if tried.get(arm) is pose:
             continue
@@ -211,12 +163,11 @@ def pose_hands(
         nearest = min(fits, key=lambda fit: fit.cost)
         is_explained = nearest.cost < UNEXPLAINED_METRES
         if is_explained and are_less(nearest.distances, current.distances):
-            task = replace(task, prior=nearest.prior)
-            pose = fit_closest(task.samples, nearest.pose, nearest.prior, task.scan, DENSE_SCALES)
+            task, pose = fit_again(task, nearest)
     return task, pose, hand_fits
 
 
-def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands: Array) -> HandFit:
+def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands: Array) -> LimbFit:
     """Return an arm with given hand coefficients, fitted to points of the scan."""
     n_betas = task.body.model.n_betas
     prior = task.prior._replace(betas=np.append(task.prior.betas[:n_betas], hands))
@@ -226,10 +177,10 @@ def _fit_hand(task: DenseTask, pose: Pose, arm: ArmSurface, points: Array, hands
     return _hand_as_it_is(prior, fitted, arm, points)
 
 
-def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: Array) -> HandFit:
+def _hand_as_it_is(prior: Prior, pose: Pose, arm: ArmSurface, points: Array) -> LimbFit:
     surface = pose_body(arm.skin, pose).points
     distances = limited_distances(points, surface, arm.faces, HAND_METRES)
-    return HandFit(pose, prior, surface, distances)
+    return LimbFit(pose, prior, surface, distances)
 
 
 def fit_starts(

@@ -14,24 +14,18 @@ from scipy.spatial import cKDTree
 from riemhuman.arrays import Array, Booleans
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._constants import (
-    BARE_METRES,
+    CLOTH_PULL,
     CLOTH_REACH,
     CLOTHED_PRIOR,
-    CLOTHES_METRES,
-    CLOTHES_SCALE,
+    CLOTHES_SCALES,
     DENSE_ALONG,
-    DENSE_LONGEST_ROTATION,
-    FIRST_STIFFNESS,
     LEAST_RELIABLE,
+    LONGEST_ROTATION,
     MATCH_NORMAL_METRES,
-    N_CLOTHED_STEPS,
-    N_CLOTHES,
-    N_ELASTIC_STEPS,
     TIGHT_METRES,
-    TOUCHING_CLOTH,
 )
 from riemhuman.registration._dense_fit import DenseTask
-from riemhuman.registration._elastic_step import ElasticFit, fit_elastic, last_stiffness
+from riemhuman.registration._elastic_step import ElasticFit, fit_elastic, softer_steps
 from riemhuman.registration._posed_body import Pose, normal_equations, pose_body, take_step
 from riemhuman.surfaces.template import Template
 
@@ -50,14 +44,13 @@ def find_body_beneath(task: DenseTask, pose: Pose) -> BodyBeneath:
     pose = fit_beneath(task, pose)
     surface = body.surface(pose)
     distances = _distances_to_scan(task, surface)
-    last = last_stiffness(task.noise, body.settings.last_stiffness)
     points, matches = fit_elastic(
         body.metric,
         surface,
         surface,
         task.scan,
-        np.geomspace(FIRST_STIFFNESS, last, N_ELASTIC_STEPS),
-        visible=task.visible & (bare | (distances < BARE_METRES)),
+        softer_steps(task),
+        visible=task.visible & (bare | (distances < TIGHT_METRES)),
     )
     loose = find_loose(body.model.template, _distances_to_scan(task, points))
     hidden = hide_trunk(body.parts.on_trunk, loose & ~bare)
@@ -75,17 +68,17 @@ def fit_beneath(task: DenseTask, pose: Pose) -> Pose:
     """
     samples, scan = task.samples, task.scan
     bare = task.body.parts.bare[samples.numbers]
-    for _ in range(N_CLOTHED_STEPS):
+    for scale in CLOTHES_SCALES:
         posed = pose_body(samples, pose)
-        gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, CLOTHES_SCALE)
+        gaps, normals, weights, *_ = scan.match(posed.points, posed.normals, scale)
         heights = np.einsum("nx,nx->n", gaps, normals)
         # The square with this weight touches the cost at the height.
-        outside = CLOTHED_PRIOR * N_CLOTHES / CLOTHES_METRES / np.maximum(heights, TOUCHING_CLOTH)
+        outside = CLOTHED_PRIOR * CLOTH_PULL / np.maximum(heights, TIGHT_METRES)
         shares = samples.areas * weights * np.where(bare | (heights < 0.0), 1.0, outside)
         equations = normal_equations(
             posed, task.prior, CLOTHED_PRIOR, shares, gaps, normals, DENSE_ALONG
         )
-        pose = take_step(posed, equations, DENSE_LONGEST_ROTATION)
+        pose = take_step(posed, equations, LONGEST_ROTATION)
     return pose
 
 
@@ -120,6 +113,6 @@ def hide_trunk(on_trunk: Booleans, hidden: Booleans) -> Booleans:
 def _distances_to_scan(task: DenseTask, points: Array) -> Array:
     """Return how far the scan is from vertices, metres; NaN where it does not match them."""
     normals = vertex_normals(points, task.body.model.faces)
-    matches = task.scan.match(points, normals, CLOTHES_SCALE)
+    matches = task.scan.match(points, normals, CLOTHES_SCALES[-1])
     heights = np.abs(np.einsum("nx,nx->n", matches.gaps, matches.normals))
     return np.where(matches.reliable > LEAST_RELIABLE, heights, np.nan)

@@ -25,7 +25,8 @@ class SearchRound(NamedTuple):
 # Number of points that are examined, chosen at random; more would only take time.
 FIRST_POINTS = 80000
 
-# Triangles with a longer edge are split, because only vertices are matched, metres.
+# Triangles with a longer edge are split, because only vertices are matched, metres. The cells in
+# which points are connected have at least this width.
 LONG_EDGE = 0.05
 
 # Triangles with a longer edge are floors or strays and stay whole, metres.
@@ -38,10 +39,11 @@ STRAY_METRES = 10.0
 # near to some point of the scan.
 N_CLOSE = 6
 
-# Largest width of the area that a point represents, metres.
+# Points of a scan show the surface around them up to this distance, metres: a sparse point
+# represents no wider area, and only narrower holes are filled by the vertices around them.
 WIDEST_SPACING = 0.06
 
-# Only points with a larger spacing can be remnants of floors and stands, metres.
+# Only points with a larger spacing can be remnants of floors and stands, or strays, metres.
 SPARSE_METRES = 0.03
 
 # Remnants have a spacing of more than this multiple of the median over the area.
@@ -54,10 +56,7 @@ FEW_SPARSE = 0.03
 # A point with a larger spacing belongs to no surface, metres.
 LONELY_METRES = 0.15
 
-# Remnants of a floor lie within this distance of a common plane, metres.
-PLANE_METRES = 0.02
-
-# That plane holds at least this share of the sparse points.
+# The plane of remnants of a floor holds at least this share of the sparse points.
 IN_PLANE = 0.4
 
 # Points with more than this multiple of the median spacing may be remnants of a floor.
@@ -72,10 +71,7 @@ STRAY_REACH = 3.0
 # It is there if so many times as many points are within this distance as on an even surface.
 CROWDED = 5.0
 
-# Least width of the cells in which points are connected, metres.
-CELL_METRES = 0.05
-
-# Largest width of these cells, for sparse points, metres.
+# Largest width of the cells in which points are connected, for sparse points, metres.
 WIDEST_CELL = 0.12
 
 # The cells are as wide as the spacing at this quantile of the area.
@@ -87,10 +83,12 @@ LARGEST_STRAY = 0.004
 # Points within this distance of a plane support it, metres.
 FLOOR_METRES = 0.01
 
-# Points within this distance of a floor or wall belong to it, metres.
+# Points within this distance of a floor or wall belong to it, and to remnants of one, metres.
 NEAR_FLOOR_METRES = 0.02
 
-# Cosine between normals of points of one floor or wall, of either sign.
+# Cosine of 26°, by which directions agree: normals of points of one floor or wall, of either sign;
+# a given direction up and a floor, from which a wall leans more; feet or trunk and their direction
+# up.
 SAME_WAY = 0.9
 
 # Standard deviation of a floor's points in the narrower direction, metres.
@@ -98,9 +96,6 @@ LEAST_WIDTH = 0.2
 
 # A floor or wall holds at least this share of the points.
 FLOOR_SHARE = 0.04
-
-# At least this share of the other points is on one side of the plane.
-ABOVE_FLOOR = 0.97
 
 # Points whose tangent planes are tried as floors.
 N_PLANES = 200
@@ -122,25 +117,15 @@ LEAST_RESTING = 0.004
 # Distance that counts as near, metres.
 RESTING_METRES = 0.07
 
-# Neighbours from which normals are estimated or averaged.
-N_NORMAL_NEIGHBOURS = 14
-
-# Larger numbers of neighbours, used if the first ones lie on a line, as along the rings of a
-# scanner.
-MORE_NORMAL_NEIGHBOURS = (40, 110)
+# Neighbours from which normals are estimated or averaged; the larger numbers are used if the first
+# ones lie on a line, as along the rings of a scanner.
+N_NORMAL_NEIGHBOURS = (14, 40, 110)
 
 # Neighbours lie on a line if their second-largest variance is a smaller share of the largest.
 ON_LINE = 0.15
 
-# Distance that counts as much as a rotation of a normal by a radian in averages, metres.
-SMOOTHING_NORMAL_METRES = 0.03
-
 # A mesh has no consistent side if more of its edges join triangles that face different ways.
 MIXED_TRIANGLES = 0.05
-
-# Smallest cosine between a given up direction and a floor's normal; a plane that leans more is a
-# wall.
-LEAST_LEVEL_FLOOR = 0.8
 
 
 # Matching: how points of a body find those of a scan.
@@ -154,13 +139,6 @@ N_MATCHED = 4
 # Standard deviation of their weights, metres.
 BLUR_METRES = 0.008
 
-# If the points of the scan are farther apart than this, a match may be farther away along the
-# surface by the excess, metres.
-DENSE_METRES = 0.02
-
-# Points from which the noise is estimated.
-N_NOISE = 3000
-
 # A coefficient of 1 counts as much as a point of the scan at this distance, so that the prior
 # counts more the fewer points there are, metres.
 PRIOR_METRES = 0.02
@@ -170,9 +148,6 @@ PRIOR_METRES = 0.02
 
 # Number of independent points that the scan counts as, relative to the prior.
 SCAN_WORTH = 300.0
-
-# Largest rotation of a joint in a step, radians.
-SEARCH_LONGEST_ROTATION = 0.6
 
 # Smallest share of the body that an incomplete scan is assumed to show.
 LEAST_SHOWN = 0.1
@@ -209,27 +184,18 @@ WARM_ROUNDS = (
     SearchRound(1000, 1500, (0.03, 0.015), n_steps=4, n_best=1),
 )
 
-# The final round, with the model at nearly full resolution.
-FINE_ROUND = SearchRound(3000, 5000, (0.015, 0.006), n_steps=5, n_best=1)
-
 # Number of steps that move the visible part of a start to the centre of the scan.
 N_SHIFTS = 8
 
 # An up direction is tried fully if its log-likelihood is at most this much below the best.
 UP_MARGIN = 0.15
 
-# Candidates nearer to a better one, in root mean square distance, are dropped, metres.
+# Bodies, or places on them, that are nearer to each other than this are the same, metres.
 SAME_METRES = 0.03
-
-# Arms of two start poses are the same if no entry of their rotations differs by more.
-SAME_ROTATIONS = 0.05
 
 # Gain of the log-likelihood from which another arm is preferred: more than the difference between
 # fits.
 ARM_GAIN = 0.02
-
-# Inverse variance of the shape coefficients for the next scan of the same person.
-WARM_BETAS_PRECISION = 4.0
 
 # Inverse variance of the coefficients of hands, which stay relaxed in the search.
 STILL_HANDS = 1000000.0
@@ -240,34 +206,29 @@ STILL_HANDS = 1000000.0
 # Distance at which a match has a quarter of the weight, for each step, metres.
 DENSE_SCALES = (0.04, 0.03, 0.03, 0.03, 0.02, 0.02, 0.02, 0.02, 0.02, 0.012, 0.012, 0.012, 0.012)
 
-# Points of the body.
+# Points by which a body is fitted, and compared with its scan, of which the noise is estimated.
 N_DENSE = 3000
 
 # Share with which gaps along the surface count, in the elastic step too.
 DENSE_ALONG = 0.05
 
 # Largest rotation of a joint in a step, radians.
-DENSE_LONGEST_ROTATION = 0.3
+LONGEST_ROTATION = 0.6
 
 # Skin, flesh and what else of people the model has not: smooth heights of about this standard
 # deviation, metres, which are alike within this length, metres, as combinations of so many. Without
 # them, gaps of some millimetres twist joints, and bodies slide along themselves. Chosen on six
-# simulated people with 6 mm of skin that the model lacks, and not varied further.
+# simulated people with 6 mm of skin that the model lacks, and not varied further. Only the last
+# steps take them into account: with the steps before, too, people in the right place were a further
+# 10 % nearer, but thighs twisted by the search stayed so.
 DETAIL_METRES = 0.005
 DETAIL_LENGTH = 0.1
 N_DETAILS = 200
 
-# Steps of this scale or a smaller one take them into account, metres. With larger steps too, people
-# in the right place were a further 10 % nearer, but thighs twisted by the search stayed so.
-DETAIL_SCALE = 0.012
-
 # Inverse variance of the coefficients of hand poses; a coefficient of 1 is the full pose.
 HANDS_PRECISION = 300.0
 
-# Points farther outside the head are hair, metres.
-HAIR_METRES = 0.02
-
-# Points farther away than this are not hair, metres.
+# Points outside the head that match none of it are hair, unless they are farther away, metres.
 FARTHEST_HAIR = 0.35
 
 # If a larger share of the scan would be hair, no point is classified as hair.
@@ -275,9 +236,6 @@ MOST_HAIR = 0.1
 
 
 # Other positions of forearms and hands.
-
-# Number of points of the whole body, of which arms are fitted by their share.
-N_FOR_ARMS = 1000
 
 # Rotations of the forearm about its axis from which fits start, degrees.
 FOREARM_ANGLES = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
@@ -289,10 +247,6 @@ WRIST_ANGLES = (0.0, -50.0, 50.0)
 # from the previous frame, which is near, leave these steps out.
 N_FIRST_STEPS = 6
 
-# Standard deviation of the wrist in the dense fit: hands can bend back farther than in the
-# starting poses.
-WRIST_DEGREES = 45.0
-
 # An elbow that bends outward by this angle counts as twice the distance from the scan.
 ELBOW_DEGREES = 30.0
 
@@ -300,15 +254,9 @@ ELBOW_DEGREES = 30.0
 # distance.
 HINGE_DEGREES = 60.0
 
-# Arms that lower the log-likelihood by more than this are left out.
-ARM_LEAST_LIKELY = 0.06
-
 # Arms are left out before the elastic step if their mean distance from points of the scan is more
 # than this multiple of that of the nearest arm.
 ARM_MOST_FARTHER = 1.8
-
-# Approximate number of points for this comparison.
-N_ARM_COMPARED = 500
 
 # Two arms are different if their surfaces are this far apart on average, metres.
 DIFFERENT_METRES = 0.008
@@ -376,29 +324,23 @@ MOST_HALVINGS = 6
 # Clothes: the body beneath garments, if a scan is said to show a clothed person. Chosen on ten
 # scans in simulated clothes.
 
-# Steps of the fit, and the distance at which a match has a quarter of the weight, metres.
-N_CLOTHED_STEPS = 12
-CLOTHES_SCALE = 0.06
+# Distance at which a match has a quarter of the weight, for each step of the fit, metres.
+CLOTHES_SCALES = (0.06,) * 12
 
-# Mean distance of cloth from the skin, metres.
-CLOTHES_METRES = 0.0125
-
-# Number of independent distances: a garment that is loose is loose over all of a limb.
-N_CLOTHES = 20.0
-
-# At a smaller distance, cloth pulls on the skin as at this one, metres.
-TOUCHING_CLOTH = 0.004
+# How strongly cloth pulls the skin, per metre: the number of independent distances, 20, because a
+# garment that is loose is loose over all of a limb, over their mean, 12.5 mm.
+CLOTH_PULL = 1600.0
 
 # Weight of the prior, square metres. It does not depend on the number of points, as it does
 # without clothes: what is bare is alike along its surface, and tells less than its points.
 CLOTHED_PRIOR = 4e-7
 
-# Where the scan is nearer to the fitted body than this, the elastic step follows it, metres.
-BARE_METRES = 0.005
-
-# Loose cloth hides a vertex if the scan is farther than this in the mean over the vertices within
-# the next distance, metres.
+# Where the scan is nearer to the skin than this, cloth is tight or none, metres: it pulls as at
+# this distance, and the elastic step follows the scan.
 TIGHT_METRES = 0.005
+
+# Loose cloth hides a vertex if the scan is farther than that in the mean over the vertices within
+# this distance, metres.
 CLOTH_REACH = 0.12
 
 
@@ -407,9 +349,6 @@ CLOTH_REACH = 0.12
 
 # How often the shape is found from all scans, and then the poses from the shape.
 N_SHARED_ROUNDS = 2
-
-# Distances at which a match has a quarter of the weight in the fits of these poses, metres.
-SHARED_SCALES = (0.02, 0.012, 0.012, 0.012)
 
 # Inverse variance of the coefficients around the shared ones.
 SHARED_SHAPE_PRECISION = 1e4
@@ -422,26 +361,21 @@ MOST_FOREIGN = 1.45
 # The mean skin over scans is drawn to that of the model as by so many scans.
 SHARED_SKIN_WEIGHT = 0.3
 
-# Other scans tell where a part is that this scan does not show if it shows a larger share of the
-# part that the same joint moves.
-LEAST_BORROWING = 0.3
-
 
 # Rivals: a limb is not trusted where other candidates are elsewhere that explain its points almost
 # as well.
 
 # Candidates are within reach if they are farther from the scan than the nearest one by at most this
-# share of its distance.
+# share of its distance. A body is fitted again without the limbs that the scan does not show, and
+# this fit is kept if it is within reach: a forearm that is in the scan after all makes it 1.7 times
+# as far.
 LIMB_MARGIN = 0.25
 
 # The same for other rotations of the head.
 HEAD_MARGIN = 0.1
 
-# Fingers are not trusted if less than this share of their vertices have counterparts in the scan.
-LEAST_HAND_SHOWN = 0.2
-
-# And if the scan is farther from the hand, after the elastic step, than from the rest of the body
-# by this factor.
+# Fingers are not trusted if the scan is farther from the hand, after the elastic step, than from
+# the rest of the body by this factor.
 MOST_FINGER_EXCESS = 3.0
 
 # The same factor for other parts of limbs: these and what they carry are not trusted.
@@ -453,23 +387,18 @@ LEAST_REST_METRES = 0.0007
 # Angles about the left and up axes from which other poses of the head start, degrees.
 HEAD_TURNS = ((0, 60), (0, -60), (35, 0), (-35, 0))
 
-# Vertices that a candidate moves by more than this are elsewhere, metres.
-DISPLACED_METRES = 0.03
+# A candidate matters if it displaces a larger share of the limb than this. Forearms or shins are
+# tried exchanged if a larger share of one is near the other.
+LEAST_OF_LIMB = 0.05
 
-# A candidate matters if it displaces a larger share of the limb than this.
-LEAST_DISPLACED = 0.05
-
-# Vertices within this distance of another limb touch it, metres.
+# Surfaces that are nearer to each other touch, metres. Vertices of a limb that touch the rest of
+# the body explain no points that nothing else would. Vertices that lie outside what a scan shows,
+# and do not touch it, are not seen, such as straight fingers where the scan shows a fist.
 TOUCHING_METRES = 0.015
 
 # If more than this share of a hand's vertices touches the other hand, they hide each other's
 # fingers.
 MOST_TOUCHING = 0.1
-
-# Forearms or shins of which more than this share of the vertices is nearer than that to the other
-# are tried exchanged, metres.
-CROSSING_SHARE = 0.02
-CROSSING_METRES = 0.05
 
 
 # Trust: the checks by which a registered body, and its parts, are trusted.
@@ -484,22 +413,25 @@ LEAST_LIKELIHOOD = 2.4
 # The same if it shows clothes: a wide dress had 1.8.
 LEAST_LIKELIHOOD_CLOTHED = 1.5
 
-# Amount by which the log-likelihood must exceed that of all bodies elsewhere.
+# Amount by which the log-likelihood must exceed that of all bodies elsewhere, or of an earlier
+# search.
 BODY_MARGIN = 0.06
 
 # A body is elsewhere if its visible part is this far away on average, metres.
 RIVAL_METRES = 0.15
 
-# Points of the scan within this distance are near the body, metres.
+# Points of a scan within this distance of a body, or vertices of another limb, are near, metres.
 NEAR_METRES = 0.05
 
 # The same if it shows clothes, metres.
 NEAR_CLOTHED_METRES = 0.15
 
-# Smallest share of the scan that must be near the body.
+# Smallest share of the scan that must be near the body, and of all other points that are on one
+# side of a floor or wall.
 LEAST_NEAR = 0.97
 
-# If a smaller share of a limb is matched, the limb is lost or elsewhere.
+# If a smaller share of a limb is matched, the limb is lost or elsewhere, and other scans of the
+# person do not tell where it is.
 LIMB_ELSEWHERE = 0.3
 
 # Such a limb is in doubt if a smaller share of the scan than this is near the body.
@@ -508,15 +440,13 @@ LEAST_NEAR_OF_LIMB = 0.995
 # Root mean square of the shape coefficients beyond all people whom the model knows.
 LARGEST_BETA = 4.0
 
-# A body is wrong if ln(d / far_metres) > l − usual_likelihood, with its log-likelihood l and the
+# A body is wrong if d e⁻ˡ is larger than the next distance, with its log-likelihood l and the
 # distance d from the model's surface within which this share of the scan lies.
 FAR_SHARE = 0.95
 
-# The distance in that rule, metres.
-FAR_METRES = 0.02
+# The distance in that rule, metres: d is 2 cm where the log-likelihood is 2.75, which is usual.
+FAR_METRES = 0.00128
 
-# The log-likelihood in that rule.
-USUAL_LIKELIHOOD = 2.75
 
 # In clothes, only head, hands and feet tell: a body is wrong if this share of the scan of them is
 # not within this distance of the model's surface, metres. Of ten right bodies it was within 7 mm,
@@ -524,44 +454,23 @@ USUAL_LIKELIHOOD = 2.75
 BARE_SHARE = 0.9
 FAR_BARE = 0.025
 
-# Vertices of a limb explain points of the scan that nothing else would if they are farther from the
-# rest of the body, metres.
-OWN_METRES = 0.015
-
-# A limb is lost, too, if a smaller share of it does. It was 0.2 or more for limbs in their places,
-# in views from one side and of folded arms too, and 0.1 or less for those that scans lacked.
+# A limb is lost, too, if a smaller share of it is matched and does not touch the rest of the body.
+# It was 0.2 or more for limbs in their places, in views from one side and of folded arms too, and
+# 0.1 or less for those that scans lacked. Fingers of which less is matched are not trusted.
 LEAST_OWN = 0.2
 
-# Vertices within this distance of matching points are matched, metres.
+# Vertices within this distance of matching points are matched, metres. Where the points of a scan
+# are farther apart, a match may be farther away along the surface by the excess.
 MATCHED_METRES = 0.02
 
 # Least weight of such a match.
 LEAST_RELIABLE = 0.1
-
-# Holes up to twice this width are filled by the vertices around them, metres.
-SEEN_METRES = 0.06
-
-# Vertices farther outside the scanned surface are not filled, such as straight fingers where the
-# scan shows a fist, metres.
-OUTSIDE_METRES = 0.015
-
-# Points of the scan that are compared with the body.
-N_JUDGED = 3000
 
 # A joint farther from its landmark is wrong, metres.
 FARTHEST_MISS = 0.12
 
 # Unseen parts are named if they make up a larger share of the surface together.
 LEAST_UNSEEN = 0.1
-
-# If a larger share is not seen, the up direction is a guess.
-GUESSED_UP = 0.25
-
-# Cosine of 25°: if feet and trunk lean farther from an axis, it is not the up direction.
-LEANING = 0.906
-
-# Cosine of 30°, the largest angle between the feet for that.
-FEET_AGREE = 0.866
 
 
 # Retries: when a scan is searched again, or as that of half a body.
@@ -574,29 +483,16 @@ LEAST_MATCHED_HALF = 0.4
 # hands are left as they are, another search is a quick one, and halves are not tried.
 CLEARLY_NEAR = 0.85
 
-# About the number of points by which that is decided.
+# About the number of points that decide this, and which of other arms are near.
 N_NEAR = 500
 
-# If a body is refused and a smaller share of one half matches, the other half alone is tried.
-MOST_MATCHED_HALF = 0.6
-
-# A second search follows so many times more starts, from the headings between.
+# A second search follows so many times more starts, from the headings between; a quick one so many
+# times fewer, and tries no arms.
 MORE_STARTS = 2.0
-
-# A quick one follows this share of them, and tries no arms.
-FEWER_STARTS = 0.5
-
-# Gain of the log-likelihood from which the result of another search is preferred.
-RETRY_GAIN = 0.05
 
 # If the log-likelihood of a scan is lower than that of the previous frame by more than this, the
 # search starts from scratch.
 WARM_LOSS = 0.25
-
-# A body is fitted again without the limbs that the scan does not show. This fit is kept unless
-# the scan is farther from it by more than this factor: a forearm that is in the scan after all
-# makes it 1.7.
-FARTHER_WITHOUT_LIMBS = 1.1
 
 # If a smaller share of the estimated normals agrees with the body, their signs are ignored.
 NORMALS_AGREE = 0.85

@@ -6,7 +6,7 @@ scan. The last stage asks the same of the final pose.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -15,13 +15,18 @@ from scipy.spatial import cKDTree
 from riemhuman.arrays import Array, Integers
 from riemhuman.bodies.skinning import JointMotions, Skeleton
 from riemhuman.registration._constants import (
-    CROSSING_METRES,
-    CROSSING_SHARE,
     DENSE_SCALES,
-    DIFFERENT_METRES,
+    LEAST_OF_LIMB,
     LIMB_METRES,
+    NEAR_METRES,
 )
-from riemhuman.registration._dense_fit import DenseFit, DenseTask, fit_closest, fit_joints
+from riemhuman.registration._dense_fit import (
+    DenseFit,
+    DenseTask,
+    LimbFit,
+    fit_again,
+    fit_joints,
+)
 from riemhuman.registration._limbs import (
     BodyParts,
     are_less,
@@ -41,29 +46,6 @@ _LIMBS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Crossing:
-    """Both forearms with hands, or both shins with feet, that are near each other."""
-
-    joint: str
-    vertices: Integers  # (n,) their numbers, ascending
-    points: Array  # (m, 3) of the scan, on them
-
-    def gap(self, task: DenseTask, pose: Pose, rival: Pose) -> float:
-        """Return the mean distance between the limbs in two poses, metres."""
-        first, second = (task.body.surface(compared)[self.vertices] for compared in (pose, rival))
-        return float(np.linalg.norm(first - second, axis=1).mean())
-
-    def distances(self, task: DenseTask, pose: Pose) -> Array:
-        """Return the distances of the points, raised if the arms are implausible, metres."""
-        surface = task.body.surface(pose)[self.vertices]
-        faces = faces_among(task.body.model.faces, self.vertices)
-        arms = task.body.arm_surfaces if self.joint == "elbow" else []
-        strain = np.mean([arm.strain(pose.local) for arm in arms]) if arms else 1.0
-        strained: Array = strain * limited_distances(self.points, surface, faces, LIMB_METRES)
-        return strained
-
-
 def crossing_joints(body: RegistrationModel, pose: Pose) -> list[str]:
     """Return elbow or knee, or both, if the forearms or shins below are near each other."""
     return [joint for joint in _LIMBS if _are_near(body, pose, joint)]
@@ -73,8 +55,7 @@ def _are_near(body: RegistrationModel, pose: Pose, joint: str) -> bool:
     surface = body.surface(pose)
     lower = _lower_limbs(body.parts, joint)
     return any(
-        np.mean(cKDTree(surface[opposite]).query(surface[limb])[0] < CROSSING_METRES)
-        > CROSSING_SHARE
+        np.mean(cKDTree(surface[opposite]).query(surface[limb])[0] < NEAR_METRES) > LEAST_OF_LIMB
         for limb, opposite in permutations(lower, 2)
     )
 
@@ -86,11 +67,24 @@ def _lower_limbs(parts: BodyParts, joint: str) -> list[Integers]:
     return [limb for limb in limbs if len(limb)]
 
 
-def find_crossing(task: DenseTask, pose: Pose, joint: str) -> Crossing | None:
-    """Return the forearms or shins of a body, below elbow or knee, if a scan shows them."""
-    both = np.sort(np.concatenate(_lower_limbs(task.body.parts, joint)))
-    points = points_on(task.scan.points, task.body.surface(pose), both)
-    return Crossing(joint, both, points) if len(points) else None
+def crossing_fits(task: DenseTask, pose: Pose, joint: str) -> tuple[Integers, list[LimbFit]]:
+    """Return the vertices of both forearms or shins, and how these fit as they are and exchanged.
+
+    The vertices are those below elbow or knee; without points of a scan on them, nothing fits.
+    """
+    numbers = np.sort(np.concatenate(_lower_limbs(task.body.parts, joint)))
+    points = points_on(task.scan.points, task.body.surface(pose), numbers)
+    if not len(points):
+        return numbers, []
+    faces = faces_among(task.body.model.faces, numbers)
+    arms = task.body.arm_surfaces if joint == "elbow" else []
+    fits = []
+    for candidate, prior in [(pose, task.prior), *exchanged_limbs(task, pose, joint)]:
+        surface = task.body.surface(candidate)[numbers]
+        strain = np.mean([arm.strain(candidate.local) for arm in arms]) if arms else 1.0
+        distances = strain * limited_distances(points, surface, faces, LIMB_METRES)
+        fits.append(LimbFit(candidate, prior, surface, distances))
+    return numbers, fits
 
 
 def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose, Prior]]:
@@ -109,24 +103,13 @@ def exchanged_limbs(task: DenseTask, pose: Pose, joint: str) -> list[tuple[Pose,
     ]
 
 
-def uncross_limbs(dense: DenseFit, *, known: bool) -> DenseFit:
+def uncross_limbs(dense: DenseFit) -> DenseFit:
     """Return a body with crossed arms and legs exchanged where that is nearer to the scan."""
-    if known or dense.is_refused:  # limbs are as a moment before, or do not matter
-        return dense
     for joint in crossing_joints(dense.task.body, dense.pose):
-        task, pose = dense.task, dense.pose
-        crossing = find_crossing(task, pose, joint)
-        if crossing is None:
-            continue
-        fits = exchanged_limbs(task, pose, joint)
-        distances = [crossing.distances(task, exchanged) for exchanged, _ in fits]
-        nearest = int(np.argmin([strained.mean() for strained in distances]))
-        start, prior = fits[nearest]
-        is_elsewhere = crossing.gap(task, pose, start) > DIFFERENT_METRES
-        is_nearer = are_less(distances[nearest], crossing.distances(task, pose))
-        if is_elsewhere and is_nearer:
-            task = replace(task, prior=prior)
-            pose = fit_closest(task.samples, start, prior, task.scan, DENSE_SCALES)
+        _, fits = crossing_fits(dense.task, dense.pose, joint)
+        nearest = min(fits, key=lambda fit: fit.cost, default=None)
+        if nearest is not None and are_less(nearest.distances, fits[0].distances):
+            task, pose = fit_again(dense.task, nearest)
             dense = replace(dense, task=task, pose=pose)
     return dense
 

@@ -6,7 +6,8 @@ holds what later stages share. They fit single limbs by `fit_joints`, which hold
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,19 +17,17 @@ from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._constants import (
     CLEARLY_NEAR,
     DENSE_ALONG,
-    DENSE_LONGEST_ROTATION,
     DENSE_SCALES,
-    DETAIL_SCALE,
     FARTHEST_HAIR,
-    HAIR_METRES,
     HANDS_PRECISION,
+    LONGEST_ROTATION,
+    MATCHED_METRES,
     MOST_HAIR,
     N_DENSE,
     N_FIRST_STEPS,
     N_NEAR,
-    WRIST_DEGREES,
 )
-from riemhuman.registration._even_points import even_points
+from riemhuman.registration._limbs import ArmSurface
 from riemhuman.registration._posed_body import (
     ModelSamples,
     Pose,
@@ -38,8 +37,8 @@ from riemhuman.registration._posed_body import (
     take_step,
 )
 from riemhuman.registration._registration_model import RegistrationModel
-from riemhuman.registration._scan_preparation import PreparedScan
-from riemhuman.registration._start_search import Candidate, anneal_finely
+from riemhuman.registration._scan_preparation import PreparedScan, even_points
+from riemhuman.registration._start_search import Candidate
 from riemhuman.surfaces.nearest_points import nearest_points
 
 # Inverse variance of parameters that are held while a limb is fitted.
@@ -56,43 +55,51 @@ class DenseTask:
     up: Array  # (3,)
     visible: Booleans  # (V,) vertices that the scan can show
     samples: ModelSamples  # points of the body, whose areas are 0 where it cannot
-    prior_weight: float  # square metres
-    noise: float  # standard deviation of the scan's points along their normals, metres
+
+
+@dataclass(frozen=True)
+class LimbFit:
+    """One way to explain the points of a scan on some limbs."""
+
+    pose: Pose
+    prior: Prior
+    surface: Array  # (n, 3) vertices of the limbs on the model
+    distances: Array  # (m,) of the points from them, raised if they are implausible, metres
+
+    @property
+    def cost(self) -> float:
+        """The mean distance, metres."""
+        return float(self.distances.mean())
 
 
 @dataclass(frozen=True, eq=False)
 class DenseFit:
-    """The likeliest body fitted to the closest points of a scan."""
+    """A body fitted to the closest points of a scan, and what else its arms might be."""
 
     task: DenseTask
     pose: Pose
     is_refused: bool  # whether much of the scan is so far away that details do not matter
+    # As an arm or hand is, then in other poses; empty until these are tried.
+    arm_fits: Mapping[ArmSurface, list[LimbFit]] = field(default_factory=dict)
+    hand_fits: Mapping[ArmSurface, list[LimbFit]] = field(default_factory=dict)
 
 
 def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> DenseFit:
     """Return the body of the likeliest start, fitted to all points of a scan except hair."""
     whole = scan.points
-    precisions = best.prior.precisions.copy()
-    for arm in body.arm_surfaces:
-        precisions[arm.joints[-1]] = np.radians(WRIST_DEGREES) ** -2.0
     prior = best.prior._replace(
         local=expect_feet(body, best),
-        precisions=np.minimum(precisions, best.prior.precisions),
         betas_precisions=np.minimum(best.prior.betas_precisions, HANDS_PRECISION),
     )
-    # Soft assignment moves curved surfaces inward; closest points do not.
-    pose = anneal_finely(body, best, scan)
-    visible = body.find_visible(body.surface(pose), scan.points, best.up)
-    samples = body.samples(N_DENSE)
-    areas = samples.areas * visible[samples.numbers]
-    samples = samples._replace(areas=areas / areas.sum())
+    visible = body.find_visible(body.surface(best.pose), scan.points, best.up)
+    samples = body.samples(N_DENSE).showing(visible)
     scales = DENSE_SCALES[N_FIRST_STEPS:] if best.known else DENSE_SCALES
-    pose = fit_closest(samples, pose, prior, scan, scales)
+    pose = fit_closest(samples, best.pose, prior, scan, scales)
     hair = find_hair(body, body.surface(pose), scan.points)
     if hair.any():
         scan = replace(scan, points=scan.points[~hair], normals=scan.normals[~hair])
         pose = fit_closest(samples, pose, prior, scan, scales)
-    task = DenseTask(body, scan, prior, best.up, visible, samples, scan.prior_weight, scan.noise)
+    task = DenseTask(body, scan, prior, best.up, visible, samples)
     return DenseFit(task, pose, is_clearly_refused(body, pose, whole, scan.near_metres))
 
 
@@ -136,10 +143,16 @@ def fit_closest(
             gaps,
             normals,
             DENSE_ALONG,
-            with_detail=with_detail and scale <= DETAIL_SCALE,
+            with_detail=with_detail and scale <= DENSE_SCALES[-1],
         )
-        pose = take_step(posed, equations, DENSE_LONGEST_ROTATION)
+        pose = take_step(posed, equations, LONGEST_ROTATION)
     return pose
+
+
+def fit_again(task: DenseTask, limb: LimbFit) -> tuple[DenseTask, Pose]:
+    """Return the whole body fitted from one with another limb, and the task with its prior."""
+    task = replace(task, prior=limb.prior)
+    return task, fit_closest(task.samples, limb.pose, limb.prior, task.scan, DENSE_SCALES)
 
 
 def fit_joints(
@@ -181,13 +194,13 @@ def find_hair(body: RegistrationModel, surface: Array, points: Array) -> Boolean
     low, high = head.min(axis=0) - FARTHEST_HAIR, head.max(axis=0) + FARTHEST_HAIR
     around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
     # Points near a vertex are near the surface.
-    around = around[cKDTree(surface).query(points[around])[0] > HAIR_METRES]
+    around = around[cKDTree(surface).query(points[around])[0] > MATCHED_METRES]
     if not len(around):
         return hair
     places, gaps = nearest_points(points[around], surface, faces)
     near = faces[places.triangles, places.barycentric.argmax(axis=1)]
     normals = vertex_normals(surface, faces)[near]
     heights = np.einsum("nx,nx->n", points[around] - surface[near], normals)
-    far = (gaps > HAIR_METRES) & (gaps < FARTHEST_HAIR) & (heights > 0.0)
+    far = (gaps > MATCHED_METRES) & (gaps < FARTHEST_HAIR) & (heights > 0.0)
     hair[around[far & on_head[near]]] = True
     return hair if hair.mean() < MOST_HAIR else np.zeros_like(hair)

@@ -19,9 +19,9 @@ from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration._constants import (
     CONJUGATE_TOLERANCE,
     DENSE_ALONG,
-    DENSE_LONGEST_ROTATION,
     ELASTIC_SCALE,
     FIRST_STIFFNESS,
+    LONGEST_ROTATION,
     MOST_HALVINGS,
     N_CONJUGATE,
     N_ELASTIC_REPEATS,
@@ -49,8 +49,7 @@ class ElasticFit:
 def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
     """Take the elastic step, then fit the model to its result again, twice."""
     metric, scan = task.body.metric, task.scan
-    last = last_stiffness(task.noise, task.body.settings.last_stiffness)
-    softer = np.geomspace(FIRST_STIFFNESS, last, N_ELASTIC_STEPS)
+    softer = softer_steps(task)
     reference = task.body.surface(pose)
     points, matches = fit_elastic(metric, reference, reference, scan, softer, visible=task.visible)
     for _ in range(N_ELASTIC_REPEATS):
@@ -68,6 +67,12 @@ def leave_model(task: DenseTask, pose: Pose) -> ElasticFit:
     return ElasticFit(pose, reference, points, matches)
 
 
+def softer_steps(task: DenseTask) -> Array:
+    """Return the stiffnesses α of elastic steps to the scan of a task."""
+    last = last_stiffness(task.scan.noise, task.body.settings.last_stiffness)
+    return np.geomspace(FIRST_STIFFNESS, last, N_ELASTIC_STEPS)
+
+
 def last_stiffness(noise: float, least: float) -> float:
     """Return the stiffness α of the last elastic steps for a scan with such noise, metres."""
     softest = least * max(1.0, noise / NOISE_METRES) ** 2
@@ -82,8 +87,10 @@ def _fit_surface(task: DenseTask, pose: Pose, points: Array, weights: Array) -> 
     for _ in range(N_SURFACE_STEPS):
         posed = pose_body(task.samples, pose)
         gaps = np.where(is_vertex, points[numbers] - posed.points, 0.0)
-        equations = normal_equations(posed, task.prior, task.prior_weight, shares, gaps, gaps, 1.0)
-        pose = take_step(posed, equations, DENSE_LONGEST_ROTATION)
+        equations = normal_equations(
+            posed, task.prior, task.scan.prior_weight, shares, gaps, gaps, 1.0
+        )
+        pose = take_step(posed, equations, LONGEST_ROTATION)
     return pose
 
 

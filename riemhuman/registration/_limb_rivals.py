@@ -11,6 +11,7 @@ from the rest of the same body, whatever its noise and flesh.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,19 +22,20 @@ from riemhuman.bodies import rotation_matrix
 from riemhuman.registration._arms_and_hands import BodyFit, fit_starts
 from riemhuman.registration._constants import (
     DENSE_SCALES,
-    DISPLACED_METRES,
     HEAD_MARGIN,
     HEAD_TURNS,
-    LEAST_DISPLACED,
-    LEAST_HAND_SHOWN,
+    LEAST_OF_LIMB,
+    LEAST_OWN,
     LIMB_MARGIN,
     LIMB_METRES,
     MOST_FINGER_EXCESS,
     MOST_LIMB_EXCESS,
     MOST_TOUCHING,
+    SAME_METRES,
     TOUCHING_METRES,
 )
-from riemhuman.registration._crossed_limbs import crossing_joints, exchanged_limbs, find_crossing
+from riemhuman.registration._crossed_limbs import crossing_fits, crossing_joints
+from riemhuman.registration._dense_fit import LimbFit
 from riemhuman.registration._limbs import ArmSurface, faces_among, limited_distances, points_on
 from riemhuman.registration._messages import MARK_JOINTS, MARK_WRISTS, OPEN_HANDS, part_in_words
 from riemhuman.registration._posed_body import pose_body
@@ -61,8 +63,7 @@ def find_limb_doubts(body: BodyFit, matched: Booleans, excess: Array) -> list[Li
     # Garments are looser in some places than in others, and tell nothing by it.
     doubts = [] if body.task.scan.clothed else _ill_fitting_limbs(body, excess)
     for arm, fits in body.arm_fits.items():
-        surfaces, costs = [fit.surface for fit in fits], [fit.cost for fit in fits]
-        uncertain = arm.vertices[_uncertain(surfaces, costs, LIMB_MARGIN)]
+        uncertain = arm.vertices[_uncertain(fits, LIMB_MARGIN)]
         reason = f"{arm.side} forearm: its rotation is ambiguous"
         doubts += _doubts_about(body, uncertain, reason, MARK_WRISTS)
     for arm in body.task.body.arm_surfaces:
@@ -73,16 +74,15 @@ def find_limb_doubts(body: BodyFit, matched: Booleans, excess: Array) -> list[Li
     return doubts
 
 
-def _uncertain(surfaces: list[Array], costs: list[float], margin: float) -> Booleans:
+def _uncertain(fits: Sequence[LimbFit], margin: float) -> Booleans:
     """Return which vertices of the first candidate are elsewhere in others within reach.
 
-    Costs are mean distances from the scan; within reach is what exceeds the smallest by no more
-    than a share.
+    Within reach is what is farther from the scan than the nearest by no more than a share.
     """
-    uncertain = np.zeros(len(surfaces[0]), dtype=bool)
-    for surface, cost in zip(surfaces, costs, strict=True):
-        displaced = np.linalg.norm(surface - surfaces[0], axis=1) > DISPLACED_METRES
-        if cost <= (1.0 + margin) * min(costs) and displaced.mean() > LEAST_DISPLACED:
+    uncertain, least = np.zeros(len(fits[0].surface), dtype=bool), min(fit.cost for fit in fits)
+    for fit in fits:
+        displaced = np.linalg.norm(fit.surface - fits[0].surface, axis=1) > SAME_METRES
+        if fit.cost <= (1.0 + margin) * least and displaced.mean() > LEAST_OF_LIMB:
             uncertain |= displaced
     return uncertain
 
@@ -117,7 +117,7 @@ def _other_hand(
         why = "it touches the other"
     elif not fits:
         return []
-    elif matched[arm.on_hand].mean() < LEAST_HAND_SHOWN:
+    elif matched[arm.on_hand].mean() < LEAST_OWN:
         why = "the scan shows little of it"
     elif excess[arm.joints[-1]] > MOST_FINGER_EXCESS:
         why = "no pose of its fingers fits the scan"
@@ -125,8 +125,7 @@ def _other_hand(
         margin, why = LIMB_MARGIN, "its fingers may be open or bent"
     uncertain = arm.on_hand
     if fits:
-        surfaces, costs = [fit.surface for fit in fits], [fit.cost for fit in fits]
-        uncertain = arm.vertices[_uncertain(surfaces, costs, margin)]
+        uncertain = arm.vertices[_uncertain(fits, margin)]
     return _doubts_about(body, uncertain, f"{arm.side} hand: {why}", OPEN_HANDS)
 
 
@@ -161,24 +160,20 @@ def _turned_head(body: BodyFit) -> list[LimbDoubt]:
     # The head is fitted alone from where it is, too.
     fitted = [pose, *fit_starts(task, np.array(joints), samples, starts, DENSE_SCALES)]
     skin, faces = task.body.samples(None).only(head), faces_among(task.body.model.faces, head)
-    surfaces = [pose_body(skin, candidate).points for candidate in fitted]
-    costs = [
-        float(limited_distances(seen, surface, faces, LIMB_METRES).mean()) for surface in surfaces
-    ]
-    uncertain = _uncertain(surfaces, costs, HEAD_MARGIN)
+    fits = []
+    for candidate in fitted:
+        surface = pose_body(skin, candidate).points
+        distances = limited_distances(seen, surface, faces, LIMB_METRES)
+        fits.append(LimbFit(candidate, task.prior, surface, distances))
+    uncertain = _uncertain(fits, HEAD_MARGIN)
     return _doubts_about(body, head[uncertain], "head: it may be turned or nod differently")
 
 
 def _exchanged_limbs(body: BodyFit, joint: str) -> list[LimbDoubt]:
     """Return doubt about crossed forearms or shins that fit almost as well exchanged."""
-    task, pose = body.task, body.fit.pose
-    crossing = find_crossing(task, pose, joint)
-    if crossing is None:
+    numbers, fits = crossing_fits(body.task, body.fit.pose, joint)
+    if not fits:
         return []
-    candidates = [pose, *(rival for rival, _ in exchanged_limbs(task, pose, joint))]
-    surfaces = [task.body.surface(candidate)[crossing.vertices] for candidate in candidates]
-    costs = [float(crossing.distances(task, candidate).mean()) for candidate in candidates]
-    uncertain = _uncertain(surfaces, costs, LIMB_MARGIN)
     limbs = "arms" if joint == "elbow" else "legs"
     reason = f"{limbs}: they cross, and left and right may be exchanged"
-    return _doubts_about(body, crossing.vertices[uncertain], reason)
+    return _doubts_about(body, numbers[_uncertain(fits, LIMB_MARGIN)], reason)

@@ -15,19 +15,17 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans
 from riemhuman.registration._constants import (
     DENSE_ALONG,
-    DETAIL_SCALE,
-    FIRST_STIFFNESS,
-    LEAST_BORROWING,
+    DENSE_SCALES,
     LEAST_RELIABLE,
+    LIMB_ELSEWHERE,
     MOST_FOREIGN,
-    N_ELASTIC_STEPS,
+    N_FIRST_STEPS,
     N_SHARED_ROUNDS,
-    SHARED_SCALES,
     SHARED_SHAPE_PRECISION,
     SHARED_SKIN_WEIGHT,
 )
 from riemhuman.registration._dense_fit import DenseTask, fit_closest
-from riemhuman.registration._elastic_step import ElasticFit, fit_elastic, last_stiffness
+from riemhuman.registration._elastic_step import ElasticFit, fit_elastic, softer_steps
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._posed_body import Pose, normal_equations, pose_body
 from riemhuman.registration.registered_scans import RegistrationTrace
@@ -91,11 +89,11 @@ def shape_shown(task: DenseTask, pose: Pose) -> tuple[Array, Array]:
     posed, prior = pose_body(task.samples, pose), task.prior
     precisions = prior.betas_precisions.copy()
     precisions[:n_betas] = 0.0
-    gaps, normals, weights, *_ = task.scan.match(posed.points, posed.normals, DETAIL_SCALE)
+    gaps, normals, weights, *_ = task.scan.match(posed.points, posed.normals, DENSE_SCALES[-1])
     matrix, right = normal_equations(
         posed,
         prior._replace(betas_precisions=precisions),
-        task.prior_weight,
+        task.scan.prior_weight,
         task.samples.areas * weights,
         gaps,
         normals,
@@ -111,7 +109,7 @@ def shape_shown(task: DenseTask, pose: Pose) -> tuple[Array, Array]:
     )
     precision = matrix[np.ix_(of_shape, of_shape)] - mixed.T @ solved[:, :-1]
     gradient = right[of_shape] - mixed.T @ solved[:, -1]
-    return precision / task.prior_weight, gradient / task.prior_weight
+    return precision / task.scan.prior_weight, gradient / task.scan.prior_weight
 
 
 def _with_shape(task: DenseTask, pose: Pose, shape: Array) -> Pose:
@@ -123,7 +121,7 @@ def _with_shape(task: DenseTask, pose: Pose, shape: Array) -> Pose:
         betas=np.concatenate([shape, prior.betas[n_betas:]]), betas_precisions=precisions
     )
     start = pose._replace(betas=np.concatenate([shape, pose.betas[n_betas:]]))
-    return fit_closest(task.samples, start, known, task.scan, SHARED_SCALES)
+    return fit_closest(task.samples, start, known, task.scan, DENSE_SCALES[N_FIRST_STEPS:])
 
 
 def _departure(alone: ElasticFit, shaped: ElasticFit) -> float:
@@ -160,10 +158,8 @@ def _leave_model(task: DenseTask, pose: Pose, skin: Array) -> ElasticFit:
     """Return the surface that leaves a model with this skin, (V, 3) in the rest pose, metres."""
     surface = task.body.surface(pose)
     reference = surface + np.einsum("vxy,vy->vx", _rotations(task, pose), skin)
-    last = last_stiffness(task.noise, task.body.settings.last_stiffness)
-    softer = np.geomspace(FIRST_STIFFNESS, last, N_ELASTIC_STEPS)
     points, matches = fit_elastic(
-        task.body.metric, reference, reference, task.scan, softer, visible=task.visible
+        task.body.metric, reference, reference, task.scan, softer_steps(task), visible=task.visible
     )
     return ElasticFit(pose, surface, points, matches)
 
@@ -181,7 +177,7 @@ def find_borrowed(parts: BodyParts, own: Booleans, matched: Booleans, shown: Boo
     those that match the scan are in doubt. Fingers move freely, and are never borrowed.
     """
     doubtful = np.unique(parts.owners[matched & ~own])
-    sure = parts.shares(own) > LEAST_BORROWING
+    sure = parts.shares(own) > LIMB_ELSEWHERE
     sure[doubtful] = False
     borrowed: Booleans = shown & ~own & sure[parts.owners] & ~parts.on_hands
     return borrowed

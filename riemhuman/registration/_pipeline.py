@@ -21,13 +21,10 @@ from riemhuman.registration._clothes import find_body_beneath
 from riemhuman.registration._constants import (
     BODY_MARGIN,
     CLEARLY_NEAR,
-    FEET_AGREE,
-    LEANING,
     LEAST_MATCHED_HALF,
     LEAST_NEAR,
-    MOST_MATCHED_HALF,
-    RETRY_GAIN,
     SAME_METRES,
+    SAME_WAY,
     SEARCH_ROUNDS,
 )
 from riemhuman.registration._crossed_limbs import uncross_limbs
@@ -38,7 +35,7 @@ from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import PreparedScan
 from riemhuman.registration._shown_parts import leave_out_lost_limbs
 from riemhuman.registration._start_search import (
-    KnownBody,
+    Candidate,
     Search,
     find_likelihood_of_area,
     search_scan,
@@ -68,7 +65,7 @@ def _standing_up(body: RegistrationModel, pose: Pose, up: Array) -> Array:
     left, right = (motions.rotations[names.index(f"{s}_ankle")][:, 1] for s in _SIDES)
     trunk = motions.positions[names.index("neck")] - motions.positions[body.root]
     trunk, feet = (way / np.linalg.norm(way) for way in (trunk, left + right))
-    leans = max(feet @ up, trunk @ up) < LEANING and left @ right > FEET_AGREE
+    leans = max(feet @ up, trunk @ up) < SAME_WAY and left @ right > SAME_WAY
     return feet if leans else up
 
 
@@ -78,7 +75,7 @@ def _upright_plane(
     """Return the plane's normal along which the trunk is upright, or else `up`."""
     root = body.joint_motions(pose).rotations[body.root]
     best = max((up, *other_ups), key=lambda normal: float(root[:, 1] @ normal))
-    return best if root[:, 1] @ best > LEANING else up
+    return best if root[:, 1] @ best > SAME_WAY else up
 
 
 def upright_transform(points: Array, root: Array, up: Array) -> Array:
@@ -99,18 +96,10 @@ def upright_transform(points: Array, root: Array, up: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class ModelAndHalves:
-    """A model, and its halves without legs or without everything above the waist, if any."""
-
-    whole: RegistrationModel
-    halves: list[RegistrationModel]
-
-
-@dataclass(frozen=True, eq=False)
 class ScanTask:
-    """A scan, the models to fit to it, and the results for half bodies."""
+    """A scan, the body to fit to it, and the results for half bodies."""
 
-    models: ModelAndHalves
+    body: RegistrationModel
     scan: PreparedScan
     up_is_known: bool
     unit_is_known: bool
@@ -119,24 +108,24 @@ class ScanTask:
     def half(self, number: int) -> RegistrationTrace:
         """Return the registration of half a body; computed once."""
         if number not in self.found_halves:
-            search = search_scan(self.models.halves[number], self.scan)
+            search = search_scan(self.body.halves[number], self.scan)
             self.found_halves[number] = fit_and_judge(search, unit_is_known=self.unit_is_known)
         return self.found_halves[number]
 
 
-def register_scan(task: ScanTask, known: KnownBody | None = None) -> RegistrationTrace:
+def register_scan(task: ScanTask, known: Candidate | None = None) -> RegistrationTrace:
     """Return the likeliest registration of a whole body or of half a body."""
     first = register_whole(task, known)
     if first.verdict.trusted:
         return first
     retry = _register_again(task, first, again=known is None)
-    likelier = retry.verdict.likelihood > first.verdict.likelihood + RETRY_GAIN
+    likelier = retry.verdict.likelihood > first.verdict.likelihood + BODY_MARGIN
     return retry if retry.verdict.trusted or likelier else first
 
 
-def register_whole(task: ScanTask, known: KnownBody | None = None) -> RegistrationTrace:
+def register_whole(task: ScanTask, known: Candidate | None = None) -> RegistrationTrace:
     """Return the registration of one search, or that of half a body if the scan shows no more."""
-    search = search_scan(task.models.whole, task.scan, known)
+    search = search_scan(task.body, task.scan, known)
     return _or_half(task, fit_and_judge(search, unit_is_known=task.unit_is_known))
 
 
@@ -144,9 +133,11 @@ def fit_and_judge(search: Search, *, unit_is_known: bool = True) -> Registration
     """Return the stages after a search."""
     best, times = search.candidates[0], [perf_counter()]
     dense = fit_densely(search.body, best, search.scan)
-    dense = uncross_limbs(dense, known=best.known)
+    # Limbs of a known body are as a moment before, and those of a refused one do not matter.
+    in_doubt = not (best.known or dense.is_refused)
+    dense = uncross_limbs(dense) if in_doubt else dense
     times.append(perf_counter())
-    arms = fit_arms_and_hands(dense, known=best.known)
+    arms = fit_arms_and_hands(dense) if in_doubt else dense
     times.append(perf_counter())
     elastic = leave_model(arms.task, arms.pose)
     fitted = BodyFit(arms.task, elastic, arms.arm_fits, arms.hand_fits)
@@ -169,8 +160,8 @@ def _or_half(task: ScanTask, trace: RegistrationTrace) -> RegistrationTrace:
     # The model always has legs. If the scan shows none, they are fitted to its trunk and pull the
     # body out of place. Few of their vertices then match, and a body without legs is near the
     # whole scan.
-    whole, verdict = task.models.whole, trace.verdict
-    halves = whole.parts.halves if verdict.trusted_vertices.any() else []
+    verdict = trace.verdict
+    halves = task.body.parts.halves if verdict.trusted_vertices.any() else []
     for number, missing in enumerate(halves):
         few = verdict.matched[missing].mean() < LEAST_MATCHED_HALF
         if few and _near_share(task.half(number)) >= LEAST_NEAR:
@@ -189,24 +180,23 @@ def _register_again(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
 
     Only the likeliest of these searches is followed to its end, and none that would be refused too.
     """
-    whole = task.models.whole
     likeliest = max(_other_searches(task, first, again=again), key=_likelihood_of)
     if likeliest.is_quick:
         likeliest = with_likeliest_arms(likeliest)
     if _is_refused_too(task, first, likeliest):
         return first
     retry = fit_and_judge(likeliest, unit_is_known=task.unit_is_known)
-    return _or_half(task, retry) if likeliest.body is whole else retry
+    return _or_half(task, retry) if likeliest.body is task.body else retry
 
 
 def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) -> Iterator[Search]:
     """Yield searches that may explain a doubtful scan better."""
-    whole, scan, near = task.models.whole, task.scan, _near_share(first)
+    whole, scan, near = task.body, task.scan, _near_share(first)
     if scan.floor is not None and not task.up_is_known:
         without_floor = replace(scan, up=None, floor=None, other_ups=())
         search = search_scan(whole, without_floor, quick=True)
         yield search
-        if _likelihood_of(search) > _likelihood_of(first.search) + RETRY_GAIN:
+        if _likelihood_of(search) > _likelihood_of(first.search) + BODY_MARGIN:
             return  # the floor was none
     # Much of the scan is far from the body: usually it includes something else, and the first
     # search has shown that its normals do not agree with a body's.
@@ -215,8 +205,8 @@ def _other_searches(task: ScanTask, first: RegistrationTrace, *, again: bool) ->
     yield search_scan(whole, scan, again=again, quick=quick)
     if first.verdict.trusted_vertices.any() or near < CLEARLY_NEAR:
         return
-    for half, missing in zip(task.models.halves, whole.parts.halves, strict=True):
-        if first.verdict.matched[missing].mean() < MOST_MATCHED_HALF:
+    for half, missing in zip(whole.halves, whole.parts.halves, strict=True):
+        if first.verdict.matched[missing].mean() < LEAST_MATCHED_HALF:
             yield search_scan(half, scan, quick=True)
 
 
@@ -233,7 +223,7 @@ def _is_refused_too(task: ScanTask, first: RegistrationTrace, retry: Search) -> 
     if gap < SAME_METRES:
         # All doubts concern the body alone, except the one about its likelihood among others.
         return find_margin(search) > BODY_MARGIN
-    is_likelier = _likelihood_of(retry) > _likelihood_of(search) + RETRY_GAIN
+    is_likelier = _likelihood_of(retry) > _likelihood_of(search) + BODY_MARGIN
     best = retry.candidates[0].pose
     return not is_likelier and is_clearly_refused(
         retry.body, best, retry.scan.points, retry.scan.near_metres

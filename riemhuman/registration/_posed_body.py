@@ -27,7 +27,7 @@ from riemhuman.registration._constants import (
     MATCH_NORMAL_METRES,
     N_DETAILS,
 )
-from riemhuman.registration._even_points import thin_points
+from riemhuman.registration._scan_preparation import even_points
 
 
 class ModelSamples(NamedTuple):
@@ -48,6 +48,11 @@ class ModelSamples(NamedTuple):
         points = {name: value for name, value in self._asdict().items() if name != "skeleton"}
         return self._replace(**{name: value[chosen] for name, value in points.items()})
 
+    def showing(self, visible: Booleans) -> ModelSamples:
+        """Return the points with areas, which sum to one, only at visible vertices, (V,)."""
+        areas = self.areas * visible[self.numbers]
+        return self._replace(areas=areas / areas.sum())
+
 
 def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
     """Return points of the model's skin, followed by its joints."""
@@ -58,10 +63,10 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
         numbers = np.arange(len(vertices))
         shares = areas
     else:
-        numbers = thin_points(vertices, n_samples, np.random.default_rng(0))
+        numbers = even_points(vertices, n_samples)
         # Neighbours are near in their normals too, so that the two sides of a thin part keep their
         # own areas.
-        near = np.concatenate([vertices, 0.05 * normals], axis=1)
+        near = np.concatenate([vertices, MATCH_NORMAL_METRES * normals], axis=1)
         owners = cKDTree(near[numbers]).query(near)[1]
         shares = np.bincount(owners, areas, len(numbers)).astype(np.float64, copy=False)
     n_joints = model.n_joints
@@ -92,7 +97,7 @@ def _smooth_heights(vertices: Array, normals: Array, numbers: Integers) -> Array
     approximation from K vertices.
     """
     places = np.concatenate([vertices, MATCH_NORMAL_METRES * normals], axis=1)
-    centres = places[thin_points(vertices, N_DETAILS, np.random.default_rng(0))]
+    centres = places[even_points(vertices, N_DETAILS)]
     among = _covariance(centres, centres) + 1e-6 * np.eye(len(centres))
     heights: Array = np.linalg.solve(
         np.linalg.cholesky(among), _covariance(centres, places[numbers])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from riemhuman.bodies.skinning import JointMotions
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.registration._constants import (
-    N_FOR_ARMS,
+    SEARCH_ROUNDS,
     STILL_HANDS,
 )
 from riemhuman.registration._limbs import ArmSurface, BodyParts, make_arm_surface
@@ -48,6 +48,11 @@ class RegistrationModel:
         return BodyParts(self.model)
 
     @cached_property
+    def halves(self) -> list[RegistrationModel]:
+        """The body without its legs and without all above the waist, if the model names them."""
+        return [replace(self, cut=cut) for cut in (-1, 1)] if self.parts.halves else []
+
+    @cached_property
     def root(self) -> int:
         return int(np.flatnonzero(self.model.parents < 0)[0])
 
@@ -59,7 +64,7 @@ class RegistrationModel:
     @cached_property
     def arm_surfaces(self) -> list[ArmSurface]:
         parts = self.parts
-        skin, few = self.samples(None), self.samples(N_FOR_ARMS)
+        skin, few = self.samples(None), self.samples(SEARCH_ROUNDS[-1].n_model)
         return [make_arm_surface(parts, joints, skin, few) for joints in self.arms]
 
     @cached_property
@@ -104,9 +109,7 @@ class RegistrationModel:
     def samples(self, n_samples: int | None) -> ModelSamples:
         """Return about this number of points of the model, all by None; computed once."""
         if n_samples not in self._samples:
-            samples = sample_model(self.model, n_samples)
-            areas = samples.areas * self._shown[samples.numbers]
-            self._samples[n_samples] = samples._replace(areas=areas / areas.sum())
+            self._samples[n_samples] = sample_model(self.model, n_samples).showing(self._shown)
         return self._samples[n_samples]
 
     def surface(self, pose: Pose) -> Array:

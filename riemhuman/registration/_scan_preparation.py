@@ -19,12 +19,9 @@ from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._constants import (
-    ABOVE_FLOOR,
     BLUR_METRES,
-    CELL_METRES,
     CELL_QUANTILE,
     CROWDED,
-    DENSE_METRES,
     FEW_SPARSE,
     FEW_STRAYS,
     FIRST_POINTS,
@@ -32,7 +29,7 @@ from riemhuman.registration._constants import (
     FLOOR_SHARE,
     IN_PLANE,
     LARGEST_STRAY,
-    LEAST_LEVEL_FLOOR,
+    LEAST_NEAR,
     LEAST_OUTSIDE,
     LEAST_RESTING,
     LEAST_WIDTH,
@@ -40,12 +37,12 @@ from riemhuman.registration._constants import (
     LONG_EDGE,
     LONGEST_EDGE,
     MATCH_NORMAL_METRES,
+    MATCHED_METRES,
     MIXED_TRIANGLES,
-    MORE_NORMAL_NEIGHBOURS,
     MOST_PLANES,
     N_CLOSE,
+    N_DENSE,
     N_MATCHED,
-    N_NOISE,
     N_NORMAL_NEIGHBOURS,
     N_PLANES,
     NEAR_CLOTHED_METRES,
@@ -53,11 +50,9 @@ from riemhuman.registration._constants import (
     NEAR_METRES,
     ON_LINE,
     OUTLINE_METRES,
-    PLANE_METRES,
     PRIOR_METRES,
     RESTING_METRES,
     SAME_WAY,
-    SMOOTHING_NORMAL_METRES,
     SPARSE_METRES,
     SPARSE_SPACINGS,
     SPARSER_SPACINGS,
@@ -66,7 +61,6 @@ from riemhuman.registration._constants import (
     WIDEST_CELL,
     WIDEST_SPACING,
 )
-from riemhuman.registration._even_points import thin_points
 from riemhuman.registration.registration_settings import DEFAULT_SETTINGS
 from riemhuman.registration.scans import (
     FEWEST_POINTS,
@@ -143,7 +137,7 @@ class PreparedScan:
         """The standard deviation of the points along their normals, metres."""
         # On a circle, the chord between two points is perpendicular to the mean of their normals,
         # so what is left of it along this mean is noise.
-        chosen = np.linspace(0, len(self.points) - 1, N_NOISE).astype(int)
+        chosen = np.linspace(0, len(self.points) - 1, N_DENSE).astype(int)
         near = self._tree.query(self._tree.data[chosen], k=5)[1][:, 1:]
         chords = self.points[near] - self.points[chosen, np.newaxis]
         means = 0.5 * (self.normals[near] + self.normals[chosen, np.newaxis])
@@ -181,7 +175,7 @@ class PreparedScan:
         must be near.
         """
         allowed = np.clip(
-            self.spacing[nearest] - DENSE_METRES,
+            self.spacing[nearest] - MATCHED_METRES,
             0.0,
             WIDEST_SPACING,
         )
@@ -243,8 +237,34 @@ def prepare_scan(
     if up is None:
         return prepared
     # A plane that leans from the direction up is a wall.
-    is_floor = prepared.up is not None and prepared.up @ up > LEAST_LEVEL_FLOOR
+    is_floor = prepared.up is not None and prepared.up @ up > SAME_WAY
     return replace(prepared, up=up, floor=prepared.floor if is_floor else None, other_ups=())
+
+
+def even_points(points: Array, n_points: int) -> Integers:
+    """Return the indices of about this many points, spread evenly over the surface, ascending."""
+    # One in each cube of a grid, whose width is found by bisection.
+    if len(points) <= n_points:
+        return np.arange(len(points))
+    order = np.random.default_rng(0).permutation(len(points))
+    shuffled = points[order] - points.min(axis=0)
+    low, high = 0.0, float(shuffled.max())
+    # The first estimate assumes a surface, where the number of cubes grows as 1/width².
+    width = high / np.sqrt(n_points)
+    best: Integers = order[:n_points]
+    for _ in range(12):
+        cubes = (shuffled / width).astype(np.int64)
+        extent = cubes.max(axis=0) + 1
+        keys = (cubes[:, 0] * extent[1] + cubes[:, 1]) * extent[2] + cubes[:, 2]
+        first = np.unique(keys, return_index=True)[1]
+        best = order[first]
+        if abs(len(first) - n_points) <= 0.03 * n_points:
+            break
+        low, high = (low, width) if len(first) < n_points else (width, high)
+        width = np.clip(width * np.sqrt(len(first) / n_points), 0.0, None)
+        if not low < width < high:
+            width = 0.5 * (low + high)
+    return np.sort(best)
 
 
 def _spread_points(scan: Scan, most_points: int, rng: np.random.Generator) -> _LoosePoints:
@@ -265,12 +285,12 @@ def _spread_points(scan: Scan, most_points: int, rng: np.random.Generator) -> _L
         raise ArgumentError(
             f"scan has no point within {STRAY_METRES:g} m of its middle; is it in metres?"
         )
-    numbers = numbers[thin_points(everything[numbers], most_points, rng)]
+    numbers = numbers[even_points(everything[numbers], most_points)]
     points = everything[numbers]
     if all_normals is None or estimated:
         normals = estimate_normals(points)
     else:
-        normals = smooth_normals(points, all_normals[numbers])
+        normals = smooth_normals(points, unit_vectors(all_normals[numbers]))
         if faces is None and np.sum((points - points.mean(axis=0)) * normals) < 0:
             normals = -normals
     return _LoosePoints(everything, faces, numbers, normals, estimated, background)
@@ -387,7 +407,7 @@ def _as_plane(points: Array, near: Booleans) -> Plane | None:
     above = sign * heights[~near] > -NEAR_FLOOR_METRES
     is_wide = np.sort(points[near].std(axis=0))[1] > LEAST_WIDTH
     higher = sign * heights > NEAR_FLOOR_METRES
-    if above.mean() < ABOVE_FLOOR or not is_wide or higher.sum() < FEWEST_POINTS:
+    if above.mean() < LEAST_NEAR or not is_wide or higher.sum() < FEWEST_POINTS:
         return None
     flat = (points - centre) @ axes[:2].T
     if _share_outside(flat[near], flat[higher]) < LEAST_OUTSIDE:
@@ -456,16 +476,16 @@ def _find_sparse_floor(points: Array, is_sparse: Booleans) -> Booleans:
     """Return which sparse points are in one plane that has nearly all points on one side."""
     rng, numbers = np.random.default_rng(0), np.flatnonzero(is_sparse)
     best, most = np.zeros(len(points)), int(IN_PLANE * len(numbers))
-    for _ in range(N_PLANES if len(numbers) > N_NORMAL_NEIGHBOURS else 0):
+    for _ in range(N_PLANES if len(numbers) > N_NORMAL_NEIGHBOURS[0] else 0):
         corners = points[rng.choice(numbers, 3, replace=False)]
         normal = unit_vectors(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
         heights = (points[numbers] - corners[0]) @ normal
-        count = int(np.sum(np.abs(heights) < PLANE_METRES))
+        count = int(np.sum(np.abs(heights) < NEAR_FLOOR_METRES))
         if count > most:
             best, most = (points - corners[0]) @ normal, count
-    in_plane = is_sparse & (np.abs(best) < PLANE_METRES)
-    sides = np.sign(best) * (np.abs(best) > PLANE_METRES)
-    is_floor = abs(sides.sum()) > (2.0 * ABOVE_FLOOR - 1.0) * np.abs(sides).sum()
+    in_plane = is_sparse & (np.abs(best) < NEAR_FLOOR_METRES)
+    sides = np.sign(best) * (np.abs(best) > NEAR_FLOOR_METRES)
+    is_floor = abs(sides.sum()) > (2.0 * LEAST_NEAR - 1.0) * np.abs(sides).sum()
     return in_plane if is_floor else np.zeros_like(in_plane)
 
 
@@ -483,7 +503,7 @@ def _find_strays(points: Array, wanted: Booleans) -> Booleans:
     spacing = point_spacing(chosen)
     width = np.clip(
         _quantile_over_area(spacing, CELL_QUANTILE),
-        CELL_METRES,
+        LONG_EDGE,
         WIDEST_CELL,
     )
     cells = np.floor((chosen[inside] - low) / width).astype(np.int64)
@@ -503,9 +523,9 @@ def estimate_normals(points: Array) -> Array:
     """Return outward normals of loose points on a surface."""
     n = len(points)
     tree = cKDTree(points)
-    neighbours = tree.query(points, k=min(N_NORMAL_NEIGHBOURS, n))[1]
+    neighbours = tree.query(points, k=min(N_NORMAL_NEIGHBOURS[0], n))[1]
     normals, on_line = _normals_of(points[neighbours])
-    for count in MORE_NORMAL_NEIGHBOURS:
+    for count in N_NORMAL_NEIGHBOURS[1:]:
         rest = np.flatnonzero(on_line)
         if not len(rest) or count > n:
             break
@@ -545,6 +565,6 @@ def _normals_of(groups: Array) -> tuple[Array, Booleans]:
 
 def smooth_normals(points: Array, normals: Array) -> Array:
     """Return normals averaged over neighbours with similar normals."""
-    places = np.concatenate([points, SMOOTHING_NORMAL_METRES * normals], axis=1)
-    neighbours = cKDTree(places).query(places, k=min(N_NORMAL_NEIGHBOURS, len(points)))[1]
+    places = np.concatenate([points, MATCH_NORMAL_METRES * normals], axis=1)
+    neighbours = cKDTree(places).query(places, k=min(N_NORMAL_NEIGHBOURS[0], len(points)))[1]
     return unit_vectors(normals[neighbours].mean(axis=1))

@@ -21,21 +21,19 @@ from riemhuman.kernels.surface import unit_vectors
 from riemhuman.registration._arms_and_hands import BodyFit
 from riemhuman.registration._constants import (
     DENSE_SCALES,
-    FARTHER_WITHOUT_LIMBS,
     LEAST_OWN,
     LEAST_RELIABLE,
     LIMB_ELSEWHERE,
+    LIMB_MARGIN,
     MATCHED_METRES,
-    N_JUDGED,
-    OUTSIDE_METRES,
-    OWN_METRES,
-    SEEN_METRES,
+    N_DENSE,
+    TOUCHING_METRES,
+    WIDEST_SPACING,
 )
 from riemhuman.registration._dense_fit import DenseTask, fit_closest
 from riemhuman.registration._elastic_step import leave_model
-from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limbs import BodyParts
-from riemhuman.registration._scan_preparation import PreparedScan
+from riemhuman.registration._scan_preparation import PreparedScan, even_points
 from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
@@ -84,12 +82,12 @@ def find_seen(template: Template, points: Array, matched: Booleans, scan: Prepar
         graph,
         directed=False,
         indices=np.flatnonzero(matched),
-        limit=SEEN_METRES,
+        limit=WIDEST_SPACING,
         min_only=True,
     )
     nearest = cKDTree(scan.points).query(points)[1]
     heights = np.einsum("nx,nx->n", points - scan.points[nearest], scan.normals[nearest])
-    seen: Booleans = matched | (np.isfinite(distances) & (heights < OUTSIDE_METRES))
+    seen: Booleans = matched | (np.isfinite(distances) & (heights < TOUCHING_METRES))
     return seen
 
 
@@ -104,7 +102,7 @@ def find_lost_limbs(parts: BodyParts, points: Array, matched: Booleans) -> Boole
     for joint in joints:
         part, limb = parts.owners == joint, parts.vertices([joint])
         _, gaps = nearest_points(points[part], points, faces[~limb[faces].any(axis=1)])
-        own[part] = matched[part] & (gaps > OWN_METRES)
+        own[part] = matched[part] & (gaps > TOUCHING_METRES)
     is_lost = (parts.shares(matched) < LIMB_ELSEWHERE) | (parts.shares(own) < LEAST_OWN)
     return parts.vertices(joint for joint in joints if is_lost[joint])
 
@@ -123,7 +121,7 @@ def leave_out_lost_limbs(
     without = _fit_without(fitted, shown.lost)
     # If the limb is in the scan after all, its points are now far from the body.
     before, after = (_distances_from(body).mean() for body in (fitted, without))
-    if after > FARTHER_WITHOUT_LIMBS * before:
+    if after > (1.0 + LIMB_MARGIN) * before:
         return fitted, shown
     return without, find_shown_parts(without, scan)
 
@@ -131,8 +129,7 @@ def leave_out_lost_limbs(
 def _fit_without(fitted: BodyFit, lost: Booleans) -> BodyFit:
     """Return a body fitted again, and its elastic step, without some vertices."""
     task, visible = fitted.task, fitted.task.visible & ~lost
-    areas = task.samples.areas * visible[task.samples.numbers]
-    samples = task.samples._replace(areas=areas / areas.sum())
+    samples = task.samples.showing(visible)
     # A scan hardly shows how what carries a lost limb is rotated about itself: the limb had said
     # so alone, wherever it was.
     local, expected = fitted.fit.pose.local.copy(), task.prior.local.copy()
@@ -177,7 +174,7 @@ def _with_usual_twist(task: DenseTask, local: Array, carrier: int, end: int) -> 
 def _distances_from(fitted: BodyFit) -> Array:
     """Return the distances of some points of a scan from a body, limited, metres."""
     points = fitted.task.scan.points
-    some = points[even_points(points, N_JUDGED)]
+    some = points[even_points(points, N_DENSE)]
     _, distances = nearest_points(some, fitted.fit.points, fitted.task.body.model.faces)
     limited: Array = np.minimum(distances, fitted.task.scan.near_metres)
     return limited

@@ -88,12 +88,10 @@ def rename_joints(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
     )
 
 
-def other_arms(
-    arm: Integers, current: Array, poses: dict[str, Array], same: float
-) -> Iterator[Array]:
+def other_arms(arm: Integers, current: Array, poses: dict[str, Array]) -> Iterator[Array]:
     """Yield the rotations of an arm's joints in some poses, without duplicates."""
     seen = [current[arm]]
     for pose in poses.values():
-        if all(np.abs(pose[arm] - rotations).max() > same for rotations in seen):
+        if not any(np.allclose(pose[arm], rotations, atol=1e-6) for rotations in seen):
             seen.append(pose[arm])
             yield pose[arm]

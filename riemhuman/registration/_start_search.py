@@ -25,28 +25,23 @@ from riemhuman.registration._constants import (
     ARM_GAIN,
     ARM_ROUNDS,
     FAR_MISS,
-    FEWER_STARTS,
-    FINE_ROUND,
     LANDMARK_WEIGHT,
     LEAST_SHOWN,
+    LONGEST_ROTATION,
     MISS_METRES,
     MORE_STARTS,
     N_DENSE,
     N_SHIFTS,
     NORMALS_AGREE,
     SAME_METRES,
-    SAME_ROTATIONS,
     SCAN_WORTH,
-    SEARCH_LONGEST_ROTATION,
     SEARCH_ROUNDS,
     UP_MARGIN,
     USUAL_AREA,
-    WARM_BETAS_PRECISION,
     WARM_LOSS,
     WARM_ROUNDS,
     SearchRound,
 )
-from riemhuman.registration._even_points import even_points
 from riemhuman.registration._posed_body import (
     ModelSamples,
     Pose,
@@ -56,7 +51,7 @@ from riemhuman.registration._posed_body import (
     take_step,
 )
 from riemhuman.registration._registration_model import End, RegistrationModel
-from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan
+from riemhuman.registration._scan_preparation import N_THREADS, PreparedScan, even_points
 from riemhuman.registration._start_poses import UP_POSES, other_arms
 from riemhuman.surfaces.measures import triangle_areas
 
@@ -179,7 +174,7 @@ def anneal(
             shares = np.where(known | end.shows(posed.points, sigma), shares, 0.0)
         weight = sigma * sigma / SCAN_WORTH
         equations = normal_equations(posed, prior, weight, shares, gaps, posed.normals, 1.0)
-        pose = take_step(posed, equations, SEARCH_LONGEST_ROTATION)
+        pose = take_step(posed, equations, LONGEST_ROTATION)
     return pose, likelihood
 
 
@@ -239,17 +234,6 @@ def _different(candidates: list[Candidate], samples: ModelSamples, n_best: int) 
     return different
 
 
-def find_likelihoods(
-    body: RegistrationModel, poses: Iterable[Pose], scan: PreparedScan, up: Array
-) -> list[float]:
-    """Return mean log-likelihoods of a scan with the last deviation of the last round."""
-    last = SEARCH_ROUNDS[-1]
-    stage = last._replace(sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
-    candidates = [Candidate(pose, body.prior(pose), -np.inf, up) for pose in poses]
-    fitted = _fit_starts(body, candidates, stage, replace(scan, landmarks={}))
-    return [candidate.likelihood for candidate in fitted]
-
-
 def find_likelihood_of_area(
     body: RegistrationModel,
     pose: Pose,
@@ -257,17 +241,15 @@ def find_likelihood_of_area(
     up: Array,
     visible: Booleans | None = None,
 ) -> float:
-    """Return the log-likelihood for a body of the standard area."""
+    """Return the log-likelihood for a body of the standard area, as in the search's last step."""
     model = body.model
     areas = triangle_areas(model(pose.betas[: model.n_betas]), model.faces)
     area = areas.sum() if visible is None else areas @ visible[model.faces[:, 0]]
-    (likelihood,) = find_likelihoods(body, [pose], scan, up)
-    return likelihood + float(np.log(area / USUAL_AREA))
-
-
-def anneal_finely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> Pose:
-    """Return a body after soft assignment with smaller deviations than in the search."""
-    return advance(body, [best], FINE_ROUND, replace(scan, landmarks={}))[0].pose
+    last = SEARCH_ROUNDS[-1]
+    stage = last._replace(sigmas=(last.sigmas[1], last.sigmas[1]), n_steps=0)
+    candidate = Candidate(pose, body.prior(pose), -np.inf, up)
+    (fitted,) = _fit_starts(body, [candidate], stage, replace(scan, landmarks={}))
+    return fitted.likelihood + float(np.log(area / USUAL_AREA))
 
 
 _UP = np.array([0.0, 1.0, 0.0])
@@ -282,7 +264,7 @@ class Candidate:
     likelihood: float  # mean log-likelihood of the scan points in the last round
     up: Array  # direction up of its start
     number: int = 0  # of its start
-    known: bool = False  # whether it started from the body a moment before
+    known: bool = False  # whether it started from the same person's body a moment before
 
 
 def make_starts(
@@ -343,19 +325,10 @@ class Search:
     seconds: float = 0.0  # that it took
 
 
-@dataclass(frozen=True, eq=False)
-class KnownBody:
-    """A body found in a scan of the same person a moment before."""
-
-    pose: Pose
-    up: Array
-    likelihood: float
-
-
 def search_scan(
     body: RegistrationModel,
     scan: PreparedScan,
-    known: KnownBody | None = None,
+    known: Candidate | None = None,
     *,
     again: bool = False,
     quick: bool = False,
@@ -363,43 +336,36 @@ def search_scan(
     """Return the likeliest bodies, and the scan with normals oriented like theirs."""
     began = perf_counter()
     search = _search_near(body, scan, known, again=again, quick=quick)
-    if not scan.estimated and scan.parts is None:
-        return replace(search, seconds=perf_counter() - began)
-    normals, agreement = orient_normals(body, scan, search.candidates[0].pose)
-    if scan.signed and agreement < NORMALS_AGREE:
-        scan = replace(scan, signed=False)
-        search = _search_near(body, scan, known, again=again, quick=quick)
-        normals, _ = orient_normals(body, scan, search.candidates[0].pose)
-    oriented = replace(scan, normals=normals, signed=True)
-    seconds = perf_counter() - began
-    return replace(search, scan=oriented, signed=scan.signed, seconds=seconds)
+    if scan.estimated or scan.parts is not None:
+        normals, agreement = orient_normals(body, scan, search.candidates[0].pose)
+        if scan.signed and agreement < NORMALS_AGREE:
+            scan = replace(scan, signed=False)
+            search = _search_near(body, scan, known, again=again, quick=quick)
+            normals, _ = orient_normals(body, scan, search.candidates[0].pose)
+        oriented = replace(scan, normals=normals, signed=True)
+        search = replace(search, scan=oriented, signed=scan.signed)
+    return replace(search, seconds=perf_counter() - began)
 
 
 def _search_near(
     body: RegistrationModel,
     scan: PreparedScan,
-    known: KnownBody | None,
+    known: Candidate | None,
     *,
     again: bool,
     quick: bool,
 ) -> Search:
-    """Return the search from a known body if it leads to one as likely, or from all starts."""
+    """Return the search from a known body if it leads to one as likely, or from all starts.
+
+    The known one has the likelihood of its own scan, for the standard area.
+    """
     if known is not None:
-        search = search_from(body, scan, known.pose, known.up)
-        pose = search.candidates[0].pose
-        likelihood = find_likelihood_of_area(body, pose, scan, known.up)
+        rounds = _follow(body, [known], WARM_ROUNDS, scan)
+        (found,) = rounds[-1]
+        likelihood = find_likelihood_of_area(body, found.pose, scan, known.up)
         if likelihood > known.likelihood - WARM_LOSS:
-            return search
+            return Search(body, scan, [known], rounds, [found])
     return search_starts(body, scan, again=again, quick=quick)
-
-
-def search_from(body: RegistrationModel, scan: PreparedScan, pose: Pose, up: Array) -> Search:
-    """Return the search from one known start, the body a moment before."""
-    precisions = WARM_BETAS_PRECISION * body.betas_precisions
-    prior = body.prior(pose)._replace(betas_precisions=precisions)
-    starts = [Candidate(pose, prior, -np.inf, up, known=True)]
-    rounds = _follow(body, starts, WARM_ROUNDS, scan)
-    return Search(body, scan, starts, rounds, rounds[-1])
 
 
 def search_starts(
@@ -413,7 +379,7 @@ def search_starts(
     # A repeated search starts from the headings in between and follows more starts. A quick one
     # follows fewer and tries no arms.
     offset = 0.5 if again else 0.0
-    more = FEWER_STARTS if quick else MORE_STARTS if again else 1.0
+    more = 1.0 / MORE_STARTS if quick else MORE_STARTS if again else 1.0
     first, *later = SEARCH_ROUNDS
     rounds = [
         first._replace(n_best=int(max(more, 1.0) * first.n_best)),
@@ -472,7 +438,7 @@ def _with_likeliest_arm(
     """Return a body with one arm as in a start pose, if that is likelier."""
     first, last = ARM_ROUNDS
     others = []
-    for rotations in other_arms(arm, best.prior.local, body.poses, SAME_ROTATIONS):
+    for rotations in other_arms(arm, best.prior.local, body.poses):
         local, expected = best.pose.local.copy(), best.prior.local.copy()
         local[arm] = expected[arm] = rotations
         pose, prior = best.pose._replace(local=local), best.prior._replace(local=expected)

@@ -21,7 +21,6 @@ from riemhuman.registration._constants import (
     FAR_METRES,
     FAR_SHARE,
     FARTHEST_MISS,
-    GUESSED_UP,
     LARGEST_BETA,
     LEAST_LIKELIHOOD,
     LEAST_LIKELIHOOD_CLOTHED,
@@ -32,14 +31,13 @@ from riemhuman.registration._constants import (
     LIMB_ELSEWHERE,
     LIMB_METRES,
     MATCHED_METRES,
-    N_JUDGED,
+    N_DENSE,
     NEAR_METRES,
     RIVAL_METRES,
-    USUAL_LIKELIHOOD,
+    SEARCH_ROUNDS,
 )
 from riemhuman.registration._dense_fit import find_hair
 from riemhuman.registration._elastic_step import ElasticFit
-from riemhuman.registration._even_points import even_points
 from riemhuman.registration._limb_rivals import LimbDoubt, find_limb_doubts
 from riemhuman.registration._limbs import BodyParts
 from riemhuman.registration._messages import (
@@ -51,6 +49,7 @@ from riemhuman.registration._messages import (
 )
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
+from riemhuman.registration._scan_preparation import even_points
 from riemhuman.registration._shown_parts import ShownParts
 from riemhuman.registration._start_search import Search, find_likelihood_of_area
 from riemhuman.registration.scans import Scan
@@ -140,7 +139,6 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
             f"{100 * quality.near_metres:.0f} cm from the body, and hardly any of it matches the "
             f"{quality.limb}, which may be elsewhere; {MARK_JOINTS}"
         )
-    misfit = np.log(quality.far / FAR_METRES) + USUAL_LIKELIHOOD - quality.likelihood
     if quality.bare is not None:
         if quality.bare > FAR_BARE:
             reasons.append(
@@ -148,7 +146,7 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
                 f"of them lies more than {100 * quality.bare:.1f} cm from the model's surface; the "
                 f"body may face the wrong way or have limbs in wrong places; {MARK_JOINTS}"
             )
-    elif misfit > 0.0:
+    elif quality.far * np.exp(-quality.likelihood) > FAR_METRES:
         reasons.append(
             f"the body fits badly: {100 * (1 - FAR_SHARE):.0f} % of the scan lies more "
             f"than {100 * quality.far:.1f} cm from the model's surface; it may face the wrong way, "
@@ -160,11 +158,6 @@ def find_doubts(quality: FitQuality) -> tuple[list[str], list[str]]:
             "clothes or other things in the scan"
         )
     return reasons, of_limb
-
-
-# Number of points by which bodies are compared: other bodies are 15 cm away in the mean, which a
-# thousand points tell to within some millimetres.
-_N_COMPARED = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,7 +271,7 @@ def _measure(
     """Return how well a body explains its scan."""
     body, scan, fit = search.body, search.scan, fitted.fit
     model = body.model
-    some = scan.points[even_points(scan.points, N_JUDGED)]
+    some = scan.points[even_points(scan.points, N_DENSE)]
     some = some[~find_hair(body, fit.model_points, some)]
     _, gaps = nearest_points(some, fit.points, model.faces)
     places, model_distances = nearest_points(some, fit.model_points, model.faces)
@@ -304,7 +297,7 @@ def _measure(
 
 def find_margin(search: Search) -> float:
     """Return how much likelier the best body is than all bodies whose visible part is elsewhere."""
-    candidates, samples = search.candidates, search.body.samples(_N_COMPARED)
+    candidates, samples = search.candidates, search.body.samples(SEARCH_ROUNDS[-1].n_model)
     surface = pose_body(samples, candidates[0].pose).points
     end = search.body.end_of(search.scan.points, candidates[0].up)
     shown = np.ones(len(surface), bool)
@@ -340,9 +333,8 @@ def _unseen_parts(body: RegistrationModel, vertices: ShownParts, *, up_is_known:
     if share < LEAST_UNSEEN and not vertices.lost.any():
         return []
     unseen = [body.parts.names[k] for k in np.flatnonzero(body.parts.shares(vertices.seen) < 0.5)]
-    guessed = "; the up direction was guessed: check it"
-    is_guess = share > GUESSED_UP and not up_is_known
-    return [say_unseen(unseen, share) + guessed * bool(is_guess)]
+    guessed = "" if up_is_known else "; the up direction was guessed: check it"
+    return [say_unseen(unseen, share) + guessed]
 
 
 def _other_units(scan: Scan, background: Booleans) -> list[str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, ArrayLike, Booleans, Integers, Triangles
@@ -16,7 +16,12 @@ from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs, triangle_sides
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration.registered_scans import RegisteredScan
 from riemhuman.registration.scans import Scan
-from riemhuman.surfaces.measures import adjacent_triangles, find_inward_triangles, triangle_areas
+from riemhuman.surfaces.measures import (
+    adjacent_triangles,
+    find_inward_triangles,
+    triangle_areas,
+    vertex_components,
+)
 from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points_around
 
 # Lengths are shares of the diagonal of a body's bounding box, about 2 m, because templates have any
@@ -200,20 +205,12 @@ def _without_jumps(points: Array, faces: Triangles, targets: Array, farthest: fl
         for places in (points, targets)
     )
     stays_near = after < _MOST_STRETCHED * before + farthest
-    whole, parts = (_components(some, len(points)) for some in (edges, edges[stays_near]))
+    whole, parts = (vertex_components(some, len(points)) for some in (edges, edges[stays_near]))
     sizes = np.bincount(parts)[parts]
     largest = np.zeros(whole.max() + 1, dtype=sizes.dtype)
     np.maximum.at(largest, whole, sizes)
     belongs: Booleans = sizes == largest[whole]
     return belongs
-
-
-def _components(edges: Integers, n_vertices: int) -> Integers:
-    """Return the number of the connected component of every vertex."""
-    shape = (n_vertices, n_vertices)
-    graph = sparse.csr_array((np.ones(len(edges)), edges.T), shape=shape)
-    numbers: Integers = connected_components(graph, directed=False)[1]
-    return numbers
 
 
 def _with_normals(points: Array, normals: Array, size: float) -> Array:

@@ -25,7 +25,7 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import convert_errors, file_path, natural_key, read_bytes, visible_files
 from riemhuman.io.fingerprint import describe
 from riemhuman.io.meshes import POINT_SUFFIXES, save_mesh
-from riemhuman.registration._even_points import thin_points
+from riemhuman.registration._scan_preparation import even_points
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
 from riemhuman.registration.scan_registration import (
     ScanRegistration,
@@ -38,7 +38,7 @@ from riemhuman.surfaces.measures import share_of_surface
 from riemhuman.surfaces.nearest_points import nearest_points
 
 UNTRUSTED, PARTIAL, RECORDS = "untrusted", "partial", "registrations"
-_VERSION = 10
+_VERSION = 11
 # Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 # Points of a scan and of its record are in single precision. Farther points are background.
@@ -352,7 +352,7 @@ def record_of(name: str, result: RegisteredScan) -> ScanRecord:
     """Return the record of a result, with some points of its scan."""
     scan = result.scan
     seen = np.flatnonzero(~result.background)
-    shown = seen[thin_points(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
+    shown = seen[even_points(scan.points[seen], _N_SHOWN)]
     arrays = {
         "points": result.points,
         "up": result.up,

@@ -9,7 +9,6 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans, Triangles
 from riemhuman.bodies import ModelFit
 from riemhuman.provided import View, notebook_pictures
-from riemhuman.registration._arms_and_hands import ArmsFit
 from riemhuman.registration._dense_fit import DenseFit, DenseTask
 from riemhuman.registration._elastic_step import ElasticFit
 from riemhuman.registration._start_search import Search
@@ -33,7 +32,7 @@ class RegistrationTrace:
     dense : DenseFit
         The `pose` after closest points, with arms and legs that cross exchanged where that fits
         better.
-    arms : ArmsFit
+    arms : DenseFit
         The `pose` after other ways to hold forearms and hands were tried, and `arm_fits`.
     elastic : ElasticFit
         The last `pose`, its `model_points`, and `points`, the surface that left the model. If the
@@ -59,7 +58,7 @@ class RegistrationTrace:
 
     search: Search
     dense: DenseFit
-    arms: ArmsFit
+    arms: DenseFit
     elastic: ElasticFit
     verdict: Verdict
     up: Array

@@ -29,16 +29,11 @@ from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.registration._messages import join_reasons
 from riemhuman.registration._one_person import fit_together
-from riemhuman.registration._pipeline import (
-    ModelAndHalves,
-    ScanTask,
-    register_scan,
-    upright_transform,
-)
+from riemhuman.registration._pipeline import ScanTask, register_scan, upright_transform
 from riemhuman.registration._posed_body import Pose
 from riemhuman.registration._registration_model import RegistrationModel
 from riemhuman.registration._scan_preparation import prepare_scan
-from riemhuman.registration._start_search import KnownBody
+from riemhuman.registration._start_search import Candidate
 from riemhuman.registration._verdict import judge_together
 from riemhuman.registration.registered_scans import RegisteredScan, RegistrationTrace
 from riemhuman.registration.registration_settings import DEFAULT_SETTINGS, RegistrationSettings
@@ -68,11 +63,11 @@ class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds with holes and noise, facing any way.
 
     Many starts with different headings and poses are fitted by soft assignment. For the most likely
-    body, the arm positions of all starting poses are tried; finer soft assignment and closest
-    points then determine its parameters. The surface then departs from the model as far as the
-    elastic metric (a, λ, c) = (1, 1, 1) allows, and the model is fitted to it again, twice. If the
-    result is not trusted, other starts are tried, and also bodies without legs or without
-    everything above the waist. With `clothed`, the body beneath the clothes is found last.
+    body, the arm positions of all starting poses are tried; closest points then determine its
+    parameters. The surface then departs from the model as far as the elastic metric (a, λ, c) =
+    (1, 1, 1) allows, and the model is fitted to it again, twice. If the result is not trusted,
+    other starts are tried, and also bodies without legs or without everything above the waist. With
+    `clothed`, the body beneath the clothes is found last.
 
     Parameters
     ----------
@@ -137,7 +132,7 @@ class ScanRegistration:
             If fewer than 200 points are left without the background, or if the scan does not have
             the size of a body.
         """
-        models = self._models
+        body = self._body
         whole = as_scan(scan, self.unit)
         centre = np.median(whole.points, axis=0)
         known = self._landmark_positions({} if landmarks is None else landmarks, centre, whole.unit)
@@ -152,13 +147,10 @@ class ScanRegistration:
         )
         prepared = replace(prepared, clothed=self.clothed)
         task = ScanTask(
-            models,
-            prepared,
-            up_is_known=self.up is not None,
-            unit_is_known=self.unit is not None,
+            body, prepared, up_is_known=self.up is not None, unit_is_known=self.unit is not None
         )
         with single_threaded_libraries():
-            stages = register_scan(task, None if start is None else known_body(start))
+            stages = register_scan(task, None if start is None else known_body(body, start))
         return _moved(result_of(stages, trace=trace), offset)
 
     @checked(scans=_scans, progress=flag)
@@ -220,18 +212,15 @@ class ScanRegistration:
         return share_person(results)
 
     @cached_property
-    def _models(self) -> ModelAndHalves:
-        whole = RegistrationModel(self.model, self.settings)
-        _ = whole.poses  # refuses unknown names before a scan is read
-        if self.clothed and not whole.parts.bare.any():
+    def _body(self) -> RegistrationModel:
+        body = RegistrationModel(self.model, self.settings)
+        _ = body.poses  # refuses unknown names before a scan is read
+        if self.clothed and not body.parts.bare.any():
             raise ArgumentError(
                 "clothed=True needs a model whose joints name the head or the hands, which are "
-                f"bare; found {', '.join(whole.parts.names)}"
+                f"bare; found {', '.join(body.parts.names)}"
             )
-        cuts = (-1, 1) if whole.parts.halves else ()
-        return ModelAndHalves(
-            whole, [RegistrationModel(self.model, self.settings, cut) for cut in cuts]
-        )
+        return body
 
     def _landmark_positions(
         self, landmarks: Mapping[str, ArrayLike], centre: Array, unit: str
@@ -239,7 +228,7 @@ class ScanRegistration:
         """Return the positions of joints by number, metres."""
         expected = "a mapping of joints to positions, {'left_wrist': [x, y, z]}"
         check_instance(landmarks, "landmarks", Mapping, expected)
-        names = self._models.whole.parts.names
+        names = self._body.parts.names
         positions = {}
         for name, given in landmarks.items():
             if name not in names:
@@ -291,13 +280,13 @@ def share_person(results: Sequence[RegisteredScan]) -> list[RegisteredScan]:
     return shared
 
 
-def known_body(start: RegisteredScan) -> KnownBody | None:
-    """Return the body of a registration of the same person a moment before."""
-    if start.fit is None:
-        return None
+def known_body(body: RegistrationModel, start: RegisteredScan) -> Candidate | None:
+    """Return the start of a search from a registration of the same person a moment before."""
     fit = start.fit
+    if fit is None:
+        return None
     pose = Pose(rotation_matrix(fit.pose), np.concatenate([fit.betas, fit.hands]), fit.trans)
-    return KnownBody(pose, start.up, start.likelihood)
+    return Candidate(pose, body.prior(pose), start.likelihood, start.up, known=True)
 
 
 def result_of(stages: RegistrationTrace, *, trace: bool) -> RegisteredScan:

@@ -15,7 +15,6 @@ from riemhuman.io.kinds_of_files import AFTER, BY_SCAN, FileKind, reads
 from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.io.meshes import POINT_SUFFIXES, WRITTEN_SUFFIXES, as_arrays, load_points
 from riemhuman.io.text_tables import read_named_rows
-from riemhuman.kernels.surface import unit_vectors
 
 FEWEST_POINTS = 200
 
@@ -35,7 +34,7 @@ class Scan:
     faces : array of int, shape (F, 3), or None
         Triangles of a mesh.
     normals : array, shape (N, 3), or None
-        Normals in the file or array of loose points.
+        Normals in the file or array of loose points, of any length.
     unit : str
         The original unit of the scan.
 
@@ -182,4 +181,4 @@ def _in_metres(
             )
         (unit,) = fitting
     size = UNITS[one_of(unit, "unit", tuple(UNITS))]
-    return Scan(points / size, faces, None if normals is None else unit_vectors(normals), unit)
+    return Scan(points / size, faces, normals, unit)

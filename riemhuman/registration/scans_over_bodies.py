@@ -14,8 +14,7 @@ from riemhuman.checks import checked, real_array, whole
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.registration._even_points import thin_points
-from riemhuman.registration._scan_preparation import prepare_scan
+from riemhuman.registration._scan_preparation import even_points, prepare_scan
 from riemhuman.registration.folders import ScanRecord
 from riemhuman.registration.registered_scans import RegisteredScan, apply_transform
 from riemhuman.registration.scans import as_scan
@@ -25,9 +24,9 @@ from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
 # Points of the scan that are placed roughly, and then precisely.
 _N_ROUGH, _N_PRECISE = 300, 2000
 _N_TURNS = 12  # about each of the directions that may point up
-# Starts kept after this many steps by closest points, and steps by tangent planes.
+# Steps by closest points, and the starts kept after them; then steps by tangent planes.
 _ROUNDS = ((4, 12), (10, 4))
-_PRECISE_STEPS, _SURFACE_STEPS, _SMALLEST_STEP = 15, 20, 1e-5
+_SURFACE_STEPS, _SMALLEST_STEP = 30, 1e-5
 _KEPT = 0.8  # share of the nearest points that a step is computed from
 # Median distance of a scan that is in place or nearly so, and the share of it below which a motion
 # is no correction of the body's own errors.
@@ -42,11 +41,8 @@ def motion_onto_body(scan: Array, points: Array, faces: Triangles) -> Array:
     shapes", IEEE PAMI 1992), the last steps by distances from tangent planes (Chen and Medioni,
     Image and Vision Computing 1992).
     """
-    rng = np.random.default_rng(0)
-    few, many = (scan[thin_points(scan, count, rng)] for count in (_N_ROUGH, _N_PRECISE))
-    normals = vertex_normals(points, faces)
+    few, many = (scan[even_points(scan, count)] for count in (_N_ROUGH, _N_PRECISE))
     samples = np.concatenate([points, points[faces].mean(axis=1)])
-    across = np.concatenate([normals, normals[faces].mean(axis=1)])
     tree = cKDTree(samples)
     if np.median(tree.query(few)[0]) < _IN_PLACE_METRES:
         improved = _on_surface(np.eye(4), many, points, faces)
@@ -61,9 +57,8 @@ def motion_onto_body(scan: Array, points: Array, faces: Triangles) -> Array:
         ends = [_rough(motion, few, samples, tree, n_steps) for motion in motions]
         ends.sort(key=lambda end: end[0])
         motions = [motion for _, motion in ends[:n_kept]]
-    refined = [_precise(motion, many, samples, across, tree) for motion in motions]
-    best = min(refined, key=lambda end: end[0])[1]
-    return _on_surface(best, many, points, faces)
+    refined = [_on_surface(motion, many, points, faces) for motion in motions]
+    return min(refined, key=lambda motion: _mean_distance(motion, many, tree))
 
 
 def _start_rotations(scan: Array, samples: Array) -> list[Array]:
@@ -108,46 +103,26 @@ def _rough(
     return _mean_distance(motion, scan, tree), motion
 
 
-def _precise(
-    motion: Array, scan: Array, samples: Array, across: Array, tree: cKDTree
-) -> tuple[float, Array]:
-    """Return the mean distance of the nearest points, and the motion, by tangent planes."""
-    for _ in range(_PRECISE_STEPS):
-        moved = apply_transform(motion, scan)
-        distances, nearest = tree.query(moved)
-        step = _step_to_planes(moved, samples[nearest], across[nearest], distances)
-        motion = step @ motion
-        if np.abs(step - np.eye(4)).max() < _SMALLEST_STEP:
-            break
-    return _mean_distance(motion, scan, tree), motion
-
-
 def _on_surface(motion: Array, scan: Array, points: Array, faces: Triangles) -> Array:
-    """Return a motion improved by distances from the surface itself."""
+    """Return a motion improved by distances from tangent planes of the surface."""
     normals = vertex_normals(points, faces)
     for _ in range(_SURFACE_STEPS):
         moved = apply_transform(motion, scan)
         places, distances = nearest_points(moved, points, faces)
-        corners, shares = faces[places.triangles], places.barycentric[:, :, np.newaxis]
-        ends = (shares * points[corners]).sum(axis=1)
-        across = (shares * normals[corners]).sum(axis=1)
-        step = _step_to_planes(moved, ends, across, distances)
+        kept = distances <= np.quantile(distances, _KEPT)
+        corners = faces[places.triangles[kept]]
+        shares = places.barycentric[kept, :, np.newaxis]
+        across, starts = (shares * normals[corners]).sum(axis=1), moved[kept]
+        middle = starts.mean(axis=0)
+        slopes = np.concatenate([np.cross(starts - middle, across), across], axis=1)
+        gaps = np.einsum("nx,nx->n", (shares * points[corners]).sum(axis=1) - starts, across)
+        angles_and_shift, *_ = np.linalg.lstsq(slopes, gaps, rcond=None)
+        turn = Rotation.from_rotvec(angles_and_shift[:3]).as_matrix()
+        step = _about(turn, middle, middle + angles_and_shift[3:])
         motion = step @ motion
         if np.abs(step - np.eye(4)).max() < _SMALLEST_STEP:
             break
     return motion
-
-
-def _step_to_planes(starts: Array, ends: Array, across: Array, distances: Array) -> Array:
-    """Return the small motion that brings the nearer points nearest to planes."""
-    kept = distances <= np.quantile(distances, _KEPT)
-    moved, normals = starts[kept], across[kept]
-    middle = moved.mean(axis=0)
-    slopes = np.concatenate([np.cross(moved - middle, normals), normals], axis=1)
-    gaps = np.einsum("nx,nx->n", ends[kept] - moved, normals)
-    step, *_ = np.linalg.lstsq(slopes, gaps, rcond=None)
-    turn = Rotation.from_rotvec(step[:3]).as_matrix()
-    return _about(turn, middle, middle + step[3:])
 
 
 def _mean_distance(motion: Array, scan: Array, tree: cKDTree) -> float:
@@ -236,7 +211,7 @@ class ScanOverBody:
         """
         if len(self.scan_points) <= most_points:
             return self
-        kept = thin_points(self.scan_points, most_points, np.random.default_rng(0))
+        kept = even_points(self.scan_points, most_points)
         triangles = None
         if self.scan_faces is not None:
             nearest = cKDTree(self.scan_points[kept]).query(self.scan_points)[1]

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
@@ -303,8 +302,7 @@ def filled_parts(
     chosen = np.flatnonzero(without)
     sides = triangle_sides(faces)
     sides = sides[without[sides].all(axis=1)]
-    links = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(len(vertices),) * 2)
-    labels = connected_components(links, directed=False)[1][chosen]
+    labels = vertex_components(sides, len(vertices))[chosen]
     # Several pieces that are separate from the body, such as a row of teeth, are one part.
     whole = np.bincount(component, without) == np.bincount(component)
     labels = np.where(whole[component[chosen]], len(vertices) + component[chosen], labels)

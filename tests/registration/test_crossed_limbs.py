@@ -52,13 +52,13 @@ def test_limbs_in_each_others_place_are_put_right(fitter, crossed):
     right = farthest(fitter, pose, surface)
     if joint == "knee":
         assert farthest(fitter, wrong, surface) > 3.0 * right
-    found = uncross_limbs(replace(dense, pose=wrong), known=False).pose
+    found = uncross_limbs(replace(dense, pose=wrong)).pose
     assert farthest(fitter, found, surface) < 1.1 * right
 
 
 def test_right_limbs_stay(fitter, crossed):
     _, dense, surface = crossed
-    found = uncross_limbs(dense, known=False).pose
+    found = uncross_limbs(dense).pose
     assert farthest(fitter, found, surface) <= farthest(fitter, dense.pose, surface)
 
 

@@ -11,10 +11,10 @@ from scipy.spatial import cKDTree
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.registration import Scan, _limb_rivals
-from riemhuman.registration._arms_and_hands import ArmFit, BodyFit, HandFit
-from riemhuman.registration._constants import DISPLACED_METRES
+from riemhuman.registration._arms_and_hands import BodyFit
+from riemhuman.registration._constants import SAME_METRES
 from riemhuman.registration._crossed_limbs import exchanged_limbs
-from riemhuman.registration._dense_fit import fit_densely
+from riemhuman.registration._dense_fit import LimbFit, fit_densely
 from riemhuman.registration._elastic_step import leave_model
 from riemhuman.registration._posed_body import Pose, pose_body
 from riemhuman.registration._registration_model import RegistrationModel
@@ -75,7 +75,7 @@ def test_hands_that_touch_are_not_trusted_where_poses_of_fingers_differ(clasped,
     for arm, doubt in hands_that_touch(clasped).items():
         now, *others = clasped.hand_fits[arm]
         apart = [np.linalg.norm(fit.surface - now.surface, axis=1) for fit in others]
-        near = np.max(apart, axis=0) < DISPLACED_METRES
+        near = np.max(apart, axis=0) < SAME_METRES
         assert near[np.isin(arm.vertices, arm.on_hand)].any()
         assert not doubt.vertices[arm.vertices[near]].any()
     # Nothing is known of hands without points of their own.
@@ -114,7 +114,7 @@ def akimbo(model, fitter):
     fits = {}
     for arm in fitter.arm_surfaces:
         surface = pose_body(arm.skin, body.fit.pose).points
-        fits[arm] = [HandFit(body.fit.pose, body.task.prior, surface, np.full(50, 0.001))]
+        fits[arm] = [LimbFit(body.fit.pose, body.task.prior, surface, np.full(50, 0.001))]
     return replace(body, hand_fits=fits)
 
 
@@ -133,7 +133,12 @@ def test_a_rival_nearly_as_near_and_elsewhere_leaves_its_limb_in_doubt(
     pose = upright.fit.pose
     aside = pose._replace(trans=pose.trans + [displaced, 0.0, 0.0])
     fits = [
-        ArmFit(rival, pose_body(arm.skin, rival).points, np.full(50, distance), 1.0)
+        LimbFit(
+            rival,
+            upright.task.prior,
+            pose_body(arm.skin, rival).points,
+            np.full(50, distance),
+        )
         for rival, distance in ((pose, 0.002), (aside, 0.002 * farther))
     ]
     doubts = find_limb_doubts(replace(upright, arm_fits={arm: fits}))
@@ -147,7 +152,7 @@ def hand_fits(model, upright, distances):
     """Return fits of the left hand in several poses, at distances from 50 points, metres."""
     arm = upright.task.body.arm_surfaces[0]
     fits = [
-        HandFit(
+        LimbFit(
             upright.fit.pose,
             upright.task.prior,
             model(hands=model.hand_pose(name))[arm.vertices],

@@ -22,7 +22,7 @@ def fits_of(registration_from, model, body, joints):
     """Return fits with all limbs and without lost ones, and what is shown of the second."""
     scan = simulated_scan(body, model.faces, rng=0, n_points=4000, rotate=False)
     task = task_of(registration_from("t", "down"), without(model, body, joints, scan.points))
-    search = search_scan(task.models.whole, task.scan)
+    search = search_scan(task.body, task.scan)
     fitted = fit_body(search.body, search.candidates[0], search.scan)
     return fitted, *leave_out_lost_limbs(fitted, search.scan, is_refused=False)
 

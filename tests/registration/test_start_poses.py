@@ -28,7 +28,7 @@ def test_a_model_without_names_has_no_arms(model):
 def test_every_way_to_hold_an_arm_is_tried_once(model):
     poses = start_poses(model)
     for arm in BodyParts(model).arms:
-        others = list(other_arms(arm, poses["a"], poses, 0.05))
+        others = list(other_arms(arm, poses["a"], poses))
         known = np.stack([poses["a"][arm], *others])
         apart = np.abs(known[:, None] - known).max(axis=(2, 3, 4))
         assert apart[np.triu_indices(len(known), 1)].min() > 0.05

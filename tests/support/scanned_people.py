@@ -239,7 +239,7 @@ def results_to_trust_or_not(registration, points, truth, places, rng):
         if start is None:
             result = registration.solve(points)
         else:
-            result = result_of(register_whole(task, known_body(start)), trace=False)
+            result = result_of(register_whole(task, known_body(task.body, start)), trace=False)
         surface, chosen = result.points, result.trusted_vertices
         if places is not None:
             surface, chosen = points_at(places, surface, faces), chosen[faces[places.triangles, 0]]
@@ -267,20 +267,20 @@ def task_of(registration, points):
     axes = {None: None, "x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
     up = axes[registration.up]
     prepared = replace(prepare_scan(as_scan(points), up=up), clothed=registration.clothed)
-    return ScanTask(registration._models, prepared, up is not None, unit_is_known=False)
+    return ScanTask(registration._body, prepared, up is not None, unit_is_known=False)
 
 
 def result_of_one_search(registration, points):
     """Return the result of the first search, before `solve` would try others."""
     task = task_of(registration, points)
-    search = search_scan(task.models.whole, task.scan)
+    search = search_scan(task.body, task.scan)
     return result_of(fit_and_judge(search), trace=False)
 
 
 def fit_body(body, start, scan):
     """Return the fit of a body to a prepared scan from one candidate."""
-    dense = uncross_limbs(fit_densely(body, start, scan), known=False)
-    arms = fit_arms_and_hands(dense, known=False)
+    dense = uncross_limbs(fit_densely(body, start, scan))
+    arms = fit_arms_and_hands(dense)
     elastic = leave_model(arms.task, arms.pose)
     return BodyFit(arms.task, elastic, arms.arm_fits, arms.hand_fits)
 
