@@ -73,19 +73,6 @@ _SMALLEST_GAIN = 1e-5
 _SMALLEST_LOSS = 1e-12
 _JITTER = 1e-12  # of the largest distance
 _NO_STRESS = 0.01
-_FRACTIONS = {
-    0.02: "a fiftieth",
-    0.05: "a twentieth",
-    0.1: "a tenth",
-    0.2: "a fifth",
-    0.25: "a quarter",
-    1 / 3: "a third",
-    0.4: "two fifths",
-    0.5: "half",
-    2 / 3: "two thirds",
-    0.75: "three quarters",
-    1.0: "all of their length",
-}
 
 
 @checked(method=choice(*METHODS))
@@ -261,12 +248,11 @@ def describe_stress(stress: float) -> str:
     Examples
     --------
     >>> rh.plots.describe_stress(0.35)
-    'distances are off by a third'
+    'distances are off by 35 %'
     """
     if stress < _NO_STRESS:
         return "distances are kept"
-    nearest = min(_FRACTIONS, key=lambda fraction: abs(np.log(stress / fraction)))
-    return f"distances are off by {_FRACTIONS[nearest]}"
+    return f"distances are off by {100 * stress:.0f} %"
 
 
 def plot_embedding(

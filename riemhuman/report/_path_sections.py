@@ -236,7 +236,7 @@ def comparison_section(report: Report) -> Section | None:
         ),
         basis=report.basis[1],
         plan=report.plan,
-        **_findings(rows, from_straight),
+        searched=[row["name"] for row in rows if row["starts"]],
     )
     return Section("comparison", f"{count} paths from one pose to another", f"{count} paths", html)
 
@@ -249,39 +249,6 @@ def _in_metres(row: Row) -> Row:
 def _names_drawn(step: Step) -> list[str]:
     """Return the names of the paths that are drawn: all but a start that resembles ours."""
     return [row["name"] for row in step.record["rows"] if row["name"] != _ROTATING]
-
-
-def _findings(rows: list[Row], from_straight: list[Row]) -> JSONRecord:
-    """Return what the section says about the searches from the two starts."""
-    from_rotating = {row["name"]: row for row in rows}
-    start = from_rotating[_ROTATING]
-    ours = from_rotating[_OURS]
-    lower = []
-    for row in from_straight:
-        if not row["starts"]:
-            continue
-        key = f"energy_{row['metric']}"
-        energy = row[key]
-        energy_from_rotating = from_rotating[row["name"]][key]
-        if energy < energy_from_rotating:
-            lower.append((row["name"], 100.0 * (1.0 - energy / energy_from_rotating)))
-    continued = [
-        (row["name"], row["starts"])
-        for row in [*rows, *from_straight]
-        if ", then " in row["starts"]
-    ]
-    names_from_straight = [row["name"] for row in from_straight]
-    return {
-        "searched": [row["name"] for row in rows if row["starts"]],
-        "at": {
-            "start": rows.index(start),
-            "ours": rows.index(ours),
-            "gain": 100.0 * (1.0 - ours["energy_ours"] / start["energy_ours"]),
-            "ours_from_straight": names_from_straight.index(_OURS),
-        },
-        "lower": lower,
-        "continued": continued,
-    }
 
 
 def _comparison(report: Report, pair: Pair) -> Step:

@@ -130,29 +130,6 @@ def test_every_number_is_that_of_its_table(page, folder):
 
 
 @pytest.mark.slow
-def test_people_read_centimetres_and_tables_name_their_si_units(page, folder):
-    """A stature is 100 times as many centimetres as metres, a spread 1000 times as many mm."""
-    for table, column, scale, low, high in (
-        ("measurements", "stature (m)", 100, 140, 210),
-        ("measurements", "body mass (kg)", 1, 40, 150),
-        ("measurement-spread", "median (m)", 1000, 0, 50),
-        ("comparison", "mean_deviation (m)", 1000, 0, 200),
-    ):
-        cells = [
-            (attributes, float(shown))
-            for attributes, shown in page.data
-            if (attributes["data-table"], attributes["data-column"]) == (table, column)
-        ]
-        assert cells, column
-        for attributes, shown in cells:
-            assert shown == pytest.approx(scale * float(attributes["value"]), abs=0.0501)
-            assert low <= shown <= high
-    text = (folder / "index.html").read_text(encoding="utf-8")
-    for heading in ("Stature, cm", "Weight, estimated, kg", "Median person, mm", "mm from model"):
-        assert f">{heading}</th>" in text
-
-
-@pytest.mark.slow
 def test_results_are_those_of_the_library(folder, nine_bodies):
     records = benchmark(nine_bodies)
     for task in TASKS:
@@ -202,9 +179,6 @@ def test_the_mean_has_least_of_what_is_minimised(folder):
         assert float(mean["minimised"]) <= float(row["minimised"])
     squared = [float(row["squared_distance"]) for row in rows_of(folder, "mean")]
     assert float(mean["normal_part"]) == pytest.approx(np.mean(squared), rel=1e-9)
-    text = " ".join((folder / "index.html").read_text(encoding="utf-8").split())
-    assert "under the sum of (0, 0, 1) and (1, 1, 0)" in text
-    assert "least mean squared distance from" not in text
 
 
 @pytest.mark.slow
