@@ -215,8 +215,10 @@ def _size(name: str, size: float | Sequence[float], per_metre: float, system: st
     """Return lengths, an area or a volume of a file in everyday units."""
     import numpy as np
 
+    from riemhuman.readable_units import readable_unit
+
     power = _POWERS[name]
-    unit = rh.measurements.readable_unit(("", "m", "m²", "m³")[power], system)
+    unit = readable_unit(("", "m", "m²", "m³")[power], system)
     values = np.atleast_1d(size) / per_metre**power * unit.scale
     return f"{', '.join(f'{value:,.{unit.digits}f}' for value in values)} {unit.name}"
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         PersonDistance,
         VisitComparison,
     )
-    from riemhuman.measurements.readable_units import ReadableUnit
+    from riemhuman.readable_units import ReadableUnit
 
 _MOST_COLUMNS = 5
 

@@ -14,9 +14,9 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements
-from riemhuman.measurements.readable_units import readable_unit
 from riemhuman.measurements.same_person import person_in_standard_pose, pose_distance_of_visits
 from riemhuman.measurements.uncertainty import noise_of_measurements
+from riemhuman.readable_units import readable_unit
 from riemhuman.surfaces.procrustes import procrustes
 
 # Two scans in the same pose are about 0.1 apart if simulated people hold it exactly; above this

@@ -25,7 +25,6 @@ from riemhuman.measurements import (
     compare_visits,
     open_measurements,
 )
-from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots.body_plots import contributions, per_area, plot_path
 from riemhuman.plots.figures import colour_limit, new_figure
 from riemhuman.plots.measurement_views import measurement_panel
@@ -33,6 +32,7 @@ from riemhuman.plots.rendering import as_surfaces
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View, a_height, a_view
+from riemhuman.readable_units import ReadableUnit, gap_unit
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.procrustes import procrustes
 

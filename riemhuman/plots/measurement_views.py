@@ -22,7 +22,6 @@ from riemhuman.measurements import (
     in_standard_pose,
     readable_unit,
 )
-from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_matplotlib
 from riemhuman.plots._measurement_groups import Lines, MeasurementGroup, grouped, pictured
 from riemhuman.plots._packing import packed_points
@@ -33,6 +32,7 @@ from riemhuman.plots.rendering import render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View, a_height, window_around
+from riemhuman.readable_units import READABLE_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

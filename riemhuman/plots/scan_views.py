@@ -19,7 +19,6 @@ from riemhuman.arrays import Array, Image, Integers, Points, Values
 from riemhuman.checks import checked, instance
 from riemhuman.checks.labels import text
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.readable_units import ReadableUnit, gap_unit
 from riemhuman.plots._packing import deflated, packed, packed_points
 from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill
@@ -29,6 +28,7 @@ from riemhuman.plots.rendering import points_picture, render
 from riemhuman.plots.viewed_bodies import ViewedBody
 from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.windows import View, Window, a_height, window_around
+from riemhuman.readable_units import ReadableUnit, gap_unit
 from riemhuman.registration import RegisteredScan, ScanOverBody, ScanRecord, lay_over_body
 from riemhuman.surfaces.measures import share_of_surface
 

@@ -22,9 +22,9 @@ from riemhuman.arrays import JSONValue
 from riemhuman.errors import FileFormatError
 from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.text_tables import csv_text
-from riemhuman.measurements.readable_units import gap_unit
 from riemhuman.plots.figures import figure_files, new_figure
 from riemhuman.plots.viewer import Viewer, page_scripts, page_styles, web_file, web_templates
+from riemhuman.readable_units import gap_unit
 from riemhuman.report._storage import Progress
 
 _UNSAFE = re.compile(r"[^\w/+=:;, ().-]+", re.ASCII)  # in the address of an image

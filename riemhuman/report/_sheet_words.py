@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from riemhuman.arrays import Integers
-from riemhuman.measurements.readable_units import ReadableUnit, readable_unit
+from riemhuman.readable_units import ReadableUnit, readable_unit
 from riemhuman.report.registered_scans import badge_of
 from riemhuman.report.sheet_values import SheetSubject, SheetValues
 

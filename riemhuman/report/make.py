@@ -20,9 +20,9 @@ from riemhuman.datasets import Bodies, load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.io.files import write_text
 from riemhuman.measurements import open_measurements
-from riemhuman.measurements.readable_units import READABLE_UNITS
 from riemhuman.optional import import_matplotlib, import_optional
 from riemhuman.plots import figure_style
+from riemhuman.readable_units import READABLE_UNITS
 from riemhuman.registration import read_records
 from riemhuman.report._body_sections import (
     map_section,

@@ -14,11 +14,11 @@ import numpy as np
 from riemhuman.checks import checked, choice
 from riemhuman.io.files import convert_errors, write_text
 from riemhuman.measurements import readable_gap
-from riemhuman.measurements.readable_units import READABLE_UNITS, ReadableUnit, gap_unit
 from riemhuman.plots.figures import SIGNED_COLORS
 from riemhuman.plots.rendering import image_source
 from riemhuman.plots.scan_views import colour_end, scan_pictures, view_scan
 from riemhuman.plots.viewer import web_file
+from riemhuman.readable_units import READABLE_UNITS, ReadableUnit, gap_unit
 from riemhuman.registration import ScanRecord, lay_over_body, read_records
 from riemhuman.registration.folders import RECORDS
 from riemhuman.report._page import Image, Section, fill, page

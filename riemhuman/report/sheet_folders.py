@@ -18,7 +18,7 @@ from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
-from riemhuman.measurements.readable_units import READABLE_UNITS
+from riemhuman.readable_units import READABLE_UNITS
 from riemhuman.report._sheet_page import Content, Entry, index_page, logo_source
 from riemhuman.report._sheet_subjects import Subjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text

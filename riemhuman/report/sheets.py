@@ -19,7 +19,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.io.files import file_path, suffix_of, write_text
 from riemhuman.measurements import Measurements, VisitComparison
 from riemhuman.measurements.adults import check_values
-from riemhuman.measurements.readable_units import READABLE_UNITS
+from riemhuman.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
 from riemhuman.registration.folders import record_of
 from riemhuman.report._sheet_page import Content, logo_source

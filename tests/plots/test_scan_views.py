@@ -8,8 +8,8 @@ from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.measurements.readable_units import gap_unit
 from riemhuman.plots import scan_views
+from riemhuman.readable_units import gap_unit
 from riemhuman.registration import lay_over_body, simulated_scan
 from riemhuman.surfaces.measures import share_of_surface
 

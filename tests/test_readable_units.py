@@ -3,7 +3,7 @@
 import pytest
 
 from riemhuman.errors import ArgumentError
-from riemhuman.measurements.readable_units import gap_unit, readable_gap, readable_unit
+from riemhuman.readable_units import gap_unit, readable_gap, readable_unit
 
 
 @pytest.mark.parametrize(
