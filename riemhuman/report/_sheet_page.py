@@ -104,7 +104,7 @@ class Content:
             moved=self.moved,
             logo=self.logo,
             said=sentences_of(subject.message),
-            scan_names=join_names(sorted(scan.name for scan in subject.scans), 4),
+            join_names=join_names,
             is_whole=bool(subject.known_vertices.mean() >= WHOLE),
             remarks=[sentence(remark) for remark in values.remarks],
             posture=posture_texts(values.posture),
