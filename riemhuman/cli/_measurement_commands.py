@@ -12,7 +12,7 @@ import riemhuman as rh
 from riemhuman.cli import _commands as cli
 from riemhuman.cli import _inputs as inputs
 from riemhuman.cli import _terminal as terminal
-from riemhuman.errors import ArgumentError, counted
+from riemhuman.errors import ArgumentError, FileError, counted
 
 if TYPE_CHECKING:
     from riemhuman.arrays import Array, JSONRecord
@@ -128,14 +128,18 @@ def _without_hidden(
     values, why_missing = measured.values.copy(), dict(measured.why_missing)
     records_of_folders: dict[Path, dict[str, rh.registration.ScanRecord]] = {}
     for number, files in enumerate(visits):
-        records = [record_beside(file, records_of_folders) for file in files]
+        try:
+            records = [record_beside(file, records_of_folders) for file in files]
+        except FileError:  # of bodies that were changed after they were registered
+            continue
         scans = [SheetSubject.of_record(record) for record in records if record is not None]
         if len(scans) < len(files):
             continue
         if is_crotch_hidden(SheetSubject.of_visit(scans), definitions):
-            for name in {*CROTCH.measurements} & {*measured.names}:
-                values[number, measured.names.index(name)] = float("nan")
-                why_missing.setdefault((number, name), CROTCH.reason)
+            for name in CROTCH.measurements:
+                if name in measured.names:
+                    values[number, measured.names.index(name)] = float("nan")
+                    why_missing.setdefault((number, name), CROTCH.reason)
     return dataclasses.replace(measured, values=values, why_missing=why_missing)
 
 

@@ -182,3 +182,7 @@ def test_registered_scans_come_with_their_scans(record, measurements, tmp_path, 
         assert main(["measure", str(file), "--only", "inside leg height", "--json"]) == 0
         missing = json.loads(capsys.readouterr().out)["missing"]
         assert [entry["why"] for entry in missing] == [CROTCH.reason] * (name == "hole")
+    # Of a body that was changed since, it knows no scan.
+    rh.save_mesh(file, points + 0.001, whole.arrays["faces"])
+    assert main(["measure", str(file), "--only", "inside leg height", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["missing"] == []
