@@ -21,14 +21,8 @@ JOINTS = ("Hip", "Knee", "Ankle", "Toe", "Collar", "Shoulder", "Elbow", "Wrist")
 # How a limb's joint is named, with words for the sides, names of parts, and of the trunk.
 STUDIOS = {
     "Mixamo": ("mixamorig:{side}{part}", "Left Right", MIXAMO, "mixamorig:{}"),
-    "Character1": ("Character1_{side}{part}", "Left Right", MIXAMO, "Character1_{}"),
-    "Perception Neuron": ("Robot_{side}{part}", "Left Right", MIXAMO, "Robot_{}"),
     "Biped": ("Bip01 {side} {part}", "L R", BIPED, "Bip01 {}"),
-    "Biped 001": ("Bip001_{side}_{part}", "L R", BIPED, "Bip001_{}"),
-    "Truebones": ("BN_Bip01_{side}_{part}", "L R", BIPED, "BN_{}"),
     "MVN, 100STYLE, MHAD": ("{side}{part}", "Left Right", JOINTS, "{}"),
-    "SMPL": ("{side}_{part}", "Left Right", (*JOINTS[:3], "Foot", *JOINTS[4:]), "{}"),
-    "Kinect": ("{part}{side}", "Left Right", (*JOINTS[:3], "Foot", "Clavicle", *JOINTS[5:]), "{}"),
     "Maya": ("{part}_{side}", "L R", (*JOINTS[:4], "Scapula", *JOINTS[5:]), "{}_M"),
     "Bandai-Namco": (
         "{part}_{side}",
@@ -48,12 +42,6 @@ STUDIOS = {
         ("Thigh", "Shin", "Foot", "Toe", "Shoulder", "UArm", "FArm", "Hand"),
         "Skeleton 001:{}",
     ),
-    "Unreal": (
-        "{part}_{side}",
-        "l r",
-        ("thigh", "calf", "foot", "ball", "clavicle", "upperarm", "lowerarm", "hand"),
-        "{}_01",
-    ),
     "Blender": (
         "DEF-{part}.{side}.001",
         "L R",
@@ -72,13 +60,6 @@ STUDIOS = {
         ("upLeg", "lowLeg", "foot", "toe", "clavicle", "upArm", "lowArm", "hand"),
         "{}_jnt",
     ),
-    "bones": (
-        "{side}{part}Bone",
-        "Left Right",
-        ("Thigh", "Calf", "Foot", "Toe", "Clavicle", "Bicep", "Forearm", "Hand"),
-        "{}Bone",
-    ),
-    "numbers": ("07_{side}{part}_J", "Left Right", MIXAMO, "07_{}_J"),
 }
 
 
