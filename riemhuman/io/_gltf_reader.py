@@ -98,7 +98,6 @@ class _Reader:
         self._binary = binary
         self._parents = self._parents_of_nodes()
         self._matrices: dict[int, Values] = {}
-        self._joints: dict[int, Values | None] = {}
         self._n_rows = 0
         buffers = document.get("buffers", ())
         # Nothing that is read is larger than a small multiple of these.
@@ -112,6 +111,8 @@ class _Reader:
         for number in self._shown_nodes():
             node = self._item("nodes", number)
             starts: dict[_Vertices, int] = {}
+            joints = self._joint_matrices(number)
+            is_mirrored = self._is_mirrored(number, joints)
             mesh = self._item("meshes", node["mesh"])
             for k, primitive in enumerate(mesh["primitives"]):
                 if primitive.get("mode", _TRIANGLES) < _TRIANGLES:
@@ -122,10 +123,10 @@ class _Reader:
                 n_new = self._item("accessors", source.positions)["count"]
                 if source not in starts:
                     starts[source] = n_vertices
-                    vertices.append(self._placed(number, mesh, source, where))
+                    vertices.append(self._placed(number, joints, mesh, source, where))
                     n_vertices += n_new
                 corners = self._triangles(primitive, n_new, where)
-                if self._is_mirrored(number):
+                if is_mirrored:
                     corners = corners[:, [0, 2, 1]]
                 faces.append(corners + starts[source])
         if not faces:
@@ -200,11 +201,6 @@ class _Reader:
 
     def _joint_matrices(self, number: int) -> Values | None:
         """Return the matrices of the joints of a skinned node, shape (J, 4, 4)."""
-        if number not in self._joints:
-            self._joints[number] = self._matrices_of_skin(number)
-        return self._joints[number]
-
-    def _matrices_of_skin(self, number: int) -> Values | None:
         node = self._item("nodes", number)
         if "skin" not in node:
             return None
@@ -220,9 +216,8 @@ class _Reader:
             matrices = matrices @ inverse
         return matrices
 
-    def _is_mirrored(self, number: int) -> bool:
+    def _is_mirrored(self, number: int, joints: Values | None) -> bool:
         """Return whether a node turns triangles inside out."""
-        joints = self._joint_matrices(number)
         matrices = self._matrix(number)[None] if joints is None else joints
         with np.errstate(over="ignore"):  # of absurd scales, which are refused later
             return bool(np.median(np.linalg.det(matrices[:, :3, :3])) < 0)
@@ -240,7 +235,9 @@ class _Reader:
         targets = tuple(target.get("POSITION") for target in primitive.get("targets", ()))
         return _Vertices(attributes["POSITION"], targets, joints, weights)
 
-    def _placed(self, number: int, mesh: _Json, source: _Vertices, where: str) -> Values:
+    def _placed(
+        self, number: int, joints: Values | None, mesh: _Json, source: _Vertices, where: str
+    ) -> Values:
         """Return positions in the scene, with morph targets, and a skin or the node's matrix."""
         node = self._item("nodes", number)
         positions = self._accessor(source.positions, "VEC3", where)
@@ -248,7 +245,6 @@ class _Reader:
         for share, target in zip(shares, source.targets, strict=bool(shares)):
             if share and target is not None:
                 positions = positions + float(share) * self._accessor(target, "VEC3", where)
-        joints = self._joint_matrices(number)
         if joints is None:
             matrix = self._matrix(number)
             return positions @ matrix[:3, :3].T + matrix[:3, 3]

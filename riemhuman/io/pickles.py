@@ -4,7 +4,8 @@ A pickle is a program: it can name any function and have it called. Here, the un
 up in a short list and gets a class for each whose objects record their arguments and their state,
 and do nothing. Arrays are then made from the recorded bytes, after a comparison of their sizes.
 The unpickler written in Python is used, since the one in C allocates memory for positions of its
-memory that a file merely names.
+memory that a file merely names. Some operations are replaced, too: nested tuples take ages to hash
+as keys, and joblib writes the numbers of arrays between operations.
 """
 
 from __future__ import annotations
