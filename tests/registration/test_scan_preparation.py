@@ -182,6 +182,17 @@ def test_normals_of_rings_are_those_of_the_surface(full, natural_bodies):
     assert np.mean(np.abs(cosines) > 0.7) > 0.85
 
 
+def test_normals_may_have_any_length(natural_bodies, scan):
+    nearest = cKDTree(scan.body).query(scan.points)[1]
+    normals = rh.kernels.surface.vertex_normals(scan.body, natural_bodies.template.faces)[nearest]
+    lengths = np.random.default_rng(4).uniform(0.1, 100.0, (len(normals), 1))
+    found, longer = (
+        prepare_scan(rh.registration.Scan(scan.points, normals=given)).normals
+        for given in (normals, lengths * normals)
+    )
+    np.testing.assert_allclose(longer, found, atol=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("whole", [True, False])
 def test_uneven_clouds_are_registered(registration_from, natural_bodies, whole):
