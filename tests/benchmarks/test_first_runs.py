@@ -15,6 +15,10 @@ from riemhuman.cli import main
 COMMANDS = {
     "info": ["info", "anna.ply"],
     "dist": ["dist", "anna.ply", "ben.ply"],
+    "matrix": ["matrix", "bodies", "-o", "distances.npz", "--force"],
+    "retrieve": ["retrieve", "bodies/anna_wave.ply", "bodies"],
+    "geodesic": ["geodesic", "sit.ply", "stand.ply", "-o", "path.npz", "--force"],
+    "fit": ["fit", "anna.ply", "-o", "fit.npz", "--force"],
     "measure": ["measure", "anna.ply"],
     "register": ["register", "scans/anna.ply", "-o", "body.ply", "--force"],
 }

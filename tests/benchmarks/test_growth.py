@@ -27,7 +27,7 @@ N_PAIRED, N_FRAMES_AT_A_TIME = 20, 1000
 N_ON_CLUSTER = 1500
 
 SIZES = {
-    "bodies": (100, 300, 1000, 3000),
+    "bodies": (100, 300, 1000, 3000, 10_000),
     "subdivisions": (0, 1, 2, 3, 4),
     "frames": (100, 1000, 10_000, 50_000),
     "warped frames": (100, 300, 1000, 3000),
