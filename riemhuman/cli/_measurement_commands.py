@@ -92,9 +92,10 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
         measured = _without_hidden(measured, visits, definitions)
     if options.picture is not None:
+        drawn = [name for name in measured.names if (0, name) not in measured.why_missing]
         with rh.plots.figure_style():
             figure = rh.plots.plot_measurements(
-                measurements,
+                rh.measurements.Measurements(definitions, drawn or measured.names),
                 points[0],
                 pose="as is",
                 axes=axes,

@@ -54,11 +54,16 @@ _LARGEST_NOISE = 0.5
 # hidden if it is farther from the scan than this, metres, and than so many times the median vertex.
 _HIDDEN_METRES, _HIDDEN_TIMES = 0.02, 3.0
 CROTCH = Group(
-    "inside leg",
+    "inside leg and crotch",
     {},
     "the scan does not show the crotch, as when the thighs touch",
     "stand with the feet further apart",
-    ("inside leg height", "crotch length (omphalion)", "posterior crotch length (omphalion)"),
+    (
+        "inside leg height",
+        "crotch length (omphalion)",
+        "posterior crotch length (omphalion)",
+        "vertical trunk girth",
+    ),
 )
 _OPPOSITE = {"right": "left", "left": "right"}
 # Measurements of the right side that are also taken on the left.
