@@ -24,6 +24,7 @@ def test_our_own_files_are_read_back(knees, tmp_path):
     np.testing.assert_allclose(read[:], knees[:], atol=1e-5)
     np.testing.assert_allclose(read.betas, knees.betas, atol=1e-6)
     assert read.frames_per_second == pytest.approx(knees.frames_per_second)
+    assert read.recording.has_rest_pose  # no node is turned at rest
 
 
 def changed(path, change):
