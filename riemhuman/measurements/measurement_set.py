@@ -30,9 +30,9 @@ from riemhuman.checks import (
 )
 from riemhuman.checks.labels import texts_of
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError, FileFormatError, shown
+from riemhuman.errors import ArgumentError, shown
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.io.files import file_path, read_bytes, write_text
+from riemhuman.io.files import file_path, format_errors, read_bytes, write_text
 from riemhuman.measurements._geodesics import Mesh
 from riemhuman.measurements._sections import neighbours_of
 from riemhuman.measurements.definitions import (
@@ -362,7 +362,7 @@ class MeasurementSet:
             Template of the file, with the same numbers of vertices and triangles.
         """
         surface, file = _surface_of(template), file_path(path)
-        try:
+        with format_errors(file, "definitions of measurements"):
             record = json.loads(read_bytes(file))
             if (record["n_vertices"], record["n_faces"]) != (surface.n_vertices, surface.n_faces):
                 raise ArgumentError(
@@ -383,12 +383,6 @@ class MeasurementSet:
                 record["axes"],
                 record["standard_pose"],
             )
-        except (
-            *(LookupError, TypeError, ValueError, AttributeError),
-            OverflowError,  # of absurd numbers
-        ) as error:
-            reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
-            raise FileFormatError(f"{file} does not hold measurements: {reason}") from error
 
 
 def _surface_of(template: Template | BodyModel) -> Template:

@@ -43,13 +43,16 @@ def test_files_that_are_wrong(coarse, tmp_path):
     record = json.loads(text)
     first = record["measurements"][:1]
     for wrong, message in (
-        (json.dumps({k: v for k, v in record.items() if k != "landmarks"}), "lacks 'landmarks'"),
+        (
+            json.dumps({k: v for k, v in record.items() if k != "landmarks"}),
+            "definitions of measurements: 'landmarks'",
+        ),
         (json.dumps(record | {"n_vertices": 7}), "it is for 7 vertices"),
         (json.dumps(record | {"frame": ["pelvis"]}), "frame must name four"),
         (json.dumps(record | {"axes": [[0, 0, 0]] * 3}), "axes must be orthonormal"),
         (json.dumps(record | {"parts": {"trunk": [[0, 10**12]]}}), "has triangle 1000000000000"),
         (json.dumps(record | {"measurements": first + first}), "two measurements"),
-        (text[:50], "does not hold measurements"),
+        (text[:50], "damaged, or not definitions of measurements"),
     ):
         file.write_text(wrong, encoding="utf-8")
         with pytest.raises(FileFormatError, match=message):
