@@ -97,6 +97,9 @@ LEAST_WIDTH = 0.2
 # A floor or wall holds at least this share of the points.
 FLOOR_SHARE = 0.04
 
+# At least this share of the other points is on one side of the plane.
+ABOVE_FLOOR = 0.97
+
 # Points whose tangent planes are tried as floors.
 N_PLANES = 200
 
@@ -426,8 +429,7 @@ NEAR_METRES = 0.05
 # The same if it shows clothes, metres.
 NEAR_CLOTHED_METRES = 0.15
 
-# Smallest share of the scan that must be near the body, and of all other points that are on one
-# side of a floor or wall.
+# Smallest share of the scan that must be near the body.
 LEAST_NEAR = 0.97
 
 # If a smaller share of a limb is matched, the limb is lost or elsewhere, and other scans of the

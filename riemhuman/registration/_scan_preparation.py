@@ -19,6 +19,7 @@ from riemhuman.arrays import Array, Booleans, Integers, Triangles
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import unit_vectors, vertex_normals
 from riemhuman.registration._constants import (
+    ABOVE_FLOOR,
     BLUR_METRES,
     CELL_QUANTILE,
     CROWDED,
@@ -29,7 +30,6 @@ from riemhuman.registration._constants import (
     FLOOR_SHARE,
     IN_PLANE,
     LARGEST_STRAY,
-    LEAST_NEAR,
     LEAST_OUTSIDE,
     LEAST_RESTING,
     LEAST_WIDTH,
@@ -407,7 +407,7 @@ def _as_plane(points: Array, near: Booleans) -> Plane | None:
     above = sign * heights[~near] > -NEAR_FLOOR_METRES
     is_wide = np.sort(points[near].std(axis=0))[1] > LEAST_WIDTH
     higher = sign * heights > NEAR_FLOOR_METRES
-    if above.mean() < LEAST_NEAR or not is_wide or higher.sum() < FEWEST_POINTS:
+    if above.mean() < ABOVE_FLOOR or not is_wide or higher.sum() < FEWEST_POINTS:
         return None
     flat = (points - centre) @ axes[:2].T
     if _share_outside(flat[near], flat[higher]) < LEAST_OUTSIDE:
@@ -485,7 +485,7 @@ def _find_sparse_floor(points: Array, is_sparse: Booleans) -> Booleans:
             best, most = (points - corners[0]) @ normal, count
     in_plane = is_sparse & (np.abs(best) < NEAR_FLOOR_METRES)
     sides = np.sign(best) * (np.abs(best) > NEAR_FLOOR_METRES)
-    is_floor = abs(sides.sum()) > (2.0 * LEAST_NEAR - 1.0) * np.abs(sides).sum()
+    is_floor = abs(sides.sum()) > (2.0 * ABOVE_FLOOR - 1.0) * np.abs(sides).sum()
     return in_plane if is_floor else np.zeros_like(in_plane)
 
 
