@@ -415,7 +415,8 @@ def _named(picture: Image, name: str) -> Image:
     pixels = height // 20
     text = written(name, pixels)
     if text.shape[1] > width:
-        text = written(name, max(1, pixels * width // text.shape[1]))[:, :width]
+        # Letters are whole pixels wide: a little smaller, so that the last one is not cut.
+        text = written(name, max(1, pixels * width // (text.shape[1] + pixels)))[:, :width]
     below = np.zeros((height // 16, width, 4), dtype=np.uint8)
     left = (width - text.shape[1]) // 2
     below[: len(text), left : left + text.shape[1]] = text
