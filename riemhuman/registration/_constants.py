@@ -250,6 +250,10 @@ WRIST_ANGLES = (0.0, -50.0, 50.0)
 # from the previous frame, which is near, leave these steps out.
 N_FIRST_STEPS = 6
 
+# Standard deviation of the wrist in the dense fit: hands can bend back farther than in the
+# starting poses. With this one in the search, too, more forearms ended twisted.
+WRIST_DEGREES = 45.0
+
 # An elbow that bends outward by this angle counts as twice the distance from the scan.
 ELBOW_DEGREES = 30.0
 

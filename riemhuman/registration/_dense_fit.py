@@ -26,6 +26,7 @@ from riemhuman.registration._constants import (
     N_DENSE,
     N_FIRST_STEPS,
     N_NEAR,
+    WRIST_DEGREES,
 )
 from riemhuman.registration._limbs import ArmSurface
 from riemhuman.registration._posed_body import (
@@ -87,8 +88,12 @@ class DenseFit:
 def fit_densely(body: RegistrationModel, best: Candidate, scan: PreparedScan) -> DenseFit:
     """Return the body of the likeliest start, fitted to all points of a scan except hair."""
     whole = scan.points
+    precisions = best.prior.precisions.copy()
+    for arm in body.arm_surfaces:
+        precisions[arm.joints[-1]] = np.radians(WRIST_DEGREES) ** -2.0
     prior = best.prior._replace(
         local=expect_feet(body, best),
+        precisions=np.minimum(precisions, best.prior.precisions),
         betas_precisions=np.minimum(best.prior.betas_precisions, HANDS_PRECISION),
     )
     visible = body.find_visible(body.surface(best.pose), scan.points, best.up)
