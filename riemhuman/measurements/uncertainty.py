@@ -63,7 +63,7 @@ def noise_of_measurements(
     The variance is noise² + b d: `noise` is that of simulated people registered from scans, d the
     distance between poses, and b was measured on five real people in ten poses each (FAUST
     registrations) [1]_. For d = 0.8 the median over all measurements is 7 mm; for the neck it is
-    22 mm. Of the data set's five other people, 5.1 per cent of the measurements differed between
+    23 mm. Of the data set's five other people, 5.1 per cent of the measurements differed between
     two poses by more than 2√2 times this value; 4.55 per cent are expected. That was with an
     earlier `in_standard_pose`, which left more of the pose in simulated people whose flesh moves:
     b is probably too large today. It was not measured again.

@@ -33,7 +33,7 @@ def test_variance_grows_in_proportion_to_the_distance_of_poses():
     np.testing.assert_allclose(deviations[[0, 2]], [0.0367, 0.0227], rtol=0.06)
     # A chest must change by 10 cm at a distance of 1, and by 2.2 cm in the same pose.
     thresholds = 2 * np.sqrt(2) * noise_of_measurements(["chest girth"], [0.0, 1.0])[:, 0]
-    np.testing.assert_allclose(thresholds, [0.022, 0.105], atol=0.001)
+    np.testing.assert_allclose(thresholds, [0.023, 0.105], atol=0.001)
 
 
 def test_distance_of_poses_does_not_depend_on_place_direction_or_template(bodies):
