@@ -124,7 +124,7 @@ def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsy
         np.testing.assert_allclose(found, descriptor.describe_all(meshes), rtol=1e-7, atol=1e-9)
         assert taken > 0
     flat = np.zeros_like(meshes[0][0])
-    with pytest.raises(DegenerateSurfaceError, match=r"^body 1: the mesh has 480 of 480"):
+    with pytest.raises(DegenerateSurfaceError, match=r"^body 1: .* has 480 of 480"):
         ShapeDNA.describe_together(sharing, [meshes[0], (flat, meshes[0][1])])
 
 
