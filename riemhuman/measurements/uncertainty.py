@@ -91,9 +91,9 @@ def noise_of_measurements(
     Examples
     --------
     >>> rh.measurements.noise_of_measurements(["stature", "chest girth"]).round(4).tolist()
-    [0.0053, 0.0079]
+    [0.0048, 0.0082]
     >>> rh.measurements.noise_of_measurements(["stature", "chest girth"], 1.0).round(4).tolist()
-    [0.0073, 0.0372]
+    [0.0069, 0.0373]
     """
     names = texts_of(names, "names", "a list of names of measurements")
     distances = real_array(pose_distance, "pose_distance")[..., np.newaxis]
