@@ -28,7 +28,7 @@ _AT_REST = 1.0
 _RARE = 3.0
 # With this much evidence of a floor along the usual axis, another axis is in doubt.
 _DOUBTFUL_FLOOR = 1.2
-# With less evidence, moving bodies have no floor along an axis.
+# With less evidence, there is no floor along an axis.
 _SOME_FLOOR = 0.5
 # The body is upright along an axis if shoulders are above feet by this cosine.
 _UPRIGHT = 0.8
@@ -37,8 +37,6 @@ _UPRIGHT = 0.8
 _NEAR_ZERO = 0.15
 _HIGHEST_BED = 0.8
 _HIGHEST_TABLE = 1.4
-# In fewer frames than this, moving bodies may be near a floor by chance.
-_ENOUGH_FRAMES = 30
 # A body is supported in a frame if its lowest joint is so near to the floor, lengths of the leg.
 _SUPPORTED = 0.05
 
@@ -99,10 +97,7 @@ def upward_axis(
         # If rest pose and floor agree, the person hardly moves and is lying there.
         of_chosen = evidence[chosen]
         is_lying = of_chosen.is_rest and of_chosen.floor >= _FLOOR_AT_ZERO
-        is_sure = is_lying and of_chosen.supported > 0.5
-        if convention.move and evidence[likely].floor < _SOME_FLOOR:
-            is_sure = True
-        return chosen, "" if is_sure else likely
+        return chosen, "" if is_lying and of_chosen.supported > 0.5 else likely
     # For people who stand along the opposite axis, the lowest place is the head, not a floor.
     is_unusual = chosen not in (usual, f"-{usual}", *convention.as_usual)
     if is_unusual and evidence[usual].floor > _DOUBTFUL_FLOOR:
@@ -137,7 +132,6 @@ def _evidence_for(
     supported = float(np.mean(lowest < floor + _SUPPORTED))
     stands = float(np.mean(cosines > _UPRIGHT))
     if convention.move:
-        supported *= min(1.0, len(lowest) / _ENOUGH_FRAMES)
         stands *= supported
     floor_evidence = _floor_evidence(floor, supported, convention)
     is_rest = rest_cosine is not None and bool(rest_cosine > _UPRIGHT)

@@ -28,6 +28,7 @@ def smpl_h(n_frames=50, rng=0, rate=120.0, **changes):
         "dmpls": rng.normal(size=(n_frames, 8)),
         "poses": 0.3 * rng.normal(size=(n_frames, 156)),
     }
+    fields["poses"][:, 0] += np.pi / 2.0  # they stand along z
     return {name: value for name, value in (fields | changes).items() if value is not None}
 
 
@@ -43,6 +44,7 @@ def smpl_x(n_frames=20, rng=0, **changes):
         "betas": rng.normal(size=16),
     }
     fields |= {name: 0.3 * rng.normal(size=(n_frames, n)) for name, n in widths.items()}
+    fields["root_orient"][:, 0] += np.pi / 2.0
     return {name: value for name, value in (fields | changes).items() if value is not None}
 
 
@@ -155,6 +157,15 @@ def test_either_axis_may_point_up(tmp_path, model):
     assert motion.up == "y"
 
 
+def test_sleepers_whose_feet_are_at_zero_look_as_if_they_stood(tmp_path, model):
+    fields = walking()
+    fields["poses"][:] = 0.0
+    fields["trans"][:] = [0.4, 1.1, 0.15]
+    (motion,) = load_amass(write(tmp_path / "sleep.npz", fields), model)
+    with pytest.warns(UserWarning, match="y was taken to point up, but it might as well be z"):
+        motion.up  # noqa: B018
+
+
 def test_the_open_model(tmp_path):
     path = write(tmp_path / "ann" / "walk_poses.npz", walking())
     model = load_open_model("coarse")
@@ -209,7 +220,7 @@ def test_what_files_hold_besides(tmp_path, model):
 def test_rates_that_a_file_does_not_state_are_given(tmp_path, model):
     path = write(tmp_path / "a.npz", smpl_h(mocap_framerate=None))
     for load in (load_recording, lambda *chosen, **given: load_amass(*chosen, **given)[0]):
-        assert load(path, model, frames_per_second=25.0).frames_per_second == 25.0
+        assert load(path, model, frames_per_second=25.0, up="z").frames_per_second == 25.0
         with pytest.raises(FileFormatError, match=r"a\.npz does not state its frame rate"):
             load(path, model)
 

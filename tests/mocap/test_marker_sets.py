@@ -157,6 +157,32 @@ def test_what_is_lacking_is_said(standing, tmp_path):
         load_trc(write_trc(tmp_path / "b.trc", one_wrist))
 
 
+@pytest.mark.filterwarnings("ignore:.*single markers on the skin")
+def test_a_marker_that_fell_off_is_not_waited_for(standing, tmp_path):
+    """Another recipe is; of one that is hidden for a moment, the gap is filled."""
+    paths = markers(standing, SETS["Rajagopal"])
+    n_frames = len(paths["LMFC"])
+    paths["LMFC"][n_frames // 2 :] = paths["RMFC"][10:12] = np.nan
+    with pytest.warns(UserWarning, match="frames: right_knee up to 2$"):
+        recording = load_trc(write_trc(tmp_path / "a.trc", paths))
+    assert len(recording) == n_frames
+    for role, near in (("left_knee", 0.02), ("right_knee", 0.002)):
+        found = recording.positions[:, recording.joint_names.index(role)]
+        assert np.linalg.norm(found - standing[role], axis=1).mean() < near
+
+
+@pytest.mark.filterwarnings("ignore:.*single markers on the skin")
+def test_people_on_treatment_tables_are_in_doubt(standing, tmp_path):
+    """z points up; along y they stand, and nothing is below their feet."""
+    paths = {
+        name: np.array([2.0, -1.0, 0.7]) + path[:1] + 0.0 * path
+        for name, path in markers(standing, PLUG_IN_GAIT).items()
+    }
+    recording = load_trc(write_trc(tmp_path / "a.trc", paths))
+    with pytest.warns(UserWarning, match="y was taken to point up, but it might as well be z"):
+        retarget(recording).pose_vectors  # noqa: B018
+
+
 def test_sides_are_no_prefix():
     assert MarkerNames(["R_IAS", "R_IPS"]).corners() == {"right_asis": 0, "right_psis": 1}
 
