@@ -12,7 +12,7 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.io import save_mesh
-from riemhuman.measurements import Measurements, open_measurements
+from riemhuman.measurements import Measurements, measurement_from_dict, open_measurements
 from riemhuman.retrieval import benchmark, representations
 from riemhuman.testing import check_dataset, check_metric
 
@@ -62,6 +62,15 @@ def test_measurements_of_another_package_are_taken_with_the_others(installed):
     # Where one says what to measure, that is measured.
     assert Measurements(bodies.model, ["stature"]).names == ("stature",)
     assert Measurements(open_measurements(bodies.model)).names == measured.names[:-1]
+
+
+def test_kinds_of_measurements_of_another_package_are_found(installed):
+    """As in a file of definitions, before anything of the package was imported."""
+    module = "from riemhuman.measurements import Area\n\n\nclass Wing(Area):\n    kind = 'wing'\n"
+    (installed.parent / "wings.py").write_text(module)
+    (installed / "entry_points.txt").write_text("[riemhuman.measurements]\nwing = wings:Wing\n")
+    record = {"kind": "wing", "name": "left wing", "parts": ["left arm"]}
+    assert measurement_from_dict(record).to_dict() == record
 
 
 def test_tables_of_all_know_a_descriptor_of_another_package(installed):

@@ -20,6 +20,18 @@ def test_weights_of_gradients_are_the_best():
         assert (slopes - slopes.min()) @ weights < 1e-9 * np.abs(products).max()
 
 
+def test_steps_that_raise_the_sum_are_not_taken():
+    """Of z / √(1 + z²), steps of Gauss and Newton lead from z to -z³."""
+
+    def linearisation(z):
+        root = np.sqrt(1.0 + z @ z)
+        return z / root, np.array([[root**-3]])
+
+    _, cost, converged = least_squares_with_kinks(linearisation, np.array([2.0]), 60)
+    assert converged
+    assert cost < 1e-4
+
+
 def test_kinks_are_followed():
     """The least of (3 |x| + x/5 + y - 1)² + (y - 2)²/4 is at (0, 1.2), on the kink."""
 

@@ -179,10 +179,11 @@ def test_size_is_no_pose(space):
     np.testing.assert_allclose(found, body + 0.3 * body.mean(axis=0), atol=1e-10)
 
 
-def test_waves_of_the_skin_stay_with_their_owner():
+def test_the_pose_is_taken_and_waves_of_the_skin_stay_with_their_owner():
     """Ripples on the body of the pose turn its normals, and hardly those of the result."""
     shape, pose = bodies.body("resting"), bodies.body("arm raised")
     ripples = 0.004 * np.sin(2 * np.pi * bodies.model().template.vertices / 0.12)
     turn, normals = PoseTransfer(bodies.space()), ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
     smooth, rippled = (turn.solve(shape, pose + wave) for wave in (0.0, ripples))
     assert normals.dist(smooth, rippled) < 0.35 * normals.dist(pose, pose + ripples)
+    assert normals.dist(smooth, pose) < 0.3 * normals.dist(shape, pose)

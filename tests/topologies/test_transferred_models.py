@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from open_bodies import model_with
 from scanned_people import foreign_bodies, settings_with
 
 import riemhuman as rh
@@ -37,25 +38,28 @@ def test_bodies_of_the_other_mesh_are_fitted(transferred, people):
     assert other_person < 0.012
 
 
-def test_pose_directions_are_transferred(model, bending, monkeypatch):
+def test_pose_and_hand_directions_are_transferred(model, bending, monkeypatch):
     """A model with them, transferred to a posed body of its own mesh, makes the same body.
 
     Its joints are where those of the model are, with the person's build.
     """
     motion = rh.datasets.load_open_motions("coarse", sequences=["jumping_jacks"])[0]
     pose, betas = motion.pose_vectors[len(motion) // 4], np.linspace(-1.0, 1.0, model.n_betas)
-    points = bending(betas, pose)
+    hands = np.linspace(0.0, 0.7, model.hand_directions.shape[-1])
+    kept = {"hand_directions": model.hand_directions, "hand_poses": model.hand_poses}
+    source = model_with(bending, **kept)
+    points = source(betas, pose, hands=hands)
     registered = SimpleNamespace(
-        fit=SimpleNamespace(betas=betas, pose=pose, trans=np.zeros(3), hands=np.zeros(0)),
+        fit=SimpleNamespace(betas=betas, pose=pose, trans=np.zeros(3), hands=hands),
         trusted=True,
         points=points,
         correspondence=rh.surfaces.nearest_points(points, points, model.faces)[0],
     )
     monkeypatch.setattr(ScanRegistration, "solve", lambda *options: registered)
-    again = transfer_model(bending, rh.Template(points, model.faces))
+    again = transfer_model(source, rh.Template(points, model.faces))
     np.testing.assert_allclose(again.posedirs, bending.posedirs, atol=1e-12)
-    np.testing.assert_allclose(again(betas, pose), points, atol=1e-9)
-    np.testing.assert_allclose(again.joints(), bending.joints(), atol=1e-9)
+    np.testing.assert_allclose(again(betas, pose, hands=hands), points, atol=1e-9)
+    np.testing.assert_allclose(again.joints(), source.joints(), atol=1e-9)
     assert again.joint_names == model.joint_names
 
 
