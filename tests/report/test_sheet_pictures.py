@@ -32,6 +32,9 @@ def test_pictures_show_the_front_whatever_the_heading(bodies, measurements, degr
     rows = opaque_rows(picture.pixels)
     heights = picture.high - (rows[[-1, 0]] + [1.0, 0.0]) * picture.metres_per_pixel
     assert heights == pytest.approx([0.0, np.ptp(turned[:, 1])], abs=0.008)
+    for pixels, centimetres in picture.marks("cm"):
+        marked = picture.high - pixels * picture.metres_per_pixel
+        assert marked == pytest.approx(0.01 * centimetres)
 
 
 def test_scan_and_body_share_viewpoint_and_scale(bodies):

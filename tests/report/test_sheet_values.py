@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 
 import riemhuman as rh
 from riemhuman.measurements.populations import spread_of_adults
@@ -55,11 +56,14 @@ def test_both_sides_are_measured_alike(bodies):
     limb = bodies.model.weights[:, [*arms.values()]].sum(axis=1) * on_left
     thicker[:, 2] += 0.3 * limb * (thicker[:, 2] - (limb @ thicker[:, 2]) / limb.sum())
     pairs = {pair.title: pair for pair in _values_of(thicker, bodies).pairs}
-    plain = {pair.title: pair for pair in _values_of(open_body, bodies).pairs}
+    values = _values_of(open_body, bodies)
+    plain = {pair.title: pair for pair in values.pairs}
+    deviations = {row.title: row.uncertainty for row in values.rows}
     assert len(plain) == 8
     for title in ("Forearm girth", "Calf girth"):
         assert pairs[title].left > pairs[title].right + 0.01
         assert abs(plain[title].left - plain[title].right) < 0.005  # the mesh is no mirror
+        assert plain[title].threshold == pytest.approx(2**0.5 * deviations[title])
     assert abs(pairs["Thigh girth"].left - pairs["Thigh girth"].right) < 0.003
 
 

@@ -211,14 +211,6 @@ def test_the_contract_is_that_of_the_class():
     assert "paths run from start to end" in names
 
 
-def test_solvers_of_another_contract_say_which():
-    class Addition:
-        def solve(self, metric, tangent_vec, base_point):
-            return SimpleNamespace(end=base_point + tangent_vec)
-
-    assert check_solver(Addition(), PLANE.metric, POINTS, contract=ExpSolver).passed
-
-
 def test_bad_input():
     with pytest.raises(ArgumentTypeError, match="solver must be an object with a method solve"):
         check_solver(3, PLANE.metric, POINTS)
