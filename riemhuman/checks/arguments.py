@@ -217,11 +217,12 @@ def refuse_type(value: object, name: str, expected: str) -> NoReturn:
 
 def check_instance(
     value: object, name: str, cls: type[object] | tuple[type[object], ...], expected: str = ""
-) -> None:
-    """Raise an ArgumentTypeError, which says what was found, unless an object is of this class."""
+) -> object:
+    """Return an object of this class, or raise an ArgumentTypeError that says what was found."""
     if not isinstance(value, cls):
         known = cls if isinstance(cls, tuple) else (cls,)
         refuse_type(value, name, expected or " or ".join(f"a {c.__name__}" for c in known))
+    return value
 
 
 def check_methods(value: object, name: str, expected: str, *methods: str) -> None:
@@ -270,12 +271,7 @@ def instance(
     cls: type[object] | tuple[type[object], ...], expected: str = ""
 ) -> Callable[[object, str], object]:
     """Return the check of an object of a class; `expected` describes it in messages."""
-
-    def check(value: object, name: str) -> object:
-        check_instance(value, name, cls, expected)
-        return value
-
-    return check
+    return functools.partial(check_instance, cls=cls, expected=expected)
 
 
 def having(expected: str, *methods: str) -> Callable[[object, str], object]:

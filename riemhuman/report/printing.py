@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 import subprocess
 import tempfile
 from pathlib import Path
 
 from riemhuman.errors import FileError, MissingDependencyError
+from riemhuman.io.files import write_text
 
-__all__ = ["find_browser", "print_page", "printing_browser"]
+__all__ = ["find_browser", "printing_browser", "save_pdf"]
 
 _BROWSERS = (
     "chromium",
@@ -52,6 +54,17 @@ def printing_browser() -> str:
             "which any browser prints on two pages"
         )
     return browser
+
+
+def save_pdf(file: Path, html: str, browser: str) -> None:
+    """Write a page as a PDF file by a browser."""
+    # In the same folder, because a browser in a container may see no other.
+    page = file.with_name(f"print-{secrets.token_hex(4)}.html")
+    write_text(page, html)
+    try:
+        print_page(browser, page, file)
+    finally:
+        page.unlink(missing_ok=True)
 
 
 def print_page(browser: str, page: Path, pdf: Path) -> None:

@@ -18,14 +18,16 @@ from riemhuman.io.files import file_path, write_text
 from riemhuman.io.outputs import FolderContent, atomic_folder, check_output_folder
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.measurements import Measurements, open_measurements
+from riemhuman.plots.viewer import web_file
 from riemhuman.readable_units import READABLE_UNITS
-from riemhuman.report._sheet_page import Content, Entry, index_page, logo_source
+from riemhuman.report._page import library_version, template
 from riemhuman.report._sheet_subjects import Subjects, find_subjects
 from riemhuman.report._sheet_tables import save_workbook, table_text
+from riemhuman.report._sheet_words import Numbers, badge
 from riemhuman.report._storage import Progress
-from riemhuman.report.printing import find_browser
+from riemhuman.report.printing import find_browser, save_pdf
 from riemhuman.report.sheet_values import SheetSubject, SheetValues, values_of, with_changes
-from riemhuman.report.sheets import a_stature
+from riemhuman.report.sheets import Sheet, a_stature, drawn_sheet, logo_source
 from riemhuman.surfaces import Template
 from riemhuman.surfaces.template import check_body_sizes
 
@@ -145,10 +147,10 @@ class _Sheets:
     units: str
     logo: str = ""
 
-    def content(self, number: int) -> Content:
+    def drawn(self, number: int) -> Sheet:
         subject = self.labelled.subjects[number]
         definitions = self.measurements[len(subject.points)].definitions
-        return Content.of(definitions, subject, self.values[number], self.units, self.logo)
+        return drawn_sheet(definitions, subject, self.values[number], self.units, self.logo)
 
 
 def _measured(
@@ -248,29 +250,51 @@ def _parts(numbers: Sequence[int]) -> Iterator[tuple[Sequence[int], str]]:
             yield part, f"bodies {first + 1}–{last} of {count}"
 
 
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    """A person in the index, with the files of the sheet."""
+
+    subject: SheetSubject
+    values: SheetValues
+    thumbnail: str
+    page: str
+    pdf: str
+
+    @property
+    def badge(self) -> tuple[str, str]:
+        """Its class and its words."""
+        return badge(self.subject, self.values)
+
+
 def _write(folder: Path, sheets: _Sheets, browser: str | None, progress: Progress) -> None:
     """Write all files of a folder of sheets."""
     subjects = sheets.labelled.subjects
     names = _file_names([subject.name for subject in subjects])
     files = [(f"{name}.html", f"{name}.pdf" if browser else "") for name in names]
-    entries: list[Entry] = []
+    entries: list[_Entry] = []
     # Pictures take memory: those of a part are written before the next is drawn.
     for part, words in _parts(range(len(subjects))):
         with progress(f"Pictures of {words}"):
-            contents = list(mapped(sheets.content, part, thread_count(-1)))
+            drawn = list(mapped(sheets.drawn, part, thread_count(-1)))
         with progress(f"Pages and PDF files of {words}"):
-            _write_files(folder, contents, [files[number] for number in part], browser)
-        for number, content in zip(part, contents, strict=True):
-            subject, values = content.subject, content.values
-            entry = Entry(subject, values, content.badge, content.thumbnail, *files[number])
-            entries.append(entry)
+            _write_files(folder, drawn, [files[number] for number in part], browser)
+        for number, sheet in zip(part, drawn, strict=True):
+            entries.append(_Entry(sheet.subject, sheet.values, sheet.thumbnail(), *files[number]))
     tables = _write_tables(folder, list(zip(subjects, sheets.values, strict=True)))
-    write_text(folder / _INDEX, index_page(entries, sheets.labelled.failures, tables, sheets.units))
+    index = template("sheets.html").render(
+        entries=entries,
+        failures=sheets.labelled.failures,
+        tables=tables,
+        number=Numbers(sheets.units),
+        css=web_file("report", "sheet.css"),
+        version=library_version(),
+    )
+    write_text(folder / _INDEX, index)
 
 
 def _write_files(
     folder: Path,
-    contents: Sequence[Content],
+    sheets: Sequence[Sheet],
     files: Sequence[tuple[str, str]],
     browser: str | None,
 ) -> None:
@@ -278,9 +302,9 @@ def _write_files(
 
     def write(number: int) -> None:
         page, pdf = files[number]
-        write_text(folder / page, contents[number].html(index=_INDEX))
+        write_text(folder / page, sheets[number].page(index=_INDEX))
         if browser:
-            contents[number].save_pdf(folder / pdf, browser)
+            save_pdf(folder / pdf, sheets[number].page(printed=True), browser)
 
     list(mapped(write, range(len(files)), min(_MOST_BROWSERS, thread_count(-1))))
 

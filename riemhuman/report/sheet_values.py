@@ -33,7 +33,7 @@ from riemhuman.measurements.populations import (
     percentages,
     spread_of_adults,
 )
-from riemhuman.measurements.same_person import pose_distance_of_visits
+from riemhuman.measurements.uncertainty import pose_distance_of_visits
 from riemhuman.registration import ScanRecord
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name

@@ -3,33 +3,61 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 
 import numpy as np
+import PIL.Image
 
 from riemhuman.arrays import ArrayLike, Points
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import checked, choice, real_array, real_number
 from riemhuman.checks.labels import text
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, FileError
 from riemhuman.io.files import file_path, suffix_of, write_text
-from riemhuman.measurements import Measurements, VisitComparison
+from riemhuman.measurements import Measurements, MeasurementSet, VisitComparison, readable_gap
 from riemhuman.measurements.adults import check_values
+from riemhuman.measurements.populations import largest_body_mass_index
+from riemhuman.plots.rendering import image_source
+from riemhuman.plots.viewer import web_file
 from riemhuman.readable_units import READABLE_UNITS
 from riemhuman.registration import RegisteredScan, ScanRecord
 from riemhuman.registration.folders import record_of
-from riemhuman.report._sheet_page import Content, logo_source
-from riemhuman.report.printing import printing_browser
+from riemhuman.report._page import library_version, template
+from riemhuman.report._sheet_pictures import (
+    LARGEST_CHANGE,
+    Picture,
+    body_pictures,
+    change_picture,
+    front_of,
+    silhouette_picture,
+)
+from riemhuman.report._sheet_words import (
+    WHOLE,
+    Numbers,
+    badge,
+    changes_in_order,
+    line_of,
+    percentile_text,
+    posture_texts,
+    sentence,
+    sentences_of,
+)
+from riemhuman.report.printing import printing_browser, save_pdf
 from riemhuman.report.sheet_values import (
     SheetRow,
     SheetSubject,
+    SheetValues,
     values_of,
     with_changes,
 )
+from riemhuman.representation import join_names
+
+_THUMBNAIL = 150  # pixels
+_LOGO = (900, 300)  # pixels at most, three times what the page shows
 
 
 def a_stature(value: float, name: str) -> float:
@@ -43,36 +71,70 @@ def a_stature(value: float, name: str) -> float:
 class Sheet:
     """The sheet of a person: an HTML page, or a two-page PDF.
 
-    A notebook shows it.
+    A notebook shows it. Its pictures are drawn once, for both.
 
     Attributes
     ----------
-    name, sex : str
-        Name of the person or body, and "woman", "man" or "adult".
-    badge : str
-        "trusted", "partly trusted" if parts of the body or values of the head, hands or feet are
-        in doubt, "not trusted", or "registered mesh" if nothing is known about a scan.
-    measurements : tuple of SheetRow
-        Values with uncertainties and percentiles.
-    posture : dict of str to float
-        Angles in degrees, see `rh.measurements.posture_angles`.
-    changes : VisitComparison or None
-        Changes since the earlier visit, if one was given.
-    content : Content
-        The values and drawings of the page.
+    subject : SheetSubject
+        The body that is shown, and what is known about its person and its scan.
+    values : SheetValues
+        What is known about the body.
+    units : {"cm", "in"}
+    scan : Picture or None
+    body : Picture
+    silhouette : Picture or None
+    moved : Picture or None
+        Where the surface moved since the earlier visit.
+    logo : str
+        The address of the picture at the top.
 
     Examples
     --------
     See `sheet`.
     """
 
-    name: str
-    sex: str
-    badge: str
-    measurements: tuple[SheetRow, ...]
-    posture: dict[str, float]
-    changes: VisitComparison | None
-    content: Content
+    subject: SheetSubject
+    values: SheetValues
+    units: str
+    scan: Picture | None
+    body: Picture
+    silhouette: Picture | None
+    moved: Picture | None
+    logo: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the person or body."""
+        return self.subject.person or self.subject.name
+
+    @property
+    def sex(self) -> str:
+        """One of "woman", "man" and "adult"."""
+        return self.subject.sex
+
+    @property
+    def badge(self) -> str:
+        """One of "trusted", "partly trusted", "not trusted" and "registered mesh".
+
+        It is "partly trusted" if parts of the body or values of the head, hands or feet are in
+        doubt, and "registered mesh" if nothing is known about a scan.
+        """
+        return badge(self.subject, self.values)[1]
+
+    @property
+    def measurements(self) -> tuple[SheetRow, ...]:
+        """Values with uncertainties and percentiles."""
+        return self.values.rows
+
+    @property
+    def posture(self) -> Mapping[str, float]:
+        """Angles in degrees, see `rh.measurements.posture_angles`."""
+        return self.values.posture
+
+    @property
+    def changes(self) -> VisitComparison | None:
+        """Changes since the earlier visit, if one was given."""
+        return self.values.changes
 
     def __repr__(self) -> str:
         known = sum(bool(np.isfinite(row.value)) for row in self.measurements)
@@ -86,7 +148,52 @@ class Sheet:
     @cached_property
     def html(self) -> str:
         """The page."""
-        return self.content.html()
+        return self.page()
+
+    def page(self, *, printed: bool = False, index: str = "") -> str:
+        """Return the page, for example with a link to others.
+
+        Parameters
+        ----------
+        printed : bool
+            Whether all tables are unfolded, for paper.
+        index : str
+            The address of the page of all people, if there is one.
+        """
+        subject, values = self.subject, self.values
+        return template("sheet.html").render(
+            subject=subject,
+            values=values,
+            units=self.units,
+            number=Numbers(self.units),
+            badge=badge(subject, values),
+            scan=self.scan,
+            body=self.body,
+            silhouette=self.silhouette,
+            moved=self.moved,
+            logo=self.logo,
+            said=sentences_of(subject.message),
+            join_names=join_names,
+            is_whole=bool(subject.known_vertices.mean() >= WHOLE),
+            remarks=[sentence(remark) for remark in values.remarks],
+            posture=posture_texts(values.posture),
+            changes_in_order=changes_in_order(values),
+            largest_change=LARGEST_CHANGE,
+            largest_body_mass_index=largest_body_mass_index(subject.sex),
+            gap=readable_gap,
+            line_of=line_of,
+            percentile=percentile_text,
+            css=web_file("report", "sheet.css"),
+            version=library_version(),
+            printed=printed,
+            index=index,
+        )
+
+    def thumbnail(self) -> str:
+        """Return the address of a small picture of the body from the front."""
+        picture = PIL.Image.fromarray(self.body.first_view)
+        picture.thumbnail((_THUMBNAIL, _THUMBNAIL))
+        return image_source(np.asarray(picture))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the page (.html), or the two-page PDF (.pdf), by Chromium, Chrome or Edge.
@@ -100,7 +207,22 @@ class Sheet:
         if suffix_of(file, (".html", ".pdf")) == ".html":
             write_text(file, self.html)
         else:
-            self.content.save_pdf(file, printing_browser())
+            save_pdf(file, self.page(printed=True), printing_browser())
+
+
+def drawn_sheet(
+    definitions: MeasurementSet,
+    subject: SheetSubject,
+    values: SheetValues,
+    units: str,
+    logo: str = "",
+) -> Sheet:
+    """Return the sheet of a person whose values are known, with its pictures."""
+    faces = definitions.faces
+    scan, body = body_pictures(subject, faces, front_of(subject.points, definitions))
+    silhouette = silhouette_picture(values, faces)
+    moved = change_picture(values, faces)
+    return Sheet(subject, values, units, scan, body, silhouette, moved, logo)
 
 
 @checked(
@@ -175,16 +297,7 @@ def sheet(
         first = _subject(before, "before", name, sex, "the earlier visit")
         _check_vertices(first, "before", measurements)
         values = with_changes(measurements, values, first, subject)
-    content = Content.of(measurements.definitions, subject, values, units, logo_source(logo))
-    return Sheet(
-        name=subject.person or subject.name,
-        sex=subject.sex,
-        badge=content.badge[1],
-        measurements=values.rows,
-        posture=dict(values.posture),
-        changes=values.changes,
-        content=content,
-    )
+    return drawn_sheet(measurements.definitions, subject, values, units, logo_source(logo))
 
 
 def _subject(body: object, argument: str, name: str, sex: str, visit: str) -> SheetSubject:
@@ -242,3 +355,19 @@ def _measurements_of(model: BodyModel | Measurements | None, points: Points) -> 
         "body must be a body of the open body model, or model must be given; found "
         f"{len(points)} vertices"
     )
+
+
+def logo_source(path: str | os.PathLike[str] | None) -> str:
+    """Return the address of a picture for the top of sheets; none without a path."""
+    if path is None:
+        return ""
+    file = file_path(path, "logo")
+    try:
+        with PIL.Image.open(file) as opened:
+            picture = opened.convert("RGBA")
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
+        raise FileError(f"{file} cannot be read as a picture, such as a PNG file") from error
+    picture.thumbnail(_LOGO)
+    return image_source(np.asarray(picture))

@@ -6,7 +6,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.errors import FileError, FileFormatError, MissingDependencyError
-from riemhuman.report import _sheet_page, printing
+from riemhuman.report import printing
 from riemhuman.report import sheets as sheets_module
 
 
@@ -35,7 +35,7 @@ def test_the_printed_page_takes_the_place_of_no_other(bodies, tmp_path, monkeypa
         pdf.write_bytes(b"%PDF")
 
     monkeypatch.setattr(sheets_module, "printing_browser", lambda: "browser")
-    monkeypatch.setattr(_sheet_page, "print_page", print_page)
+    monkeypatch.setattr(printing, "print_page", print_page)
     longest = "e" * 251  # bytes that leave room for an ending of four
     rh.report.sheet(bodies[0]).save(tmp_path / f"{longest}.pdf")
     assert "stature" in printed[0]

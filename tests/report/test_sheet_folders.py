@@ -77,7 +77,7 @@ def test_nothing_is_left_of_what_fails(folder, bodies, tmp_path, no_browser, mon
         raise FileError("the disk is full")
 
     with monkeypatch.context() as broken:
-        broken.setattr(sheet_folders, "index_page", fail)
+        broken.setattr(sheet_folders, "_write_tables", fail)
         with (
             pytest.raises(FileError, match="the disk is full"),
             pytest.warns(UserWarning, match="no PDF files are written"),
