@@ -29,8 +29,7 @@ from riemhuman.measurements.predicted_measurements import (
     PredictedMeasurements,
     predict_measurements,
 )
-from riemhuman.measurements.same_person import person_in_standard_pose
-from riemhuman.measurements.standard_pose import in_standard_pose
+from riemhuman.measurements.standard_pose import in_standard_pose, person_in_standard_pose
 from riemhuman.measurements.uncertainty import noise_of_measurements, pose_distance
 from riemhuman.measurements.visits import VisitComparison, compare_visits
 from riemhuman.readable_units import ReadableUnit, readable_gap, readable_unit

@@ -37,7 +37,6 @@ from riemhuman.errors import (
 )
 from riemhuman.extensions import extensions
 from riemhuman.measurements._geodesics import geodesics
-from riemhuman.measurements._landmarks import AXES, Place
 from riemhuman.measurements._sections import (
     MEETS_OTHER_PART,
     MISSES,
@@ -47,7 +46,7 @@ from riemhuman.measurements._sections import (
     straight_lines,
 )
 from riemhuman.measurements._vertex_slopes import VertexSlopes, fixed
-from riemhuman.measurements.landmarked_bodies import LandmarkedBodies
+from riemhuman.measurements.landmarked_bodies import AXES, LandmarkedBodies, Place
 
 # Density of a body in kg/m³: that of water; a body's differs by a few per cent.
 DENSITY = 1000.0
@@ -151,7 +150,8 @@ class Measurement:
         ----------
         bodies : LandmarkedBodies
         """
-        return _sum([path.lengths for path in self._paths(bodies)])
+        lengths = [path.lengths for path in self._paths(bodies)]
+        return sum(lengths[1:], start=lengths[0])
 
     def value_and_slopes(self, bodies: LandmarkedBodies) -> tuple[Array, VertexSlopes]:
         """Return the measurement of each body and its derivatives by the vertices.
@@ -173,7 +173,8 @@ class Measurement:
         paths = self._paths(bodies)
         for path in paths:
             path.pull_lengths(slopes)
-        return _sum([path.lengths for path in paths]), slopes
+        lengths = [path.lengths for path in paths]
+        return sum(lengths[1:], start=lengths[0]), slopes
 
     def lines(self, bodies: LandmarkedBodies) -> list[Array]:
         """Return the measurement lines on the first body, each of shape (k, 3).
@@ -205,14 +206,6 @@ class Measurement:
             if value != defaults[name]:
                 record[name] = list(value) if isinstance(value, tuple) else value
         return record
-
-
-def _sum(arrays: Sequence[Array]) -> Array:
-    """Return the sum of at least one array, which autograd may trace."""
-    total = arrays[0]
-    for array in arrays[1:]:
-        total = total + array
-    return total
 
 
 _some_parts = partial(texts_of, expected="a list of names")

@@ -4,20 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Protocol
 
 import autograd.numpy as np
 import numpy as onp
 
 from riemhuman.arrays import Array, Booleans, Integers, Triangles
-from riemhuman.bodies import joints_between
+from riemhuman.bodies import BodyModel, joints_between
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import apply_operator
-from riemhuman.measurements._geodesics import SurfacePoint
-from riemhuman.measurements._landmarks import AXES, LandmarkedTemplate, Place
+from riemhuman.measurements._geodesics import Mesh, SurfacePoint
 from riemhuman.measurements._sections import FOREIGN, LEFT_OUT, MEASURED, Cutter, weighted_vertices
 from riemhuman.measurements._vertex_slopes import VertexSlopes
 from riemhuman.surfaces.nearest_points import nearest_points
+
+Place = str | Mapping[str, float]
+"""A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
+
+AXES = ("left", "up", "forward")
+
+
+class LandmarkedTemplate(Protocol):
+    """A template with landmarks, axes and parts: a `riemhuman.measurements.MeasurementSet`."""
+
+    @property
+    def landmarks(self) -> Mapping[str, tuple[Integers, Array]]: ...
+
+    @property
+    def frame(self) -> Sequence[str]: ...
+
+    @property
+    def axes(self) -> Array: ...
+
+    @property
+    def model(self) -> BodyModel | None: ...
+
+    @property
+    def vertices(self) -> Array: ...
+
+    @property
+    def faces(self) -> Triangles: ...
+
+    @property
+    def mesh(self) -> Mesh: ...
+
+    @property
+    def is_closed(self) -> bool: ...
+
+    @property
+    def axes_in_frame(self) -> Array: ...
+
+    def in_parts(self, parts: tuple[str, ...]) -> Booleans: ...
 
 
 class LandmarkedBodies:

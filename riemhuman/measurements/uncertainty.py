@@ -54,6 +54,35 @@ def pose_distance(definitions: MeasurementSet, points_a: ArrayLike, points_b: Ar
     return np.asarray(to_reference * distances)
 
 
+def pose_distance_of_visits(definitions: MeasurementSet, before: Array, after: Array) -> float:
+    """Return the d for `noise_of_measurements` of what two visits with several scans differ by.
+
+    Two scans of an unchanged person at a distance d differ with the variance 2 (noise² + b d). It
+    follows that the means over two groups of scans differ with the variance
+    2 (noise²/n + b (d₁₂ - d₁₁/2 - d₂₂/2)), with the mean distances d₁₂ between the groups, and d₁₁
+    and d₂₂ within each, of every scan to every scan and to itself. If both visits have the same
+    poses, these cancel.
+
+    Parameters
+    ----------
+    definitions : MeasurementSet
+    before, after : array, shape (n_scans, V, 3)
+        The scans of each visit, as they stand; nothing is checked.
+    """
+    between = float(pose_distance(definitions, before[:, np.newaxis], after).mean())
+    within = [_mean_distance_within(definitions, scans) for scans in (before, after)]
+    return max(between - sum(within) / 2.0, 0.0)
+
+
+def _mean_distance_within(definitions: MeasurementSet, scans: Array) -> float:
+    """Return the mean pose distance of every scan to every scan, itself included."""
+    first, second = np.triu_indices(len(scans), 1)
+    if not len(first):
+        return 0.0
+    distances = pose_distance(definitions, scans[first], scans[second])
+    return float(2.0 * distances.sum() / len(scans) ** 2)
+
+
 @checked(n_scans=positive)
 def noise_of_measurements(
     names: Sequence[str], pose_distance: ArrayLike = 0.0, n_scans: float = 1.0
@@ -99,16 +128,10 @@ def noise_of_measurements(
     distances = real_array(pose_distance, "pose_distance")[..., np.newaxis]
     if distances.size and distances.min() < 0.0:
         raise ArgumentError(f"pose_distance must be at least 0; found {distances.min():g}")
-    noise, slopes = _noise_and_slopes(names)
+    # See tutorials/remake/build_noise_of_poses.py; the slopes are figures of real people.
+    noise_by_name = load_json("noise_of_poses.json")["measurements"]
+    slopes_by_name = load_json("variation_of_people.json")["slopes"]
+    noise = np.array([noise_by_name.get(name, np.nan) for name in names])
+    slopes = np.array([slopes_by_name.get(name, np.nan) for name in names])
     deviations: Array = np.sqrt(noise**2 / n_scans + slopes * distances)
     return deviations
-
-
-def _noise_and_slopes(names: Sequence[str]) -> tuple[Array, Array]:
-    # See tutorials/remake/build_noise_of_poses.py; the slopes are figures of real people.
-    noise = load_json("noise_of_poses.json")["measurements"]
-    slopes = load_json("variation_of_people.json")["slopes"]
-    return (
-        np.array([noise.get(name, np.nan) for name in names]),
-        np.array([slopes.get(name, np.nan) for name in names]),
-    )

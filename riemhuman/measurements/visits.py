@@ -14,8 +14,8 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements
-from riemhuman.measurements.same_person import person_in_standard_pose, pose_distance_of_visits
-from riemhuman.measurements.uncertainty import noise_of_measurements
+from riemhuman.measurements.standard_pose import person_in_standard_pose
+from riemhuman.measurements.uncertainty import noise_of_measurements, pose_distance_of_visits
 from riemhuman.readable_units import readable_unit
 from riemhuman.surfaces.procrustes import procrustes
 

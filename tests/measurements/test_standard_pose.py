@@ -14,7 +14,7 @@ from riemhuman.measurements import (
     person_in_standard_pose,
     pose_distance,
 )
-from riemhuman.measurements.same_person import pose_distance_of_visits
+from riemhuman.measurements.uncertainty import pose_distance_of_visits
 
 
 @pytest.fixture(scope="module")
