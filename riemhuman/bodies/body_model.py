@@ -10,10 +10,15 @@ import autograd.numpy as np
 import numpy as onp
 
 from riemhuman.arrays import Array, ArrayLike
-from riemhuman.bodies._blending import SkinningWeights
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_files import read_model_fields
-from riemhuman.bodies.skinning import joint_parents, motions_of_joints, parents_first, skin_by
+from riemhuman.bodies.skinning import (
+    SkinningWeights,
+    joint_parents,
+    motions_of_joints,
+    parents_first,
+    skin_by,
+)
 from riemhuman.checks import checked, flag, joint_shape, one_of, real_array, values_of, whole
 from riemhuman.checks.labels import texts_of
 from riemhuman.errors import ArgumentError
