@@ -32,10 +32,8 @@ from riemhuman.io import as_arrays
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.compilation import compiled
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.plots._depth import draw_triangles, shares_at
-from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._ground_picture import Ground, window_of
-from riemhuman.plots._occlusion import shade_of
+from riemhuman.plots._looks import eyes_of, shade_of
 from riemhuman.plots.figures import SKIN, written
 from riemhuman.plots.windows import (
     View,
@@ -159,11 +157,9 @@ def _with_eyes(
     eyes = eyes_of(faces)
     if eyes is None:
         return vertices, faces, corner_colors
-    if np.ndim(color) == 1:
-        eye_colors = eyes.shares()[eyes.faces(0)][..., None] * _linear(color)
-    else:
-        shares = eyes.shares()[eyes.faces(0)][..., None]
-        eye_colors = shares * eyes.socket_colors(corner_colors, faces)
+    is_uniform = np.ndim(color) == 1
+    socket_colors = _linear(color) if is_uniform else eyes.socket_colors(corner_colors, faces)
+    eye_colors = eyes.shares()[eyes.faces(0)][..., np.newaxis] * socket_colors
     return (
         np.concatenate([vertices, eyes.points(vertices)]),
         np.concatenate([faces, eyes.faces(len(vertices))]),
@@ -238,6 +234,40 @@ def _light() -> tuple[Array, Array, float]:
 def _linear(colors: Array) -> Array:
     """Return shares of light from values of sRGB."""
     return np.where(colors > 0.04045, ((colors + 0.055) / 1.055) ** 2.4, colors / 12.92)
+
+
+@compiled
+def draw_triangles(corners: Array, nearest: Array, owner: Integers) -> None:
+    """Write the nearest triangle at the middle of each sample."""
+    # Corners, shape (F, 3, 3), are columns, rows and depths; greater depths are nearer.
+    height, width = owner.shape
+    for f in range(len(corners)):
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[f]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        # Rows count downwards, so triangles that face the eye are clockwise.
+        if not area < 0:
+            continue
+        top, bottom = np.ceil(min(ay, by, cy) - 0.5), np.floor(max(ay, by, cy) + 0.5)
+        left, right = np.ceil(min(ax, bx, cx) - 0.5), np.floor(max(ax, bx, cx) + 0.5)
+        for row in range(int(max(top, 0.0)), int(min(bottom, height))):
+            for column in range(int(max(left, 0.0)), int(min(right, width))):
+                a, b, c = shares_at(corners[f], row + 0.5, column + 0.5)
+                depth = a * az + b * bz + c * cz
+                if min(a, b, c) >= 0 and depth > nearest[row, column]:
+                    nearest[row, column] = depth
+                    owner[row, column] = f
+
+
+@compiled
+def shares_at(corners: Array, y: float, x: float) -> tuple[float, float, float]:
+    """Return barycentric coordinates."""
+    (ax, ay, _), (bx, by, _), (cx, cy, _) = corners
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    return (
+        ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area,
+        ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area,
+        ((ax - x) * (by - y) - (ay - y) * (bx - x)) / area,
+    )
 
 
 @compiled

@@ -32,10 +32,9 @@ from riemhuman.io.files import file_path, suffix_of, write_bytes, write_text
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.measurements import open_measurements
 from riemhuman.mocap.motions import ArrayMotion, ModelMotion, Motion
-from riemhuman.plots._eyes import eyes_of
 from riemhuman.plots._films import FILM_ENDINGS, Film, save_film
 from riemhuman.plots._ground_picture import GROUND
-from riemhuman.plots._occlusion import shade_of
+from riemhuman.plots._looks import eyes_of, shade_of
 from riemhuman.plots._packing import deflated, packed
 from riemhuman.plots._panels import Panel
 from riemhuman.plots._web_files import fill

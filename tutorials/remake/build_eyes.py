@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import riemhuman as rh
-from riemhuman.plots._occlusion import topology_name
+from riemhuman.plots._looks import topology_name
 
 FILE = Path(rh.plots.__file__).parent / "web" / "eyes.npz"
 # The sphere that the socket on the person's left is nearly, metres; the other is its mirror image.

@@ -11,8 +11,8 @@ import numpy as np
 import riemhuman as rh
 from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.kernels.surface import vertex_normals
-from riemhuman.plots._depth import draw_triangles
-from riemhuman.plots._occlusion import topology_name
+from riemhuman.plots._looks import topology_name
+from riemhuman.plots.rendering import draw_triangles
 
 FILE = Path(rh.plots.__file__).parent / "web" / "occlusion.npz"
 _N_DIRECTIONS = 256

@@ -1,13 +1,14 @@
-"""The open bodies have eyes in their sockets, in pictures and pages; other meshes have none."""
+"""The open bodies have eyes in their sockets and darker folds; other meshes have neither."""
 
 import numpy as np
 import pytest
+from build_occlusion import open_shares
 from open_bodies import coarse_bodies
 
 import riemhuman as rh
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.plots import View, ViewedBody, Viewer, render, view_bodies
-from riemhuman.plots._eyes import eyeball, eyes_of
+from riemhuman.plots._looks import eyeball, eyes_of, shade_of, shades, topology_name
 from riemhuman.plots.windows import Window
 
 COARSE = coarse_bodies()
@@ -93,3 +94,33 @@ def test_pages_draw_the_same_eyes(browser, tmp_path, values):
         shares = eyeball()[2][:, np.newaxis]
         np.testing.assert_allclose(colors * shares[-1], colors[:, -1:] * shares, atol=1e-2)
     assert browser.console() == []
+
+
+def test_the_ground_of_a_groove_sees_the_sky_between_its_walls():
+    """A groove as deep as wide: of the middle of its ground 1 / √5 of the half-space is open."""
+    outline = np.array(
+        [[-1, -1], [1, -1], [1, 1], [0.5, 1], [0.5, 0], [0, 0], [-0.5, 0], [-0.5, 1], [-1, 1]]
+    )
+    lengths = np.linspace(-6, 6, 7)
+    vertices = np.array([[x, y, z] for z in lengths for x, y in outline])
+    n, faces = len(outline), []
+    for k in range(len(lengths) - 1):
+        for i in range(n):
+            a, b = n * k + i, n * k + (i + 1) % n
+            faces += [[a, b, b + n], [a, b + n, a + n]]
+    shares = open_shares(vertices, np.array(faces), 256, 700)
+    assert shares[n * 3 + 5] == pytest.approx(1 / np.sqrt(5), abs=0.05)
+
+
+def test_what_is_stored_is_what_is_computed():
+    vertices, faces = RESTS["coarse"]
+    stored = shades()[topology_name(faces)]
+    computed = open_shares(vertices, faces, 64, 500)
+    assert np.mean(np.abs(stored - 0.2 - 0.8 * computed)) < 0.05
+    assert shade_of(faces[::-1]) is None
+
+
+def test_pages_hold_the_shade_of_known_templates():
+    vertices, faces = RESTS["coarse"]
+    assert '"shade":' in view_bodies(vertices, faces).fragment("a")
+    assert '"shade":' not in view_bodies(vertices, faces[::-1]).fragment("a")

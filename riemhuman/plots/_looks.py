@@ -1,8 +1,11 @@
-"""Eyeballs of the open body model, whose own surface ends in empty sockets.
+"""Looks of the open body model in pages and pictures, which are no part of its data.
 
-They are drawn with the body, in pages and pictures, and are no part of its data. A socket is nearly
-a sphere. Its centre and half axes are stored as affine combinations of some of its vertices, so
-that eyes follow any body and pose; `tutorials/remake/build_eyes.py` computes them.
+Its own surface ends in empty sockets, into which eyeballs are set. A socket is nearly a sphere. Its
+centre and half axes are stored as affine combinations of some of its vertices, so that eyes follow
+any body and pose; `tutorials/remake/build_eyes.py` computes them.
+
+Lights cast no shadows; folds and sockets are darker instead. How much of its surroundings each
+vertex sees in the rest pose is stored; `tutorials/remake/build_occlusion.py` computes it.
 """
 
 from __future__ import annotations
@@ -10,12 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
+from zlib import crc32
 
 import numpy as np
 
-from riemhuman.arrays import Array, Points, Triangles
+from riemhuman.arrays import Array, Points, Triangles, Values
 from riemhuman.io.arrays import load_arrays
-from riemhuman.plots._occlusion import topology_name
 from riemhuman.plots._packing import deflated
 
 # Rings of an eyeball: degrees from the direction of gaze, and the share of light that they
@@ -25,6 +28,32 @@ _RINGS = (
     *((31.0, 1.0), (40.0, 1.0), (50.0, 1.0), (60.0, 0.9), (70.0, 0.8)),
 )
 _AROUND = 20  # vertices of a ring
+_DARKEST = 0.2  # share of the light in the deepest folds
+
+
+def topology_name(faces: Triangles) -> str:
+    """Return a short name for triangles, computed from their indices."""
+    return f"shares_{crc32(np.ascontiguousarray(faces, dtype='<i4').tobytes()):08x}"
+
+
+def _stored(name: str) -> dict[str, Values]:
+    with as_file(files("riemhuman.plots") / "web" / name) as file:
+        return load_arrays(file, ())
+
+
+def shade_of(faces: Triangles) -> Array | None:
+    """Return the share of light that reaches vertices of the open body model, shape (V,).
+
+    None for other triangles, whose rest pose is not known.
+    """
+    return shades().get(topology_name(faces))
+
+
+@cache
+def shades() -> dict[str, Array]:
+    """Return the shares of light by the names of triangles."""
+    stored = _stored("occlusion.npz")
+    return {name: _DARKEST + (1 - _DARKEST) * shares / 255 for name, shares in stored.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +105,7 @@ class Eyes:
 
 def eyes_of(faces: Triangles) -> Eyes | None:
     """Return the eyes of bodies with these triangles; None unless they are the open model's."""
-    return _stored().get(topology_name(faces))
+    return _eyes().get(topology_name(faces))
 
 
 @cache
@@ -105,9 +134,8 @@ def eyeball() -> tuple[Array, Array, Array]:
 
 
 @cache
-def _stored() -> dict[str, Eyes]:
-    with as_file(files("riemhuman.plots") / "web" / "eyes.npz") as file:
-        stored = load_arrays(file, ())
+def _eyes() -> dict[str, Eyes]:
+    stored = _stored("eyes.npz")
     names = {name.removeprefix("sockets_") for name in stored if name.startswith("sockets_")}
     return {
         name: Eyes(stored[f"sockets_{name}"].astype(np.int64), stored[f"weights_{name}"])
