@@ -1,4 +1,4 @@
-"""Base class of codes that networks compute: files, templates and correspondences."""
+"""Base class of codes that networks compute: files and templates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from riemhuman.arrays import Array
 from riemhuman.checks import check_same_scale, longest_side, real_array, refuse_type
@@ -46,20 +45,16 @@ class PairedCodes(ABC):
             self._read(weights)
 
     @classmethod
-    def load_pretrained(
-        cls,
-        template: Template | None = None,
-        correspondence: ArrayLike | sparse.csr_array | None = None,
-    ) -> Self:
+    def load_pretrained(cls, template: Template | None = None) -> Self:
         """Return the network that ships, trained on the open body model.
 
         Parameters
         ----------
-        template, correspondence
+        template : Template, optional
             As for `on`; by default the template of the coarse open model.
         """
         codes = cls(FOLDER / cls._SHIPPED)
-        return codes if template is None else codes.on(template, correspondence)
+        return codes if template is None else codes.on(template)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to an .npz file.
@@ -71,24 +66,15 @@ class PairedCodes(ABC):
         """
         save_arrays(path, self._fields, compressed=True)
 
-    def on(
-        self, template: Template, correspondence: ArrayLike | sparse.csr_array | None = None
-    ) -> Self:
+    def on(self, template: Template) -> Self:
         """Return the same network for bodies over another template.
-
-        The other template may be of any person in any pose, with any triangles. Triangles that
-        collapse, such as fingers on a mesh without fingers, are left out; a part of the body of
-        which no triangle is left moves with its neighbour.
 
         Parameters
         ----------
         template : Template
-            The other template.
-        correspondence : array_like of int, pair, or sparse matrix, optional
-            Where the vertices of the network's template lie on the other: numbers of vertices,
-            shape (V,); a pair of numbers of triangles, shape (V,), and barycentric coordinates,
-            shape (V, 3); or a matrix whose rows sum to one. The full open template, which has
-            vertices at the same places, and codes of point clouds need none.
+            A template with the triangles of the network's, or one that has vertices at the same
+            places, as the full open template has; for codes of point clouds, any template. Other
+            bodies are brought to the open model first, see `rh.topologies.TopologyMap`.
         """
         if not isinstance(template, Template):
             refuse_type(template, "template", "a Template")
@@ -110,6 +96,8 @@ class PairedCodes(ABC):
     @abstractmethod
     def inverse_transform(self, Z: ArrayLike) -> Array:
         """Return the bodies with given codes, their mean vertex at the origin, metres.
+
+        They are over the template that the network was trained on.
 
         Parameters
         ----------

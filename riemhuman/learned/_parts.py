@@ -19,7 +19,7 @@ from types import ModuleType
 import numpy as np
 from scipy import sparse
 
-from riemhuman.arrays import Array, ArrayLike, Booleans, Integers
+from riemhuman.arrays import Array, ArrayLike, Integers
 from riemhuman.errors import FileFormatError
 from riemhuman.kernels.rotations import log, nearest_rotations, rotation_matrix
 from riemhuman.kernels.surface import (
@@ -51,7 +51,6 @@ class Parts:
     weights: Array  # (F, K) of each part in the gradient of each triangle
     # (K,) what each rotation is relative to: another part, or for the root, -1, the whole body
     parents: Integers
-    usable: Booleans | None = None  # (F,) triangles that count
 
     @classmethod
     def read(cls, weights: Weights, n_parts: int) -> Parts:
@@ -118,16 +117,9 @@ class Parts:
 
     def _mean_gradients(self, points: Array) -> Array:
         """Return the mean gradients of all parts, shape (n, K, 3, 3)."""
-        used = slice(None) if self.usable is None else self.usable
-        moved = gradients(self.template, points, used)
+        moved = gradients(self.template, points)
         rows = np.swapaxes(moved, 0, 1).reshape(moved.shape[1], -1)
-        means = (self._means[:, used] @ rows).reshape(self.n_parts, len(points), 3, 3)
-        # A part without usable triangles moves with its parent, the root with the whole body.
-        for part in self.order:
-            if self._shares[part] == 0:
-                is_root = self.parents[part] < 0
-                body = np.tensordot(self._shares, means, axes=1)
-                means[part] = body if is_root else means[self.parents[part]]
+        means = (self._means @ rows).reshape(self.n_parts, len(points), 3, 3)
         return np.swapaxes(means, 0, 1)
 
     def surfaces(
@@ -158,32 +150,24 @@ class Parts:
         return stacked
 
     @cached_property
-    def _areas(self) -> Array:
-        areas: Array = self.template.face_areas
-        return areas if self.usable is None else areas * self.usable
-
-    @cached_property
     def _means(self) -> sparse.csr_array:
         """Matrix from values at triangles to their means over parts, shape (K, F)."""
-        sums = np.bincount(self.part_of, self._areas, self.n_parts)
-        entries = self._areas / np.where(sums > 0, sums, 1.0)[self.part_of]
+        areas = self.template.face_areas
+        entries = areas / np.bincount(self.part_of, areas, self.n_parts)[self.part_of]
         return sparse.csr_array((entries, (self.part_of, np.arange(len(entries)))))
 
     @cached_property
     def _shares(self) -> Array:
-        """Share of each part in the area of the usable triangles, shape (K,)."""
-        sums = np.bincount(self.part_of, self._areas, self.n_parts)
+        """Share of each part in the area, shape (K,)."""
+        sums = np.bincount(self.part_of, self.template.face_areas, self.n_parts)
         shares: Array = sums / sums.sum()
         return shares
 
 
-def gradients(
-    template: Template, points: Array, used: Booleans | slice[None] = slice(None)
-) -> Array:
+def gradients(template: Template, points: Array) -> Array:
     """Return the deformation gradients of triangles, shape (n, F, 3, 3)."""
     operator = template.differential_operator
     f_u, f_v = partial_derivatives(points, operator)
-    f_u, f_v = f_u[..., used, :], f_v[..., used, :]
     refuse_degenerate(is_degenerate(f_u, f_v), "X")
     after = np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
-    return deformation_gradients(triangle_frames(template.vertices, operator)[used], after)
+    return deformation_gradients(triangle_frames(template.vertices, operator), after)

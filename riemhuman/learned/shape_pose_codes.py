@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
+from scipy.spatial import cKDTree
 
-from riemhuman.arrays import Array
+from riemhuman.arrays import Array, Integers
 from riemhuman.errors import ArgumentError
 from riemhuman.learned._codes import PairedCodes
-from riemhuman.learned._correspondence import Correspondence
 from riemhuman.learned._networks import NetworkSizes, network, shapes_of_networks
 from riemhuman.learned._parts import Parts
 from riemhuman.learned._weight_files import Weights
 from riemhuman.surfaces import Template
+
+# Largest distance of matching vertices, relative to the size of the template: files round.
+_SAME = 1e-5
 
 
 @dataclass(frozen=True)
@@ -101,31 +103,19 @@ class ShapePoseCodes(PairedCodes):
     n_pose: int
     n_parts: int
     _parts: Parts
-    _carried: Correspondence | None = None
+    _vertices: Integers  # of the template that are the network's
 
     code_names = ("shape", "pose")
     _SETTINGS = ("n_shape", "n_pose", "n_parts")
     _SHIPPED = "shape_pose_codes.npz"
 
-    def on(
-        self, template: Template, correspondence: ArrayLike | sparse.csr_array | None = None
-    ) -> Self:
-        codes = super().on(template, correspondence)
-        home, codes._carried = self._home, None
-        if (
-            correspondence is not None
-            or home.n_vertices != template.n_vertices
-            or not np.array_equal(home.faces, template.faces)
-        ):
-            codes._carried = Correspondence(home, template, correspondence)
-        usable = None if codes._carried is None else codes._carried.usable
-        codes._parts = replace(self._parts, usable=usable)
+    def on(self, template: Template) -> Self:
+        codes = super().on(template)
+        codes._vertices = _same_vertices(self._home, template)
         return codes
 
     def transform(self, X: ArrayLike) -> Array:
-        points = self._check_points(X)
-        if self._carried is not None:
-            points = self._carried.forth(points)
+        points = self._check_points(X)[:, self._vertices]
         if len(points):
             self._check_scale(points, "X")
         features, _ = self._parts.split(points)
@@ -135,8 +125,7 @@ class ShapePoseCodes(PairedCodes):
     def inverse_transform(self, Z: ArrayLike) -> Array:
         codes = self._check_codes(Z)
         features = decoded(self.parameters_, codes) * self._scale + self._center
-        surfaces = self._parts.surfaces(features)
-        return surfaces if self._carried is None else self._carried.back(surfaces)
+        return self._parts.surfaces(features)
 
     def transfer(self, X: ArrayLike, poses: ArrayLike) -> Array:
         """Return people in the poses of other bodies.
@@ -163,7 +152,22 @@ class ShapePoseCodes(PairedCodes):
         self.n_pose = weights.settings["n_pose"]
         self.n_parts = weights.settings["n_parts"]
         sizes = ShapePoseSizes(self.n_shape, self.n_pose, self.n_parts, self.n_hidden)
+        self._vertices = np.arange(weights.template.n_vertices)
         self._parts = Parts.read(weights, self.n_parts)
         self._center = weights.numbers("center", (9 * self.n_parts,))
         self._scale = weights.numbers("scale", (9 * self.n_parts,), positive=True)
         self.parameters_ = weights.arrays(shapes_of_networks(sizes.networks()))
+
+
+def _same_vertices(home: Template, template: Template) -> Integers:
+    """Return the vertices of a template that are those of the network's."""
+    if np.array_equal(home.faces, template.faces):
+        return np.arange(home.n_vertices)
+    gaps, numbers = cKDTree(template.vertices).query(home.vertices)
+    if gaps.max() > _SAME * np.ptp(home.vertices, axis=0).max():
+        raise ArgumentError(
+            "template must have the vertices of the network's template; one of these is "
+            f"{gaps.max():.3g} from the nearest. Bring bodies to the open model first, by "
+            "riemhuman.topologies.TopologyMap"
+        )
+    return np.asarray(numbers)

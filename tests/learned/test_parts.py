@@ -1,7 +1,5 @@
 """Bodies as turns and stretches of parts, and back."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -87,12 +85,3 @@ def test_width_is_a_stretch_and_bending_a_turn(template, parts):
     turns, stretches = np.split(features, [3 * parts.n_parts], axis=1)
     assert np.abs(turns[0]).max() < 1e-6 < 0.1 < np.abs(stretches[0]).max()
     assert np.abs(turns[1]).max() > 0.3
-
-
-def test_parts_without_usable_triangles_move_with_their_parents(template, parts):
-    """And the root with the whole body."""
-    body = bent(template, [1.1])
-    for part in range(parts.n_parts):
-        features, _ = replace(parts, usable=parts.part_of != part).split(body)
-        turns = features[0, : 3 * parts.n_parts].reshape(-1, 3)
-        np.testing.assert_allclose(turns[part], 0.0, atol=1e-7)

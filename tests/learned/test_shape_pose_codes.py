@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from evaluate_codes import UnseenBodies, mean_error
 from open_bodies import coarse_bodies
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.learned import ShapePoseCodes
-from riemhuman.retrieval import scores
 from riemhuman.surfaces.template import Template
 
 
@@ -46,7 +43,7 @@ def test_codes_do_not_know_place_nor_heading(codes, bodies):
     )
 
 
-def test_refined_template_gives_nearly_the_same_codes_and_its_own_surfaces(codes):
+def test_refined_template_gives_nearly_the_same_codes(codes):
     full = load_open_model("full")
     coarse = coarse_bodies()
     fine = full(coarse.betas[:2], coarse.pose_vectors[:2])
@@ -55,37 +52,10 @@ def test_refined_template_gives_nearly_the_same_codes_and_its_own_surfaces(codes
     found = on_full.transform(fine)
     spread = codes.transform(coarse.points).std(axis=0)
     assert (np.abs(found - codes.transform(small)) / spread).mean() < 0.05
-    assert on_full.inverse_transform(found).shape == fine.shape
-    assert mean_error(on_full.inverse_transform(found), fine) < 15.0
-
-
-def test_another_template_with_a_correspondence(codes, bodies):
-    # Another person, in another pose, with the vertices in another order.
-    order = np.random.default_rng(0).permutation(bodies.points.shape[1])
-    template = Template(bodies.points[0][order], np.argsort(order)[codes.template_.faces])
-    other = codes.on(template, np.argsort(order))
-    points = bodies.points[:3, order]
-    np.testing.assert_allclose(
-        other.transform(points), codes.transform(bodies.points[:3]), atol=1e-9
-    )
-    found = other.inverse_transform(other.transform(points))
-    assert mean_error(found, points) < 15.0
-    assert other.template_ is template
-
-
-def test_triangles_that_collapse_are_left_out(codes):
-    """Vertices that share a place with another make triangles without area."""
-    natural = load_open_bodies("coarse", "natural")
-    template = natural.template
-    places = np.random.default_rng(0).permutation(template.n_vertices)[:600]
-    nearest = cKDTree(template.vertices[places]).query(template.vertices)[1]
-    collapsed = codes.on(template, places[nearest])
-    found = collapsed.transform(natural.points)
-    shape, pose = collapsed.split(found)
-    assert scores(squareform(pdist(shape)), natural.subject).nn > 95.0
-    assert scores(squareform(pdist(pose)), natural.pose).nn > 75.0
-    some = slice(None, None, 11)
-    assert mean_error(collapsed.inverse_transform(found[some]), natural.points[some]) < 150.0
+    assert mean_error(on_full.inverse_transform(found), small) < 15.0
+    other = Template(1.01 * full.template.vertices, full.faces)
+    with pytest.raises(ArgumentError, match="Bring bodies to the open model first"):
+        codes.on(other)
 
 
 def test_refuses(codes, bodies):
