@@ -272,7 +272,7 @@ class BodyModel(Unchanging):
     def _shaped(self, betas: ArrayLike | None) -> Array:
         if betas is None:
             return self.template.vertices
-        betas = _coefficients(betas, "betas", self.n_betas)
+        betas = real_array(betas, "betas", (self.n_betas,))
         return self.template.vertices + self._offsets(betas, self._shape_rows)
 
     def _shaped_joints(self, betas: ArrayLike | None) -> Array:
@@ -280,13 +280,13 @@ class BodyModel(Unchanging):
         rest, shapes = self._joint_shapes
         if betas is None:
             return rest
-        betas = _coefficients(betas, "betas", self.n_betas)
+        betas = real_array(betas, "betas", (self.n_betas,))
         offsets = np.dot(betas, shapes)
         return rest + np.reshape(offsets, (*np.shape(offsets)[:-1], self.n_joints, 3))
 
     def _hand_offsets(self, hands: ArrayLike) -> Array:
         self._check_hands()
-        hands = _coefficients(hands, "hands", self.hand_directions.shape[-1])
+        hands = real_array(hands, "hands", self.hand_directions.shape[-1:])
         return self._offsets(hands, self._hand_rows)
 
     def _check_hands(self) -> None:
@@ -354,7 +354,7 @@ class BodyModel(Unchanging):
     def _translated(self, points: Array, trans: ArrayLike | None) -> Array:
         if trans is None:
             return points
-        return points + _coefficients(trans, "trans", 3)[..., None, :]
+        return points + real_array(trans, "trans", (3,))[..., None, :]
 
     @cached_property
     def _joint_shapes(self) -> tuple[Array, Array]:
@@ -400,10 +400,6 @@ def convert_model(
     model = BodyModel.from_file(source, n_betas=n_betas)
     model.save(target)
     return model
-
-
-def _coefficients(values: ArrayLike, name: str, count: int) -> Array:
-    return real_array(values, name, (count,))
 
 
 def _checked_names(names: Sequence[str] | Array | None, n_joints: int) -> tuple[str, ...]:

@@ -161,12 +161,14 @@ class SurfaceSpace(Manifold):
         name : str, for messages
         """
         f = self.check_tangent_vec(f, name)
-        self._normals(*self.partial_derivatives(f), name)
+        operator = self.template.differential_operator
+        f_u, f_v = surface.partial_derivatives(values_of(f), operator)
+        surface.refuse_degenerate(surface.is_degenerate(f_u, f_v), name)
         return f
 
     @staticmethod
-    def _normals(f_u: Array, f_v: Array, name: str = "the surface") -> Array:
-        surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)), name)
+    def _normals(f_u: Array, f_v: Array) -> Array:
+        surface.refuse_degenerate(surface.is_degenerate(values_of(f_u), values_of(f_v)))
         return surface.unit_normals(f_u, f_v)
 
 
