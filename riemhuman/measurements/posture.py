@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -20,6 +19,11 @@ _SIDED = (
     *("lateral_epicondyle", "lateral_malleolus", "radiale", "stylion"),
     *("heel_inside", "heel_outside", "first_metatarsal", "fifth_metatarsal"),
 )
+# Landmarks between which limbs are straight if they are not bent at the joint.
+_LIMBS = {
+    "knee": ("trochanterion", "lateral_epicondyle", "lateral_malleolus"),
+    "elbow": ("acromion", "radiale", "stylion"),
+}
 
 
 @checked(measurements=instance(Measurements), up=choice(*_AXES))
@@ -67,8 +71,52 @@ def posture_angles(
     >>> bool(abs(angles["shoulder tilt"]) < 4.0)
     True
     """
+    places = _places_of(measurements, points, trusted_vertices)
+    high = np.array(_AXES[up])
+    across = places["left_trochanterion"] - places["right_trochanterion"]
+    level = across - (across @ high)[..., np.newaxis] * high
+    left = level / np.linalg.norm(level, axis=-1, keepdims=True)
+    forward = np.cross(left, high)
+    trunk = places["cervicale"] - _middle(places, "trochanterion")
+
+    def rise(steps: Array, along: Array) -> Array:
+        """Return how steeply vectors rise, seen against the plane of up and an axis."""
+        return _degrees(steps @ high, np.sum(steps * along, axis=-1))
+
+    angles = {
+        "head over neck": rise(_middle(places, "tragion") - places["cervicale"], forward),
+        "head tilt": rise(_to_the_left(places, "tragion"), left),
+        "shoulder tilt": rise(_to_the_left(places, "acromion"), left),
+        "pelvis tilt": rise(_to_the_left(places, "iliocristale"), left),
+        "trunk lean forward": 90.0 - rise(trunk, forward),
+        "trunk lean to the left": 90.0 - rise(trunk, left),
+    }
+    shoulders = _to_the_left(places, "acromion")
+    back = -np.sum(shoulders * forward, axis=-1)
+    angles["shoulders turned to the left"] = _degrees(back, np.sum(shoulders * left, axis=-1))
+    for joint, names in _LIMBS.items():
+        for side in _SIDES:
+            first, second, third = (places[f"{side}_{name}"] for name in names)
+            angles[f"{side} {joint} bent"] = _angle(second - first, third - second)
+    for side in _SIDES:
+        arm = places[f"{side}_radiale"] - places[f"{side}_acromion"]
+        angles[f"{side} arm from the trunk"] = _angle(arm, -trunk)
+    for side in _SIDES:
+        heel = (places[f"{side}_heel_inside"] + places[f"{side}_heel_outside"]) / 2
+        ball = (places[f"{side}_first_metatarsal"] + places[f"{side}_fifth_metatarsal"]) / 2
+        foot = ball - heel
+        outward = np.sum(foot * left, axis=-1) * (1.0 if side == "left" else -1.0)
+        angles[f"{side} foot turned out"] = _degrees(outward, np.sum(foot * forward, axis=-1))
+    return angles
+
+
+def _places_of(
+    measurements: Measurements, points: ArrayLike, trusted_vertices: ArrayLike | None
+) -> dict[str, Array]:
+    """Return the landmarks of bodies, shape (..., 3), NaN where vertices are not trusted."""
     definitions = measurements.definitions
-    missing = [name for name in _landmarks() if name not in definitions.landmarks]
+    names = ["cervicale", *(f"{side}_{name}" for name in _SIDED for side in _SIDES)]
+    missing = [name for name in names if name not in definitions.landmarks]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise ArgumentError(
@@ -79,106 +127,29 @@ def posture_angles(
         shape = points.shape[:-1]
         trusted_vertices = mask(trusted_vertices, "trusted_vertices", (shape, shape[-1:]))
     places = {}
-    for name in _landmarks():
+    for name in names:
         vertices, weights = definitions.landmarks[name]
         place = np.einsum("k,...kc->...c", weights, points[..., vertices, :])
         if trusted_vertices is not None:
             trusted = trusted_vertices[..., vertices]
             place = np.where(trusted.all(axis=-1, keepdims=True), place, np.nan)
         places[name] = place
-    stand = _Stand.of(places, np.array(_AXES[up]))
-    return {name: angle(stand) for name, angle in _ANGLES.items()}
+    return places
 
 
-def _landmarks() -> list[str]:
-    return ["cervicale", *(f"{side}_{name}" for name in _SIDED for side in _SIDES)]
+def _middle(places: Mapping[str, Array], name: str) -> Array:
+    return (places[f"left_{name}"] + places[f"right_{name}"]) / 2
 
 
-@dataclass(frozen=True)
-class _Stand:
-    """Landmarks of bodies, and the directions up, forward and left, each of shape (..., 3)."""
-
-    places: Mapping[str, Array]
-    up: Array
-    forward: Array
-    left: Array
-
-    @classmethod
-    def of(cls, places: Mapping[str, Array], up: Array) -> _Stand:
-        across = places["left_trochanterion"] - places["right_trochanterion"]
-        level = across - (across @ up)[..., np.newaxis] * up
-        left = level / np.linalg.norm(level, axis=-1, keepdims=True)
-        return cls(places, up, np.cross(left, up), left)
-
-    def middle(self, name: str) -> Array:
-        return (self.places[f"left_{name}"] + self.places[f"right_{name}"]) / 2
-
-    def rise(self, steps: Array, along: Array) -> Array:
-        """Return how steeply vectors rise, seen against the plane of up and an axis, degrees."""
-        angles: Array = np.degrees(np.arctan2(steps @ self.up, np.sum(steps * along, axis=-1)))
-        return angles
-
-    def tilt(self, name: str) -> Array:
-        return self.rise(self.places[f"left_{name}"] - self.places[f"right_{name}"], self.left)
-
-    def lean(self, along: Array) -> Array:
-        """Return how far the trunk leans along an axis, degrees."""
-        return 90.0 - self.rise(self._trunk(), along)
-
-    def head(self) -> Array:
-        return self.rise(self.middle("tragion") - self.places["cervicale"], self.forward)
-
-    def turn(self) -> Array:
-        """Return how far the shoulders are turned against the hips, to the left, degrees."""
-        across = self.places["left_acromion"] - self.places["right_acromion"]
-        back = -np.sum(across * self.forward, axis=-1)
-        angles: Array = np.degrees(np.arctan2(back, np.sum(across * self.left, axis=-1)))
-        return angles
-
-    def bend(self, side: str, names: tuple[str, str, str]) -> Array:
-        """Return the angle by which a limb is bent at the second of three landmarks, degrees."""
-        first, second, third = (self.places[f"{side}_{name}"] for name in names)
-        return _angle(second - first, third - second)
-
-    def abduction(self, side: str) -> Array:
-        arm = self.places[f"{side}_radiale"] - self.places[f"{side}_acromion"]
-        return _angle(arm, -self._trunk())
-
-    def turn_out(self, side: str) -> Array:
-        heel = (self.places[f"{side}_heel_inside"] + self.places[f"{side}_heel_outside"]) / 2
-        inner_ball = self.places[f"{side}_first_metatarsal"]
-        outer_ball = self.places[f"{side}_fifth_metatarsal"]
-        foot = (inner_ball + outer_ball) / 2 - heel
-        outward = np.sum(foot * self.left, axis=-1) * (1.0 if side == "left" else -1.0)
-        angles: Array = np.degrees(np.arctan2(outward, np.sum(foot * self.forward, axis=-1)))
-        return angles
-
-    def _trunk(self) -> Array:
-        return np.asarray(self.places["cervicale"] - self.middle("trochanterion"))
+def _to_the_left(places: Mapping[str, Array], name: str) -> Array:
+    return places[f"left_{name}"] - places[f"right_{name}"]
 
 
 def _angle(first: Array, second: Array) -> Array:
     across = np.linalg.norm(np.cross(first, second), axis=-1)
-    angles: Array = np.degrees(np.arctan2(across, np.sum(first * second, axis=-1)))
+    return _degrees(across, np.sum(first * second, axis=-1))
+
+
+def _degrees(opposite: Array, adjacent: Array) -> Array:
+    angles: Array = np.degrees(np.arctan2(opposite, adjacent))
     return angles
-
-
-_LEG = ("trochanterion", "lateral_epicondyle", "lateral_malleolus")
-_ARM = ("acromion", "radiale", "stylion")
-_ANGLES: Mapping[str, Callable[[_Stand], Array]] = {
-    "head over neck": _Stand.head,
-    "head tilt": lambda stand: stand.tilt("tragion"),
-    "shoulder tilt": lambda stand: stand.tilt("acromion"),
-    "pelvis tilt": lambda stand: stand.tilt("iliocristale"),
-    "trunk lean forward": lambda stand: stand.lean(stand.forward),
-    "trunk lean to the left": lambda stand: stand.lean(stand.left),
-    "shoulders turned to the left": _Stand.turn,
-    "left knee bent": lambda stand: stand.bend("left", _LEG),
-    "right knee bent": lambda stand: stand.bend("right", _LEG),
-    "left elbow bent": lambda stand: stand.bend("left", _ARM),
-    "right elbow bent": lambda stand: stand.bend("right", _ARM),
-    "left arm from the trunk": lambda stand: stand.abduction("left"),
-    "right arm from the trunk": lambda stand: stand.abduction("right"),
-    "left foot turned out": lambda stand: stand.turn_out("left"),
-    "right foot turned out": lambda stand: stand.turn_out("right"),
-}
