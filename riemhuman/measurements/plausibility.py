@@ -121,8 +121,9 @@ def shares_of_adults(
     logs = np.log([values[name] for name in (*given, *names)])
     away = logs - _means([*given, *names], sex)
     covariance = _covariance([*given, *names], sex)
-    for k, name in enumerate((*given, *names)):
-        covariance[k, k] += (deviations[name] / values[name]) ** 2 + _offset_variance(name)
+    women, men = _relative_offsets([*given, *names])
+    of_scan = np.array([deviations[name] / values[name] for name in (*given, *names)])
+    covariance += np.diag(of_scan**2 + _OFFSET**2 + ((women - men) / 2.0) ** 2)
     n = len(given)
     slopes = np.linalg.solve(covariance[:n, :n], covariance[:n, n:])
     left = away[n:] - away[:n] @ slopes
@@ -137,8 +138,7 @@ def _means(names: list[str], sex: str) -> Array:
     """Return the logarithms of what our definitions measure of mean adults."""
     statistics = adults()
     rows = [statistics["names"].index(name) for name in names]
-    offsets = [_relative_offsets(name).mean() for name in names]
-    means: Array = np.log(statistics[sex]["mean"][rows]) + np.array(offsets)
+    means: Array = np.log(statistics[sex]["mean"][rows]) + _relative_offsets(names).mean(axis=0)
     return means
 
 
@@ -149,15 +149,13 @@ def _covariance(names: list[str], sex: str) -> Array:
     return covariance
 
 
-def _offset_variance(name: str) -> float:
-    women, men = _relative_offsets(name)
-    return float(_OFFSET**2 + ((women - men) / 2.0) ** 2)
-
-
-def _relative_offsets(name: str) -> Array:
-    """Return by how much our definition measures more of mean women and men, as logarithms."""
+def _relative_offsets(names: list[str]) -> Array:
+    """Return by how much our definitions measure more of mean women and men, logarithms (2, n)."""
     statistics = adults()
-    row = statistics["names"].index(name)
-    shares = [statistics[s]["offsets"].get(name, 0.0) / statistics[s]["mean"][row] for s in SEXES]
+    rows = [statistics["names"].index(name) for name in names]
+    shares = [
+        [statistics[s]["offsets"].get(name, 0.0) for name in names] / statistics[s]["mean"][rows]
+        for s in SEXES
+    ]
     offsets: Array = np.log1p(np.array(shares))
     return offsets
