@@ -62,6 +62,13 @@ def test_right_limbs_stay(fitter, crossed):
     assert farthest(fitter, found, surface) <= farthest(fitter, dense.pose, surface)
 
 
+def test_limbs_that_a_scan_does_not_show_stay(crossed):
+    _, dense, _ = crossed
+    elsewhere = replace(dense.task.scan, points=dense.task.scan.points + 10.0)
+    unseen = replace(dense, task=replace(dense.task, scan=elsewhere))
+    assert uncross_limbs(unseen).pose is dense.pose
+
+
 def test_limbs_that_do_not_touch_are_no_crossing(crossed):
     joint, dense, _ = crossed
     assert crossing_joints(dense.task.body, dense.pose) == [joint]
