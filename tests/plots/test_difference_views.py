@@ -78,6 +78,15 @@ def test_the_figure_has_a_symmetric_bar_in_millimetres(compared):
     assert abs(feet[0] - feet[1]) <= 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "dark"), [(960, False), (390, True)])
+def test_the_page_fits_screens_and_telephones(browser, compared, tmp_path, width, dark):
+    view_difference(compared, measurements=MEASUREMENTS).save(tmp_path / "page.html")
+    browser.open_viewer(tmp_path / "page.html", width, 780, dark=dark)
+    assert browser.run("return document.documentElement.scrollWidth") <= width
+    assert browser.console() == []
+
+
 def test_bad_arguments(compared):
     with pytest.raises(ArgumentError, match="measurements must be passed"):
         view_difference(compared)
