@@ -10,7 +10,8 @@ kernels      the most iterative tests with other kernels of OpenBLAS and NumPy's
 oracles      agreement with geomstats, trec_eval, PyVista, meshio and ezc3d; training with PyTorch
 oldest       the tests on the oldest releases that setup.cfg allows, with Python 3.11
 nightly      one of these at full length: fuzz [READERS], tests [PATHS], benchmarks [PATHS],
-             mutations [SUBPACKAGES]; what is random is so in other ways on another day
+             mutations [SUBPACKAGES], bounds [PATHS], where compiled loops check every index; what
+             is random is so in other ways on another day
 """
 
 import argparse
@@ -33,6 +34,7 @@ ORACLE_TESTS += ["tests/trust/geomstats_signatures.py", "tests/io/test_meshes.py
 ORACLE_TESTS += ["tests/mocap/test_c3d_files.py", "tests/learned/training.py"]
 # Packages that tests skip without: those of no everyday extra, too.
 NIGHTLY = ["riemhuman[anny,learned,meshes]", "ezc3d>=1.6", "smplcodec", "cosmic-ray>=8.4"]
+COMPILED = [f"tests/{name}" for name in ("kernels", "terms", "geometry", "measurements")]
 ITERATIVE = ("transfer", "path_search", "means", "lbfgs", "rounding")
 EXTENSIONS = """import numpy
 print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))"""
@@ -112,6 +114,10 @@ def nightly(python: str, arguments: list[str]) -> None:
     elif part == "mutations":
         for name in names or ("kernels", "terms", "geometry", "solvers"):
             call(python, "tests/support/mutations.py", name, "100", str(day), PATH=programs)
+    elif part == "bounds":
+        # Functions that were compiled without checks are kept elsewhere.
+        checks = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": os.path.abspath("compiled")}
+        test(python, *(names or COMPILED), **checks)
     elif part == "benchmarks":
         test(python, "-m", "", "-s", "--benchmark-enable", *(names or ["tests/benchmarks"]))
     else:

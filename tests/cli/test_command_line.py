@@ -7,16 +7,14 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tqdm import tqdm
 
 import riemhuman
 from riemhuman.cli import main
 from riemhuman.cli._commands import COMMANDS, make_parser
-from riemhuman.cli._terminal import as_json, note, task
+from riemhuman.cli._terminal import as_json
 
 PARSER = make_parser("", "", "")
 COMMAND = (sys.executable, "-m", "riemhuman")
@@ -166,19 +164,6 @@ def test_the_shell_completes_names_and_options(tmp_path):
 
     assert completed("riemhuman disent") == ["disentangle"]
     assert "--align" in completed("riemhuman dist --al")
-
-
-def test_notes_stand_above_bars(capsys, monkeypatch):
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    reported = task(SimpleNamespace(quiet=False, bars=True), "Reading")
-    with reported, tqdm(range(3)) as bar:
-        bar.update()
-        note("one is unreadable")
-    written = capsys.readouterr().err
-    # The bar is wiped out first, the note has a line of its own, and the bar is drawn again.
-    before, after = written.split("\r\x1b[Kriemhuman: one is unreadable\n")
-    assert before.endswith("\r")
-    assert "1/3" in after
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="devices of Linux")

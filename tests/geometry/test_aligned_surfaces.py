@@ -1,12 +1,10 @@
 """Surfaces over a template and the paper's family of metrics: fields, invariances, refusals."""
 
 import numpy as np
-import oracles
 import pytest
 from autograd import grad
 from cases import (
     SURFACES,
-    TEMPLATES,
     deformations,
     name_of,
     sphere_template,
@@ -50,33 +48,6 @@ def over(metric, template):
     if isinstance(metric, (AreaMetric, RotationMetric)):
         return type(metric)(space, metric.time)
     return SRNFMetric(space)
-
-
-# Values.
-
-
-@pytest.mark.parametrize("name", ["open", "triangle"])
-def test_distance_from_single_triangles(name):
-    """Equation 5, triangle by triangle, from corner coordinates."""
-    template = TEMPLATES[name]()
-    a, lam, c = 0.7, 0.4, 0.3
-    f1, f2 = surfaces(template, 2)
-    expected = 0.0
-    for area, corners in zip(template.face_areas, template.faces, strict=True):
-        p = template.vertices[corners]
-        first = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
-        second = p[2] - p[0] - np.dot(p[2] - p[0], first) * first
-        frame = np.stack([first, second / np.linalg.norm(second)], axis=1)
-        g, n = [], []
-        for q in (f1[corners], f2[corners]):
-            columns = np.linalg.solve((p[1:] - p[0]) @ frame, q[1:] - q[0])
-            g.append(columns @ columns.T)
-            n.append(np.cross(q[1] - q[0], q[2] - q[0]))
-        expected += area * (
-            a * float(oracles.exact_squared_dist(*g, lam)) + c * float(oracles.exact_arc(*n)) ** 2
-        )
-    metric = ElasticMetric(AlignedSurfaces(template), a, lam, c)
-    np.testing.assert_allclose(metric.squared_dist(f1, f2), expected, rtol=1e-10)
 
 
 # Invariances.

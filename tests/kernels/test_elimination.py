@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from block_patterns import KINDS, couplings
 from scipy import linalg, sparse
 
 from riemhuman.kernels.elimination import (
@@ -15,14 +14,37 @@ from riemhuman.kernels.elimination import (
 )
 
 
+def arrow(tip):
+    coupled = np.eye(7, dtype=bool)
+    coupled[tip] = coupled[:, tip] = True
+    return coupled
+
+
+def scattered():
+    coupled = np.random.default_rng(3).random((40, 40)) < 0.04
+    return coupled | coupled.T | np.eye(40, dtype=bool)
+
+
+# Which blocks of a matrix are not 0.
+COUPLINGS = {
+    "one block": np.eye(1, dtype=bool),
+    "diagonal": np.eye(5, dtype=bool),
+    "dense": np.ones((6, 6), dtype=bool),
+    "chain": np.abs(np.subtract.outer(range(9), range(9))) <= 1,
+    "arrow at the first": arrow(0),
+    "arrow at the last": arrow(6),
+    "random": scattered(),
+}
+
+
 def pattern_of(coupled):
     return elimination_of(sparse.bsr_array(np.kron(coupled, np.ones((3, 3))), blocksize=(3, 3)))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COUPLINGS)
 def test_filled_blocks_are_those_of_a_dense_factor(kind):
     """No entries cancel where all beside the diagonal are negative."""
-    coupled = couplings(kind)
+    coupled = COUPLINGS[kind]
     found = pattern_of(coupled)
     n = len(coupled)
     dense = np.where(coupled, -1.0, 0.0) + 2.0 * n * np.eye(n)
@@ -35,12 +57,12 @@ def test_filled_blocks_are_those_of_a_dense_factor(kind):
 
 def test_arrows_are_eliminated_from_their_ends():
     """The tip last, or nothing would stay empty."""
-    found = pattern_of(couplings("arrow at the first"))
+    found = pattern_of(COUPLINGS["arrow at the first"])
     assert len(found.rows) == 2 * 7 - 1
 
 
 def test_patterns_are_kept():
-    assert pattern_of(couplings("chain")) is pattern_of(couplings("chain"))
+    assert pattern_of(COUPLINGS["chain"]) is pattern_of(COUPLINGS["chain"])
 
 
 def positive_definite(coupled):
@@ -69,9 +91,9 @@ def ordered(dense, found):
     return dense[np.ix_(order, order)]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COUPLINGS)
 def test_factors_are_those_of_dense_matrices(kind):
-    dense = positive_definite(couplings(kind))
+    dense = positive_definite(COUPLINGS[kind])
     found, lower, pivots = factored(dense)
     expected = linalg.cholesky(ordered(dense, found), lower=True)
     n = len(pivots)
@@ -82,10 +104,10 @@ def test_factors_are_those_of_dense_matrices(kind):
 
 
 @pytest.mark.parametrize("n_sides", [1, 4, WIDTH])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COUPLINGS)
 def test_right_sides(kind, n_sides):
     """Both triangles one after the other, the pivots between them, are the inverse."""
-    dense = positive_definite(couplings(kind))
+    dense = positive_definite(COUPLINGS[kind])
     found, lower, pivots = factored(dense)
     x = np.random.default_rng(0).standard_normal((len(dense), n_sides))
     lanes = (0,) * n_sides if n_sides == WIDTH else None

@@ -121,22 +121,6 @@ def test_files_that_lack_a_field(tmp_path):
         PathResult.load(path)
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class Timed(PathResult):
-    """A user's result."""
-
-    seconds: float = 0.0
-
-
-def test_results_of_a_users_class_are_kept_in_files(tmp_path):
-    path = tmp_path / "result.npz"
-    Timed(np.ones((2, 2)), 0.5, np.ones(1), seconds=3.5, message="m").save(path)
-    found = Timed.load(path)
-    assert (found.seconds, found.energy, found.message) == (3.5, 0.5, "m")
-    with pytest.raises(ArgumentTypeError, match="seconds must hold numbers or text"):
-        Timed(np.ones((2, 2)), 0.5, np.ones(1), seconds=object()).save(path)
-
-
 class Straight:
     """A user's solver, whose results have what the protocol asks for and no more."""
 

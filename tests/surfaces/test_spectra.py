@@ -59,18 +59,6 @@ def test_components_borders_and_unused_vertices():
     np.testing.assert_allclose(border.eigenvalues, exact, rtol=5e-3)
 
 
-@pytest.mark.parametrize("n_copies", [1, 3])
-def test_no_copy_of_a_multiple_eigenvalue_is_missed(n_copies):
-    # Icosahedral symmetry makes multiplets exact, and copies of the mesh multiply them.
-    vertices, faces = sphere(2)
-    points = np.concatenate([vertices + 3 * i for i in range(n_copies)])
-    triangles = np.concatenate([faces + len(vertices) * i for i in range(n_copies)])
-    alone = np.sort(np.repeat(spectrum(vertices, faces, 80).eigenvalues, n_copies))
-    for n in (8, 20):
-        found = spectrum(points, triangles, n).eigenvalues
-        np.testing.assert_allclose(found, alone[:n], rtol=1e-8)
-
-
 def test_meshes_with_flat_triangles_are_refused():
     vertices, faces = sheet(9, 7)
     flat = np.concatenate([faces, [[0, 1, 2]]])  # three vertices of one straight side

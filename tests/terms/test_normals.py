@@ -7,50 +7,13 @@ from autograd import grad
 from numba import njit
 
 from riemhuman.terms import NormalTerm, RotationTerm, normals
-from riemhuman.terms._polynomial_fits import NO, PRECISION, YES
-
-PRECISIONS = {"single": np.float32, "double": np.float64}
-each_precision = pytest.mark.parametrize("precision", PRECISIONS)
+from riemhuman.terms._polynomial_fits import NO, YES
 
 
 @njit
 def pair(a, b, either_sign, double):
     """Return the result for vectors of R⁴, given as tuples."""
     return normals.arc_pair(a, b, either_sign, double)
-
-
-def squared_angle(a, b):
-    """Return the squared angle between vectors of R³."""
-    zero = a.dtype.type(0.0)
-    return pair((*a, zero), (*b, zero), NO, PRECISION[a.dtype])[0]
-
-
-@each_precision
-def test_squared_angles_of_unit_vectors(precision):
-    """At angles of all sizes, near 0, π/2 and π too."""
-    real = PRECISIONS[precision]
-    rounding = float(np.finfo(real).eps)
-    rng = np.random.default_rng(0)
-    first = rng.standard_normal((4000, 3))
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    across = np.cross(first, rng.standard_normal((4000, 3)))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    small = np.logspace(-3, -1, 1000)
-    angles = [rng.uniform(0, np.pi, 1000), small, np.pi / 2 + small - 0.05, np.pi - small]
-    angles = np.concatenate(angles)[:, None]
-    second = (np.cos(angles) * first + np.sin(angles) * across).astype(real)
-    first = first.astype(real)
-    found = [squared_angle(a, b) for a, b in zip(first, second, strict=True)]
-    a, b = first.astype(np.longdouble), second.astype(np.longdouble)
-    a, b = (v / np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b))
-    gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
-    expected = (2 * np.arctan2(gap, total)).astype(np.float64)
-    # Lengths of vectors are 1 up to rounding.
-    assert np.abs(np.sqrt(found) - expected).max() < 4 * rounding
-    n = np.array([0.6, -0.48, 0.64], dtype=real)
-    assert squared_angle(n, n) == 0.0
-    opposite = squared_angle(n, -n)
-    assert opposite == pytest.approx(np.pi**2, rel=2 * rounding)
 
 
 def pairs_at(angle, n_components):
