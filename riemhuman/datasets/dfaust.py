@@ -14,7 +14,6 @@ import numpy as np
 from riemhuman.arrays import Array, Triangles
 from riemhuman.checks import integer_array
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.arrays import memory_limit, memory_size
 from riemhuman.io.files import check_file, file_path, format_errors
 from riemhuman.io.kinds_of_files import BY_MAP, YES, FileKind, reads
 from riemhuman.io.mesh_arrays import face_difference, read_only
@@ -198,27 +197,11 @@ def _shapes(file: Path, keys: Sequence[str]) -> dict[str, tuple[int, ...]]:
     shapes = {}
     with _open(file) as contents:
         for key in keys:
-            data = _stored(contents, key, file)
+            data = contents[key]
             if getattr(data, "dtype", np.dtype(object)).kind not in "fiu":
                 raise FileFormatError(f"{key} of {file} does not hold numbers")
             shapes[key] = tuple(data.shape or ())
     return shapes
-
-
-def _stored(contents: h5py.Group, key: str, file: Path) -> h5py.Dataset | h5py.Group:
-    """Return the content of a file under a key, unless it is much larger than its storage."""
-    h5py = import_optional("h5py", "data")
-    if isinstance(contents.get(key, getlink=True), h5py.HardLink):
-        data = contents[key]
-        if not isinstance(data, h5py.Dataset):
-            return data
-        limit = memory_limit(data.id.get_storage_size())
-        # HDF5 unpacks a whole chunk to read a part of it, even if it is larger than the data.
-        shapes = [shape for shape in (data.shape, data.chunks) if shape is not None]
-        fits = all(memory_size(shape, data.dtype) <= limit for shape in shapes)
-        if fits and not data.external and not data.is_virtual:
-            return data
-    raise FileFormatError(f"{key} of {file} lies outside the file, or is larger than it can hold")
 
 
 @contextmanager
@@ -235,7 +218,7 @@ def _read_faces(contents: h5py.Group, names: Sequence[str], file: Path) -> Trian
             f"{file} holds no dataset {_FACES!r} of triangles; found "
             f"{join_names(sorted(names)) or 'nothing'}"
         )
-    faces = integer_array(_stored(contents, _FACES, file), f"{_FACES} of {file}", ("n_faces", 3))
+    faces = integer_array(contents[_FACES], f"{_FACES} of {file}", ("n_faces", 3))
     if faces.min(initial=0) < 0 or not faces.size:
         raise FileFormatError(f"{_FACES} of {file} must be vertex indices, counted from 0")
     return read_only(faces)

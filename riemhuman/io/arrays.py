@@ -1,19 +1,13 @@
-"""Named arrays in .npz files and single arrays in .npy files, without pickled objects.
-
-The size that a file declares for an array is compared with the size of its data before any memory
-is allocated.
-"""
+"""Named arrays in .npz files and single arrays in .npy files, without pickled objects."""
 
 from __future__ import annotations
 
-import io
-import math
 import os
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields
-from typing import IO, TYPE_CHECKING, Any, Literal, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
@@ -29,15 +23,7 @@ if TYPE_CHECKING:
 StoredField: TypeAlias = Any  # type: ignore[explicit-any]  # of the type that its field has
 """An array, a number or a text."""
 
-# Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
-_LARGEST_COMPRESSION = 64
-_ALLOWANCE = 2**27
-# Bytes of memory for an entry: a number in double precision, or the overhead of a Python string.
-_BYTES_OF_NUMBER = 8
-_BYTES_OF_STRING = 64
 _SUFFIX = ".npy"
-_LONGEST_HEADER = 2**16
-_LAST_CHARACTER = 0x10FFFF
 
 
 @checked(arrays=instance(Mapping, "a mapping of names to arrays"), compressed=flag)
@@ -124,21 +110,19 @@ def load_arrays(
     ['arms']
     """
     arrays = {}
-    with _open_archive(path) as (archive, members, limit):
+    with _open_archive(path) as (archive, members):
         names = members if optional is None else [*required, *optional]
         check_fields(members, required)
         for name, member in members.items():
             if name in names:
-                limit -= memory_size(*_header(archive, member, limit))
                 with archive.open(member) as stream:
                     arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
-                check_characters(arrays[name])
     return arrays
 
 
 def array_names(path: str | os.PathLike[str]) -> list[str]:
     """Return the names of all arrays of an .npz file."""
-    with _open_archive(path) as (_, members, _):
+    with _open_archive(path) as (_, members):
         return list(members)
 
 
@@ -146,8 +130,19 @@ def array_headers(
     path: str | os.PathLike[str], names: Sequence[str]
 ) -> dict[str, tuple[tuple[int, ...], DType]]:
     """Return shapes and types of those arrays of an .npz file that are there, without data."""
-    with _open_archive(path) as (archive, members, limit):
-        return {name: _header(archive, members[name], limit) for name in names if name in members}
+    headers = {}
+    with _open_archive(path) as (archive, members):
+        for name in members.keys() & set(names):
+            with archive.open(members[name]) as stream:
+                is_old = np.lib.format.read_magic(stream) == (1, 0)
+                read = (
+                    np.lib.format.read_array_header_1_0
+                    if is_old
+                    else np.lib.format.read_array_header_2_0
+                )
+                shape, _, dtype = read(stream)
+                headers[name] = shape, dtype
+    return headers
 
 
 def check_fields(fields: Iterable[str], required: Iterable[str]) -> None:
@@ -161,10 +156,10 @@ def check_fields(fields: Iterable[str], required: Iterable[str]) -> None:
 @contextmanager
 def _open_archive(
     path: str | os.PathLike[str],
-) -> Iterator[tuple[zipfile.ZipFile, dict[str, zipfile.ZipInfo], int]]:
-    """Open an .npz file; yield it, its members by name, and the memory that they may take."""
+) -> Iterator[tuple[zipfile.ZipFile, dict[str, zipfile.ZipInfo]]]:
+    """Open an .npz file; yield it and its members by name."""
     file = file_path(path)
-    limit = memory_limit(check_file(file))
+    check_file(file)
     with (
         format_errors(file, "an .npz archive of plain arrays"),
         zipfile.ZipFile(file) as archive,
@@ -174,20 +169,7 @@ def _open_archive(
             for member in archive.infolist()
             if member.filename.endswith(_SUFFIX)
         }
-        yield archive, members, limit
-
-
-def _header(
-    archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int
-) -> tuple[tuple[int, ...], DType]:
-    """Return the shape and type of an array that takes at most `limit` bytes of memory."""
-    with archive.open(member) as stream:
-        shape, dtype = _read_header(stream, member.file_size)
-    if memory_size(shape, dtype) > limit:
-        raise FileFormatError(
-            "its arrays would take far more memory than a file of this size should"
-        )
-    return shape, dtype
+        yield archive, members
 
 
 @overload
@@ -210,51 +192,7 @@ def load_array(path: str | os.PathLike[str], *, mode: Literal["r", "r+"] | None 
     array([1.68, 1.81])
     """
     file = file_path(path)
-    size = check_file(file)
+    check_file(file)
     with format_errors(file, "an .npy file of a plain array"):
-        with file.open("rb") as stream:
-            _read_header(stream, size)
         array: Values = np.load(file, mmap_mode=mode, allow_pickle=False)
-        check_characters(array)
         return array
-
-
-def memory_limit(size: int) -> int:
-    """Return how many bytes of memory the content of a compressed file of `size` bytes may take."""
-    return _ALLOWANCE + _LARGEST_COMPRESSION * size
-
-
-def memory_size(shape: Sequence[int], dtype: DType) -> int:
-    """Return how many bytes an array takes in memory, as double precision or as Python strings."""
-    if dtype.kind in "SU":
-        return math.prod(map(int, shape)) * (dtype.itemsize + _BYTES_OF_STRING)
-    return math.prod(map(int, shape)) * max(dtype.itemsize, _BYTES_OF_NUMBER)
-
-
-def check_characters(array: Values) -> None:
-    """Raise an error if an array of text has code points beyond Unicode, which crash Python."""
-    if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
-        return
-    plain = np.ascontiguousarray(array).reshape(-1)
-    codes = plain.view(np.dtype(np.uint32).newbyteorder(array.dtype.byteorder))
-    if codes.max() > _LAST_CHARACTER:
-        raise FileFormatError(
-            f"its text contains invalid characters, such as code {codes.max():#x}"
-        )
-
-
-def _read_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], DType]:
-    """Return the shape and type of an array; check them against the size of its file."""
-    start = io.BytesIO(stream.read(_LONGEST_HEADER))  # which may claim any length
-    is_old = np.lib.format.read_magic(start) == (1, 0)
-    read = np.lib.format.read_array_header_1_0 if is_old else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read(start)
-    if dtype.hasobject:
-        raise FileFormatError("it holds Python objects")
-    needed, available = math.prod(shape) * dtype.itemsize, size - start.tell()
-    # Entries of zero bytes need no data, so that a few bytes could declare any number of them.
-    if min(shape, default=0) < 0 or needed != available or math.prod(shape) > size:
-        raise FileFormatError(
-            f"an array of shape {shape} and type {dtype} takes {needed} bytes; found {available}"
-        )
-    return shape, dtype

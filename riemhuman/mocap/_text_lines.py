@@ -6,24 +6,18 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from riemhuman.errors import FileFormatError
-from riemhuman.io.arrays import memory_limit
 from riemhuman.io.files import read_bytes, short_message
 
 LARGEST = 1e9
 """Larger numbers are damage."""
-
-# Bytes of the rotation and the translation of a joint in a frame.
-_BYTES_OF_JOINT = 96
 
 
 class TextLines:
     """The lines of a file; each loop goes on where the one before it ended."""
 
     def __init__(self, file: Path) -> None:
-        content = read_bytes(file)
         self.file, self.number = file, 0
-        self._size = len(content)
-        self._lines = iter(content.decode("utf-8-sig", errors="replace").splitlines())
+        self._lines = iter(read_bytes(file).decode("utf-8-sig", errors="replace").splitlines())
 
     def __iter__(self) -> Iterator[str]:
         for line in self._lines:
@@ -48,11 +42,3 @@ class TextLines:
             start = f"{what} every" if what else "every"
             raise self.error(f"{start} number must be finite, and below {LARGEST:g}")
         return numbers
-
-    def check_memory(self, n_frames: int, n_joints: int) -> None:
-        """Refuse joints over time that would take far more memory than the file does."""
-        if _BYTES_OF_JOINT * n_frames * n_joints > memory_limit(self._size):
-            raise FileFormatError(
-                f"{self.file}: {n_joints} joints in {n_frames} frames would take far more memory "
-                "than a file of this size should"
-            )

@@ -274,7 +274,6 @@ def _read_frames(lines: _Lines, skeleton: _Skeleton) -> dict[str, Array]:
     if not n_frames:
         raise FileFormatError(f"{lines.file}: the file holds no frames")
     _check_complete(lines, n_frames, missing)
-    lines.check_memory(n_frames, 2 * len(skeleton.bones))  # with the ends of bones
     values_of_bones = {
         name: np.array(column).reshape(n_frames, widths[name]) for name, column in values.items()
     }

@@ -65,7 +65,6 @@ def load_bvh(
             )
         frame_time = 1.0 / frames_per_second
     with format_errors(file, "a BVH recording"):
-        lines.check_memory(len(values), len(joints))
         offsets = np.array([joint.offset for joint in joints])
         rotations = np.empty((len(values), len(joints), 3, 3))
         translations = np.tile(offsets, (len(values), 1, 1))

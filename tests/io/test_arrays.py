@@ -57,5 +57,5 @@ def test_refusals(tmp_path):
 def test_only_the_fields_asked_for_are_read(tmp_path):
     np.savez(tmp_path / "x.npz", pickled=np.array([{}], dtype=object), **ARRAYS)
     assert load_arrays(tmp_path / "x.npz", ["a"], ["b", "c"]).keys() == {"a", "b"}
-    with pytest.raises(FileFormatError, match="Python objects|plain arrays"):
+    with pytest.raises(FileFormatError, match="plain arrays"):
         load_arrays(tmp_path / "x.npz", ["pickled"])

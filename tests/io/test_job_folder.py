@@ -65,7 +65,7 @@ def test_a_damaged_manifest(job, text):
 def test_damaged_tables(job):
     file = job.path / "D.npy"
     file.write_bytes(file.read_bytes()[:-8])
-    with pytest.raises(FileFormatError, match=r"D\.npy: an array of shape"):
+    with pytest.raises(FileFormatError, match=r"D\.npy: damaged"):
         job.read("D.npy")
 
 

@@ -237,7 +237,7 @@ WRONG = {
         "mocap_framerate must be at most 1e\\+09",
     ),
     "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),
-    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "Python objects"),
+    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "Object arrays"),
 }
 
 

@@ -1,12 +1,10 @@
 """Every reader of the library with a small valid file."""
 
-import contextlib
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from unittest import mock
 
 import h5py
 import numpy as np
@@ -16,8 +14,6 @@ from model_pickles import smpl_fields, smpl_model, smpl_pickle
 import riemhuman as rh
 from riemhuman.bodies import BodyModel, convert_model
 from riemhuman.datasets import load_amass, load_dfaust
-from riemhuman.io.job_folder import JobFolder
-from riemhuman.retrieval import pairwise_job
 
 
 @dataclass(frozen=True)
@@ -44,11 +40,6 @@ def template():
 def surfaces(n_surfaces):
     noise = np.random.default_rng(2).uniform(-0.2, 0.2, (n_surfaces, 6, 3))
     return template().vertices + noise
-
-
-@cache
-def metric():
-    return rh.ElasticMetric(rh.AlignedSurfaces(template(), equip=False), a=1.0, lam=0.1, c=0.5)
 
 
 def written(name, write):
@@ -151,30 +142,6 @@ def read_amass(folder):
     return motion.betas, motion[:10]
 
 
-class _StoppedError(Exception):
-    pass
-
-
-def job_files():
-    """Return the folder of a job that is all but done."""
-    folder = Path("job")
-    stop = mock.patch.object(JobFolder, "rename", side_effect=_StoppedError)
-    with stop, contextlib.suppress(_StoppedError):
-        pairwise_job(metric(), surfaces(4), folder)
-    (folder / "job.lock").unlink(missing_ok=True)
-    files = {str(file): file.read_bytes() for file in sorted(folder.iterdir())}
-    for file in files:
-        Path(file).unlink()
-    folder.rmdir()
-    return files
-
-
-def read_job(folder):
-    distances = pairwise_job(metric(), surfaces(4), folder / "job")
-    assert (distances.shape, distances.dtype) == ((4, 4), np.float64)
-    return []  # entries may be any numbers
-
-
 READERS = {
     "ply text": mesh_reader(lambda: ply("ascii")),
     "ply binary": mesh_reader(lambda: ply("binary_little_endian")),
@@ -186,5 +153,4 @@ READERS = {
     "model pickle": Reader(model_pickle, read_model),
     "dynamic faust": Reader(hdf5_file, read_hdf5),
     "amass": Reader(amass_file, read_amass, ARCHIVES),
-    "job": Reader(job_files, read_job),
 }

@@ -80,14 +80,6 @@ def archive(arrays, compressed=False):
     return stream.getvalue()
 
 
-def array_header(shape, descr="<f8"):
-    """Return the header alone of an .npy file."""
-    stream = io.BytesIO()
-    header = {"descr": descr, "fortran_order": False, "shape": tuple(shape)}
-    np.lib.format.write_array_header_2_0(stream, header)
-    return stream.getvalue()
-
-
 def change_array(rng, array):
     """Return an array that is not what was there: of other numbers, shape or type."""
     if rng.integers(3) == 0 and array.dtype.kind in "fiu" and array.size:
