@@ -22,6 +22,7 @@ import nbformat
 from sphinx.cmd.build import main as sphinx
 
 import riemhuman as rh
+from riemhuman.plots.viewer import viewer_script
 
 SOURCES = Path(__file__).parent
 WEB = Path(rh.plots.__file__).parent / "web"
@@ -37,7 +38,7 @@ def main(target: Path) -> int:
         shutil.copy(SOURCES / "conf.py", source)
         for name in ("three.min.js", "three.LICENSE", "viewer.css"):
             shutil.copy(WEB / name, source / "_static" / name)
-        script = rh.plots.viewer.viewer_script()
+        script = viewer_script()
         (source / "_static" / "viewer.js").write_text(script, encoding="utf-8")
         notebooks = sorted(source.glob("*.ipynb"), key=lambda path: int(path.stem.split("_")[0]))
         (source / "gallery.md").write_text(gallery(notebooks), encoding="utf-8")

@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw
 
 import riemhuman as rh
 from riemhuman.plots.windows import window_around
+from riemhuman.report.printing import find_browser
 
 matplotlib.use("agg")
 
@@ -258,7 +259,7 @@ def sheet() -> None:
     scan = rh.registration.simulated_scan(body, model.faces, rng=3, **settings)
     result = rh.registration.ScanRegistration(model).solve((scan.points, scan.faces))
     anna = rh.report.sheet(result, name="Anna", sex="woman")
-    browser = rh.report.printing.find_browser()
+    browser = find_browser()
     if browser is None:
         print("sheet.png is left as it is: no Chromium was found")
         return

@@ -105,7 +105,9 @@ def _mean(options: argparse.Namespace) -> cli.Answer:
     rh.save_mesh(options.output, result.point, surfaces.faces)
     if options.picture is not None:
         names = [*(file.stem for file in surfaces.files), "Karcher mean"]
-        colors = [*([rh.plots.figures.SKIN] * len(points)), rh.plots.figures.MEAN]
+        from riemhuman.plots.figures import MEAN, SKIN
+
+        colors = [*([SKIN] * len(points)), MEAN]
         bodies, title = [*points, result.point], "Meshes and their mean"
         viewer = rh.plots.view_bodies(bodies, surfaces.faces, names, colors=colors, title=title)
         viewer.save(options.picture)

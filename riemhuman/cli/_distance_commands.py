@@ -418,6 +418,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
     import numpy as np
 
     from riemhuman.io.label_tables import without_ending
+    from riemhuman.plots import figures
 
     distances, names, labels = _read_matrix(options)
     items, class_names = np.zeros(len(names), dtype=int), None
@@ -443,7 +444,7 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
         return cli.Answer(record, record)
     if not labels:  # names of files stand beside their points; one body would not show a class
         meshes = None
-    with rh.plots.figure_style():
+    with figures.figure_style():
         ax = rh.plots.plot_embedding(
             positions,
             items,
@@ -452,10 +453,10 @@ def _plot(options: argparse.Namespace) -> cli.Answer:
             points=None if meshes is None else meshes[:],
             faces=None if meshes is None else meshes.faces,
             unit=unit,
-            ax=rh.plots.figures.new_figure(6.0, 5.0).subplots(),
+            ax=figures.new_figure(6.0, 5.0).subplots(),
         )
         ax.set_xlabel(scale)
-        rh.plots.figures.save_figure(ax.figure, options.output)
+        figures.save_figure(ax.figure, options.output)
     return cli.Answer(record, record)
 
 
@@ -463,7 +464,9 @@ def _meaning(
     distances: Array, positions: Array, method: str
 ) -> tuple[str, str | None, dict[str, object]]:
     """Return what distances on a map mean in two lines, their unit, if any, and both in numbers."""
-    kept, count, by_chance = rh.plots.maps.neighbours_kept(distances, positions)
+    from riemhuman.plots import maps
+
+    kept, count, by_chance = maps.neighbours_kept(distances, positions)
     facts: dict[str, object] = {"stress": None, "neighbours_kept": kept}
     neighbours = f"Of the {count} bodies nearest to each, the map keeps {100 * kept:.0f} %."
     if method != "mds":
@@ -471,8 +474,8 @@ def _meaning(
         return f"{scale}\n{neighbours}", None, facts
     stress = rh.plots.stress(distances, positions)
     facts |= {"stress": stress, "fit": rh.plots.describe_stress(stress)}
-    least_kept = by_chance + rh.plots.maps.LEAST_KEPT * (1 - by_chance)
-    if stress > rh.plots.maps.LARGEST_STRESS and kept < least_kept:
+    least_kept = by_chance + maps.LEAST_KEPT * (1 - by_chance)
+    if stress > maps.LARGEST_STRESS and kept < least_kept:
         raise ArgumentError(
             f"a plane shows nothing of these distances: they are off by {100 * stress:.0f} %, and "
             f"of the {count} bodies nearest to each, a map keeps {100 * kept:.0f} %, where chance "

@@ -343,7 +343,8 @@ def write_path(
         if ending == ".glb":
             rh.save_glb(file, path, faces, name=title)
         elif ending == ".png":
-            figures = rh.plots.figures
+            from riemhuman.plots import figures
+
             axes = figures.new_figure(12.0, 2.4).subplots()
             strip = rh.plots.plot_path(path, faces, n_shown=_MOST_IN_STRIP, ax=axes)
             figures.save_figure(figures.strip_figure(strip), file)

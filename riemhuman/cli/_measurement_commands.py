@@ -92,8 +92,10 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
         measured = measurements.measure(points, axes=axes, missing="nan", trusted_vertices=trusted)
         measured = _without_hidden(measured, visits, definitions)
     if options.picture is not None:
+        from riemhuman.plots import figures
+
         drawn = [name for name in measured.names if (0, name) not in measured.why_missing]
-        with rh.plots.figure_style():
+        with figures.figure_style():
             figure = rh.plots.plot_measurements(
                 rh.measurements.Measurements(definitions, drawn or measured.names),
                 points[0],
@@ -102,7 +104,7 @@ def _measure(options: argparse.Namespace) -> cli.Answer:
                 system=options.output_units,
                 trusted_vertices=trusted[0],
             )
-            rh.plots.figures.save_figure(figure, options.picture)
+            figures.save_figure(figure, options.picture)
     names, units = measured.names, dict(zip(measured.names, measured.units, strict=True))
     rows = [[str(f), *v] for f, v in zip(files, measured.values.tolist(), strict=True)]
     if options.output is not None:
@@ -123,8 +125,12 @@ def _without_hidden(
     measured: BodySizes, visits: Sequence[Sequence[Path]], definitions: MeasurementSet
 ) -> BodySizes:
     """Return measurements without those at a crotch that the registered scans do not show."""
-    from riemhuman.report.registered_scans import record_beside
-    from riemhuman.report.sheet_values import CROTCH, SheetSubject, is_crotch_hidden
+    from riemhuman.report.sheet_values import (
+        CROTCH,
+        SheetSubject,
+        is_crotch_hidden,
+        record_beside,
+    )
 
     values, why_missing = measured.values.copy(), dict(measured.why_missing)
     records_of_folders: dict[Path, dict[str, rh.registration.ScanRecord]] = {}
@@ -305,15 +311,17 @@ def _view_differences(
     options: argparse.Namespace,
 ) -> None:
     """Write the page, or a picture, of where two bodies differ."""
+    from riemhuman.plots import figures
+
     settings: JSONRecord = {"names": (files[0].stem, files[1].stem), "measurements": measurements}
     settings["system"] = options.output_units
     with options.task("Page"):
         if options.view.suffix.lower() == ".html":
             rh.plots.view_difference(result, **settings).save(options.view)
             return
-        with rh.plots.figure_style():
+        with figures.figure_style():
             figure = rh.plots.plot_difference(result, **settings)
-            rh.plots.figures.save_figure(figure, options.view)
+            figures.save_figure(figure, options.view)
 
 
 @cli.command(

@@ -91,10 +91,13 @@ def _register(options: argparse.Namespace) -> cli.Answer:
     options.written.append(options.output)
     registration = _chosen_registration(options, clothed=options.clothed)
     if options.sheet:
+        from riemhuman.report.printing import find_browser
+        from riemhuman.report.sheets import a_stature
+
         rh.measurements.Measurements(registration.model)  # an error before the work
         if options.stature is not None:
-            rh.report.sheets.a_stature(options.stature, "--stature")
-        if not is_folder and rh.report.printing.find_browser() is None:
+            a_stature(options.stature, "--stature")
+        if not is_folder and find_browser() is None:
             terminal.note("no PDF is written: Chromium, Chrome and Edge are missing")
     if is_folder:
         return _register_folder(registration, options)
@@ -167,7 +170,9 @@ def _sheet_files(options: argparse.Namespace) -> list[Path]:
     """Return where the sheet of one scan is written."""
     if not options.sheet:
         return []
-    endings = (".html", ".pdf") if rh.report.printing.find_browser() else (".html",)
+    from riemhuman.report.printing import find_browser
+
+    endings = (".html", ".pdf") if find_browser() else (".html",)
     return [options.output.with_suffix(end) for end in endings]
 
 
@@ -289,10 +294,12 @@ def _match(options: argparse.Namespace) -> cli.Answer:
     places = matched.points * UNITS[second.scan.unit]
     write_text(options.output, csv_text([_HEADER, *_rows(matched, places)]))
     if options.picture is not None:
+        from riemhuman.plots import figures
+
         names = options.scan_a.stem, options.scan_b.stem
-        with rh.plots.figure_style():
+        with figures.figure_style():
             figure = rh.plots.plot_match(first, second, names)
-            rh.plots.figures.save_figure(figure, options.picture)
+            figures.save_figure(figure, options.picture)
     share = float(np.mean(matched.seen))
     record = {"a": options.scan_a, "b": options.scan_b, "n_vertices": len(matched), "placed": share}
     record["picture"] = options.picture

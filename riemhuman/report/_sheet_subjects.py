@@ -18,8 +18,7 @@ from riemhuman.io.meshes import load_trusted
 from riemhuman.measurements.adults import check_values
 from riemhuman.registration import ScanRecord, read_records
 from riemhuman.registration.folders import RECORDS
-from riemhuman.report.registered_scans import record_beside
-from riemhuman.report.sheet_values import SheetSubject
+from riemhuman.report.sheet_values import SheetSubject, record_beside
 from riemhuman.representation import join_names
 
 _SEXES = {

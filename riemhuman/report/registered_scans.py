@@ -20,7 +20,6 @@ from riemhuman.plots.scan_views import colour_end, scan_pictures, view_scan
 from riemhuman.plots.viewer import web_file
 from riemhuman.readable_units import READABLE_UNITS, ReadableUnit, gap_unit
 from riemhuman.registration import ScanRecord, lay_over_body, read_records
-from riemhuman.registration.folders import RECORDS
 from riemhuman.report._page import Image, Section, fill, page
 
 _HEIGHT = 300  # pixels
@@ -98,23 +97,6 @@ def scan_section(
         limit=f"{limit:g} {unit.name}",
     )
     return Section("scans", "Scans and their bodies", "Scans", html)
-
-
-def record_beside(
-    file: Path, records_of_folders: dict[Path, dict[str, ScanRecord]]
-) -> ScanRecord | None:
-    """Return the record of the registered scan in a file, if `register` kept one.
-
-    Records that are read are added to those of folders.
-    """
-    for folder in (file.parent, file.parent.parent):
-        if (folder / RECORDS / f"{file.stem}.npz").is_file():
-            if folder not in records_of_folders:
-                records = {record.name: record for record in read_records(folder)}
-                records_of_folders[folder] = records
-            record = records_of_folders[folder][file.stem]
-            return record if record.arrays else None
-    return None
 
 
 def badge_of(trusted: bool, limited: bool) -> tuple[str, str]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -34,7 +35,8 @@ from riemhuman.measurements.populations import (
     spread_of_adults,
 )
 from riemhuman.measurements.uncertainty import pose_distance_of_visits
-from riemhuman.registration import ScanRecord
+from riemhuman.registration import ScanRecord, read_records
+from riemhuman.registration.folders import RECORDS
 from riemhuman.registration.registered_scans import apply_transform
 from riemhuman.report._everyday_names import KEY_GROUPS, everyday_name
 
@@ -257,6 +259,23 @@ class SheetValues:
             for group, names in KEY_GROUPS.items()
         }
         return {group: rows for group, rows in groups.items() if rows}
+
+
+def record_beside(
+    file: Path, records_of_folders: dict[Path, dict[str, ScanRecord]]
+) -> ScanRecord | None:
+    """Return the record of the registered scan in a file, if `register` kept one.
+
+    Records that are read are added to those of folders.
+    """
+    for folder in (file.parent, file.parent.parent):
+        if (folder / RECORDS / f"{file.stem}.npz").is_file():
+            if folder not in records_of_folders:
+                records = {record.name: record for record in read_records(folder)}
+                records_of_folders[folder] = records
+            record = records_of_folders[folder][file.stem]
+            return record if record.arrays else None
+    return None
 
 
 def values_of(measurements: Measurements, subjects: Sequence[SheetSubject]) -> list[SheetValues]:

@@ -11,6 +11,7 @@ import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import compare_visits
 from riemhuman.plots.difference_views import plot_difference, view_difference
+from riemhuman.plots.figures import value_colors
 
 BODIES = coarse_bodies()
 FACES = BODIES.template.faces
@@ -60,7 +61,7 @@ def test_what_was_not_seen_is_grey(compared):
     some = replace(compared, displacements=unseen)
     viewer = view_difference(some, measurements=MEASUREMENTS)
     assert "The grey 8 % was not seen in both scans" in viewer.description
-    colors = rh.plots.figures.value_colors(1000.0 * unseen, 50.0, signed=True)
+    colors = value_colors(1000.0 * unseen, 50.0, signed=True)
     assert np.ptp(colors[:100], axis=0).max() == 0
     assert np.ptp(colors[0]) < 0.1
 
