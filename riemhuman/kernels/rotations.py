@@ -245,8 +245,12 @@ def nearest_rotations(matrices: Array) -> Array:
     """
     matrices = onp.asarray(matrices, dtype=onp.float64)
     flat = onp.ascontiguousarray(matrices.reshape(-1, 3, 3))
-    nearest, near = onp.empty(flat.shape), onp.empty(len(flat), dtype=bool)
-    _by_newton(flat, nearest, onp.empty((3, 3)), near)
+    # A rotation has squares 3 and determinant 1; nearer to a singular matrix the limit loses digits
+    # and may be another rotation. Where squares are small, so are determinants.
+    squares = onp.einsum("tij,tij->t", flat, flat)
+    nearest, near = flat.copy(), (squares > 1.0) & (squares < 6.0)
+    if near.any():  # not of covariances in metres: compilation takes longer than a fit
+        _by_newton(nearest, onp.empty((3, 3)), near)
     left, _, right = onp.linalg.svd(flat[~near])
     left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]
     nearest[~near] = left @ right
@@ -254,15 +258,10 @@ def nearest_rotations(matrices: Array) -> Array:
 
 
 @compiled
-def _by_newton(matrices: Array, nearest: Array, cofactors: Array, near: Array) -> None:
-    """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it."""
+def _by_newton(nearest: Array, cofactors: Array, near: Array) -> None:
+    """Replace matrices that are near enough by their limits of X ← ½ (X + X⁻ᵀ)."""
     # Faster than singular values and as exact (Higham, "Computing the polar decomposition", 1986).
-    for t in range(len(matrices)):
-        squares = 0.0
-        for i in range(3):
-            for j in range(3):
-                nearest[t, i, j] = matrices[t, i, j]
-                squares += matrices[t, i, j] ** 2
+    for t in range(len(nearest)):
         for step in range(11):
             determinant = 0.0
             for i in range(3):
@@ -274,10 +273,7 @@ def _by_newton(matrices: Array, nearest: Array, cofactors: Array, near: Array) -
                     )
             for j in range(3):
                 determinant += nearest[t, 0, j] * cofactors[0, j]
-            if step == 0:
-                # A rotation has squares 3 and determinant 1; nearer to a singular matrix the limit
-                # loses digits, and may be another rotation.
-                near[t] = squares < 6.0 and determinant > 0.2
+            near[t] = near[t] and (step > 0 or determinant > 0.2)
             if not near[t]:
                 break
             largest = 0.0
