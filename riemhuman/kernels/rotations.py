@@ -198,34 +198,22 @@ def exp(omega: Array, r: Array) -> Array:
 def shortest_rotations(start: Array, end: Array) -> Array:
     """Return the shortest rotations between unit vectors, shape (..., 3, 3)."""
     start, end = onp.broadcast_arrays(start, end)
-    rotations = onp.empty((*start.shape, 3))
-    first, second = (onp.ascontiguousarray(vectors).reshape(-1, 3) for vectors in (start, end))
-    _fill_shortest(first, second, rotations.reshape(-1, 3, 3))
+    a, b, c = onp.moveaxis(start, -1, 0)
+    p, q, r = onp.moveaxis(end, -1, 0)
+    # Between opposite vectors it is half a turn about any axis across them.
+    x = b * r - c * q + 1e-14 * (0.8 * b - 0.48 * c)
+    y = c * p - a * r + 1e-14 * (0.36 * c - 0.8 * a)
+    z = a * q - b * p + 1e-14 * (0.48 * a - 0.36 * b)
+    w = 1.0 + a * p + b * q + c * r
+    length = onp.sqrt(x * x + y * y + z * z + w * w)
+    x, y, z, w = x / length, y / length, z / length, w / length
+    entries = [
+        *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        *(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    ]
+    rotations: Array = onp.stack(entries, axis=-1).reshape(*start.shape, 3)
     return rotations
-
-
-@compiled
-def _fill_shortest(start: Array, end: Array, rotations: Array) -> None:
-    """Fill the shortest rotations between unit vectors, shape (n, 3)."""
-    for t in range(len(start)):
-        a, b, c = start[t, 0], start[t, 1], start[t, 2]
-        p, q, r = end[t, 0], end[t, 1], end[t, 2]
-        # Between opposite vectors it is half a turn about any axis across them.
-        x = b * r - c * q + 1e-14 * (0.8 * b - 0.48 * c)
-        y = c * p - a * r + 1e-14 * (0.36 * c - 0.8 * a)
-        z = a * q - b * p + 1e-14 * (0.48 * a - 0.36 * b)
-        w = 1.0 + a * p + b * q + c * r
-        length = math.sqrt(x * x + y * y + z * z + w * w)
-        x, y, z, w = x / length, y / length, z / length, w / length
-        rotations[t, 0, 0] = 1.0 - 2.0 * (y * y + z * z)
-        rotations[t, 0, 1] = 2.0 * (x * y - w * z)
-        rotations[t, 0, 2] = 2.0 * (x * z + w * y)
-        rotations[t, 1, 0] = 2.0 * (x * y + w * z)
-        rotations[t, 1, 1] = 1.0 - 2.0 * (x * x + z * z)
-        rotations[t, 1, 2] = 2.0 * (y * z - w * x)
-        rotations[t, 2, 0] = 2.0 * (x * z - w * y)
-        rotations[t, 2, 1] = 2.0 * (y * z + w * x)
-        rotations[t, 2, 2] = 1.0 - 2.0 * (x * x + y * y)
 
 
 def parallel_transport(vector: TangentVectors, omega: Array) -> Array:
