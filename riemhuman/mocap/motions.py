@@ -286,6 +286,10 @@ _each_motion = each(instance(Motion), "a list of motions")
 class Motions(tuple[M, ...]):
     """A tuple of motions with a one-line representation.
 
+    Parameters
+    ----------
+    motions : iterable of Motion
+
     Examples
     --------
     >>> rh.datasets.load_open_motions("coarse", sequences=["knees", "hips"])
