@@ -253,7 +253,9 @@ def _array(value: Unpickled) -> Values | sparse.coo_array:
     """Return numbers or texts of any kind as an array."""
     array = value.array() if isinstance(value, _Record) else np.asarray(value)
     if array.dtype.kind not in "biufSU":
-        raise FileFormatError(f"holds {type(value).__name__} in place of an array")
+        raise FileFormatError(
+            f"must hold numbers or texts; found {type(value).__name__} of type {array.dtype}"
+        )
     return array
 
 
@@ -264,6 +266,8 @@ def _plain(value: Unpickled) -> Unpickled:
         return {key: item for key, item in pairs if item is not None}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray) and value.dtype.hasobject:
+        return _plain(value.tolist())
     if isinstance(value, (np.ndarray, np.generic, _JoblibArray)):
         return _array(value)
     return value if isinstance(value, (str, int, float)) else None
