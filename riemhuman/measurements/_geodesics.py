@@ -90,10 +90,7 @@ class _EdgePoints:
     places: Array
     faces: Integers  # the two triangles of each point
     inside: sparse.csr_array  # which points are on the edges of each triangle
-    # Pairs of points in one triangle, and their distances.
-    first: Integers
-    second: Integers
-    distances: Array
+    distances: sparse.csr_array  # between points in one triangle
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +141,10 @@ class Mesh:
         inside = sparse.csr_array(
             (np.ones(len(numbers)), (faces.ravel(), numbers)), shape=(len(self.faces), len(places))
         )
-        first, second = sparse.triu(inside.T @ inside, 1).nonzero()
-        distances = np.linalg.norm(places[first] - places[second], axis=1)
-        return _EdgePoints(places, faces, inside, first, second, distances)
+        first, second = (inside.T @ inside).nonzero()
+        lengths = np.linalg.norm(places[first] - places[second], axis=1)
+        distances = sparse.csr_array((lengths, (first, second)), shape=(len(places),) * 2)
+        return _EdgePoints(places, faces, inside, distances)
 
     def strip(self, start: SurfacePoint, end: SurfacePoint) -> Strip:
         """Return the strip of the shortest path through points on edges of the template."""
@@ -165,6 +163,13 @@ class Mesh:
         around = np.flatnonzero(n_shared == np.count_nonzero(weights))
         return around, (self.faces[around][:, :, np.newaxis] == corners) @ weights
 
+    def _near(self, point: SurfacePoint, around: Integers) -> tuple[Integers, Array]:
+        """Return the points on edges of the triangles about a point, and how far they are."""
+        (face, weights), points = point, self._edge_points
+        near = np.unique(points.inside[around].indices)
+        place = weights @ self.vertices[self.faces[face]]
+        return near, np.linalg.norm(points.places[near] - place, axis=1)
+
     def _triangles_between(
         self, start: SurfacePoint, end: SurfacePoint, ends: tuple[AroundPoint, AroundPoint]
     ) -> Integers:
@@ -173,22 +178,19 @@ class Mesh:
         if len(common):
             return common[:1]
         points = self._edge_points
-        # The two ends become nodes after those of the points.
-        n_points = len(points.places)
-        lengths, rows, columns = [points.distances], [points.first], [points.second]
-        for number, (place_on_mesh, around) in enumerate(((start, of_start), (end, of_end))):
-            face, weights = place_on_mesh
-            near = np.unique(points.inside[around].indices)
-            place = weights @ self.vertices[self.faces[face]]
-            lengths.append(np.linalg.norm(points.places[near] - place, axis=1))
-            rows.append(near)
-            columns.append(np.full(len(near), n_points + number))
-        entries = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
-        graph = sparse.csr_array(entries, shape=(n_points + 2, n_points + 2))
-        _, before = dijkstra(graph, directed=False, indices=n_points, return_predecessors=True)
+        (near_start, from_start), (near_end, to_end) = (
+            self._near(point, around) for point, around in ((start, of_start), (end, of_end))
+        )
+        # The start becomes a node after those of the points.
+        n_points, between = len(points.places), points.distances
+        starts = np.append(between.indptr, between.nnz + len(near_start))
+        entries = np.append(between.data, from_start), np.append(between.indices, near_start)
+        graph = sparse.csr_array((*entries, starts), shape=(n_points + 1, n_points + 1))
+        lengths, before = dijkstra(graph, indices=n_points, return_predecessors=True)
+        totals = lengths[near_end] + to_end
         # Back from the end: two points that follow each other are in one triangle.
         strip_from_end: list[int] = []
-        node, there = before[-1], of_end
+        node, there = near_end[totals.argmin()] if np.isfinite(totals.min()) else -1, of_end
         while node >= 0:
             here = points.faces[node] if node < n_points else of_start
             strip_from_end.append(np.intersect1d(here, there)[0])
