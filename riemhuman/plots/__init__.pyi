@@ -3,7 +3,6 @@
 from .body_plots import (
     Contributions as Contributions,
     contributions as contributions,
-    per_area as per_area,
     plot_body as plot_body,
     plot_path as plot_path,
 )
