@@ -265,7 +265,8 @@ HINGE_DEGREES = 60.0
 # than this multiple of that of the nearest arm.
 ARM_MOST_FARTHER = 1.8
 
-# Two arms are different if their surfaces are this far apart on average, metres.
+# Two arms are different if their surfaces are this far apart on average, metres. A part that moves
+# farther when scans share a shape is not where one of them puts it.
 DIFFERENT_METRES = 0.008
 
 # Another arm or hand must be nearer to the scan by this share of the distance.

@@ -16,6 +16,7 @@ from riemhuman.arrays import Array, Booleans
 from riemhuman.registration._constants import (
     DENSE_ALONG,
     DENSE_SCALES,
+    DIFFERENT_METRES,
     LEAST_RELIABLE,
     LIMB_ELSEWHERE,
     MOST_FOREIGN,
@@ -145,13 +146,13 @@ def _share_skin(traces: Sequence[RegistrationTrace], fits: Sequence[ElasticFit])
     skin = sums / weights[:, np.newaxis]
     shown = np.array([trace.verdict.trusted_vertices for trace in traces])
     anywhere = np.asarray(shown.any(axis=0), dtype=bool)
-    return [
-        SharedFit(
-            _leave_model(trace.task, fit.pose, skin),
-            find_borrowed(trace.task.body.parts, shown[k], trace.verdict.matched, anywhere),
-        )
-        for k, (trace, fit) in enumerate(zip(traces, fits, strict=True))
-    ]
+    shared = []
+    for own, trace, fit in zip(shown, traces, fits, strict=True):
+        left = _leave_model(trace.task, fit.pose, skin)
+        moved = np.linalg.norm(left.points - trace.elastic.points, axis=1)
+        parts, matched = trace.task.body.parts, trace.verdict.matched
+        shared.append(SharedFit(left, find_borrowed(parts, own, matched, moved, anywhere)))
+    return shared
 
 
 def _leave_model(task: DenseTask, pose: Pose, skin: Array) -> ElasticFit:
@@ -170,14 +171,18 @@ def _rotations(task: DenseTask, pose: Pose) -> Array:
     return blended[: task.body.model.n_vertices]
 
 
-def find_borrowed(parts: BodyParts, own: Booleans, matched: Booleans, shown: Booleans) -> Booleans:
+def find_borrowed(
+    parts: BodyParts, own: Booleans, matched: Booleans, moved: Array, shown: Booleans
+) -> Booleans:
     """Return which vertices are trusted because other scans show them.
 
-    The scan itself must show where the part is: enough of its vertices are trusted, and none of
-    those that match the scan are in doubt. Fingers move freely, and are never borrowed.
+    The scan itself must show where the part is: enough of its vertices are trusted, none of those
+    that match the scan are in doubt, and most have not moved from where they were without the other
+    scans. Fingers move freely, and are never borrowed.
     """
     doubtful = np.unique(parts.owners[matched & ~own])
-    sure = parts.shares(own) > LIMB_ELSEWHERE
+    stays = parts.shares(moved < DIFFERENT_METRES) > 0.5
+    sure = (parts.shares(own) > LIMB_ELSEWHERE) & stays
     sure[doubtful] = False
     borrowed: Booleans = shown & ~own & sure[parts.owners] & ~parts.on_hands
     return borrowed

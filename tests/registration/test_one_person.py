@@ -91,15 +91,18 @@ def test_a_scan_counts_for_what_it_shows(alone):
 
 def test_only_parts_that_the_scan_shows_without_doubt_borrow(model):
     parts = BodyParts(model)
-    knee, elbow, wrist = (parts.numbers(f"left_{name}")[0] for name in ("knee", "elbow", "wrist"))
+    knee, elbow, wrist, hip = (
+        parts.numbers(f"left_{name}")[0] for name in ("knee", "elbow", "wrist", "hip")
+    )
     everything = np.ones(model.n_vertices, bool)
     own = everything.copy()
-    for joint in (knee, elbow, wrist):
+    for joint in (knee, elbow, wrist, hip):
         own[np.flatnonzero(parts.owners == joint)[:2]] = False
     head = parts.vertices(parts.numbers("head"))
     own[head] = False
     doubtful = ~own & (parts.owners == elbow)
-    borrowed = find_borrowed(parts, own, own | doubtful, everything)
+    moved = np.where(parts.owners == hip, 0.01, 0.005)
+    borrowed = find_borrowed(parts, own, own | doubtful, moved, everything)
     np.testing.assert_array_equal(borrowed, ~own & (parts.owners == knee))
 
 
