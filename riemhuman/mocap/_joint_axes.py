@@ -95,7 +95,8 @@ def joint_axes(source: RecordedSkeleton, figure: Figure) -> dict[str, Array]:
     for side in SIDES:
         collar = f"{side}_collar"
         if collar in source.joints and collar in figure.joints:
-            axes[collar] = mean_axes(source.rotation(collar), chest, upright)
+            lowered = upright * _lowered_arms(source, side)
+            axes[collar] = mean_axes(source.rotation(collar), chest, lowered)
     for limb in LIMBS:
         is_leg = limb[0].endswith("hip")
         axes |= _axes_of_limb(source, figure, limb, pelvis if is_leg else chest)
@@ -149,6 +150,13 @@ def _upright_weights(source: RecordedSkeleton) -> Array:
         thigh = unit(bone(source.positions, source.joints, f"{side}_hip", f"{side}_knee"))
         straight *= np.clip(-np.sum(thigh * back, axis=1), 0.0, 1.0) ** 2
     return np.asarray(source.is_valid * (_BENT_POSTURE + straight))
+
+
+def _lowered_arms(source: RecordedSkeleton, side: str) -> Array:
+    """Return weights of frames, the larger the lower an arm is."""
+    back = unit(trunk(source.positions, source.joints))
+    arm = unit(bone(source.positions, source.joints, f"{side}_shoulder", f"{side}_elbow"))
+    return np.asarray(_BENT_POSTURE + np.clip(0.3 - np.sum(arm * back, axis=1), 0.0, 1.0))
 
 
 def shown_rotations(source: RecordedSkeleton, figure: Figure, name: str) -> Array:
