@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
+from scipy.spatial import cKDTree
 
 from riemhuman.arrays import Array, Booleans, Integers, Points, Triangles
 from riemhuman.checks import checked, choice, instance, mask, real_array
@@ -315,7 +316,8 @@ def _draw_group(
     """Draw numbered lines on a body, from the side on which most of them are visible."""
     collections = import_matplotlib("collections")
     normals = vertex_normals(surface, faces)
-    nearest = [[_nearest_vertices(part, surface) for part in parts] for parts in lines]
+    tree = cKDTree(surface)
+    nearest = [[tree.query(np.asarray(part))[1] for part in parts] for parts in lines]
     view = max(_VIEWS, key=lambda candidate: _length_seen(candidate, lines, nearest, normals))
     window = window_around(surface, view)
     picture = render(surface, faces, height=height, view=view, window=window)
@@ -339,12 +341,6 @@ def _draw_group(
                 ax.add_collection(collection, autolim=False)
         places.append(np.concatenate(in_picture))
     _write_numbers(ax, places, x, half_width)
-
-
-def _nearest_vertices(part: Array, surface: Points) -> Integers:
-    gaps = np.linalg.norm(np.asarray(part)[:, np.newaxis] - surface, axis=2)
-    nearest: Integers = gaps.argmin(axis=1)
-    return nearest
 
 
 def _length_seen(
@@ -394,17 +390,10 @@ def _apart(heights: Array) -> Array:
     if not len(heights):
         return heights
     steps = _LABEL_GAP * np.arange(len(heights))
-    # The nearest sequence that descends by a gap or more, by pooling adjacent violators.
-    blocks: list[tuple[float, int]] = []
-    for value in heights + steps:
-        mean, count = float(value), 1
-        while blocks and blocks[-1][0] < mean:
-            next_mean, next_count = blocks.pop()
-            mean = (mean * count + next_mean * next_count) / (count + next_count)
-            count += next_count
-        blocks.append((mean, count))
-    moved: Array = np.concatenate([np.full(count, mean) for mean, count in blocks]) - steps
-    return moved
+    from scipy.optimize import isotonic_regression  # takes long to import
+
+    # The nearest sequence that descends by a gap or more.
+    return np.asarray(isotonic_regression(heights + steps, increasing=False).x - steps)
 
 
 def _write_table(
