@@ -30,14 +30,12 @@ _SHORTEST_PART, _FEWEST_FRAMES = 0.25, 5
 _LONGER = 2.0
 # A recipe is used if it covers this share of the frames that another recipe covers.
 _COVERED = 0.95
-# Centres of hips behind, beside and below the front corners of the pelvis, as shares of the
-# distance between those (Bell, Pedersen and Brand, Journal of Biomechanics 23, 1990).
-_BELL = {"behind": 0.22, "inside": 0.14, "below": 0.30}
-# With corners at the back too, behind, beside and below the middle between the front corners, as
-# shares of the pelvis' depth, width and width, and metres (Harrington, Zavatsky, Lawson, Yuan and
-# Theologis, Journal of Biomechanics 40, 2007).
+# Centres of hips behind, beside and below the middle between the front corners of the pelvis, as
+# shares of its depth, width and width, and metres (Harrington, Zavatsky, Lawson, Yuan and
+# Theologis, Journal of Biomechanics 40, 2007), and a usual width, for files in an unknown unit.
 _HARRINGTON_SHARES = (0.24, 0.33, 0.30)
 _HARRINGTON_METRES = (0.0099, 0.0073, 0.0109)
+_USUAL_WIDTH = 0.24
 # Distances of joints from markers beside them, lengths of the leg: half the breadth of the joint
 # in adults, and the radius of a marker.
 _BREADTHS = {"hip": 0.09, "knee": 0.067, "ankle": 0.051, "elbow": 0.050, "wrist": 0.0}
@@ -207,30 +205,28 @@ def _hips_of_pelvis(corners: Mapping[str, Array], unit_name: str | None) -> dict
     if not {"left_asis", "right_asis"} <= corners.keys():
         return {}
     left, right = corners["left_asis"], corners["right_asis"]
-    has_both = {"left_psis", "right_psis"} <= corners.keys()
-    if has_both:
+    if {"left_psis", "right_psis"} <= corners.keys():
         back = 0.5 * (corners["left_psis"] + corners["right_psis"])
     elif "sacrum" in corners:
         back = corners["sacrum"]
     else:
         return {}
     front = 0.5 * (left + right)
+    depth = np.linalg.norm(front - back, axis=1, keepdims=True)
     width = np.linalg.norm(left - right, axis=1, keepdims=True)
+    metre = width / _USUAL_WIDTH if unit_name is None else 1.0
     across, ahead, down = np.moveaxis(frame(left - right, front - back), -1, 0)
-    hips = {}
-    for role, corner, sign in (("left_hip", left, 1.0), ("right_hip", right, -1.0)):
-        if has_both and unit_name is not None:
-            depth = np.linalg.norm(front - back, axis=1, keepdims=True)
-            behind, beside, below = (
-                share * size + metres
-                for share, metres, size in zip(
-                    _HARRINGTON_SHARES, _HARRINGTON_METRES, (depth, width, width), strict=True
-                )
-            )
-            hips[role] = front - behind * ahead + sign * beside * across + below * down
-        else:
-            step = _BELL["below"] * down - _BELL["behind"] * ahead - sign * _BELL["inside"] * across
-            hips[role] = corner + width * step
+    behind, beside, below = (
+        share * size + metres * metre
+        for share, metres, size in zip(
+            _HARRINGTON_SHARES, _HARRINGTON_METRES, (depth, width, width), strict=True
+        )
+    )
+    middle_of_hips = front - behind * ahead + below * down
+    hips = {
+        "left_hip": middle_of_hips + beside * across,
+        "right_hip": middle_of_hips - beside * across,
+    }
     if any(not _is_seen(path).any() for path in hips.values()):
         return {}
     return hips

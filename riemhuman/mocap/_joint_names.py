@@ -47,6 +47,12 @@ _ADDED_WORDS = frozenset(
     )
 )
 BONES = tuple((first, second) for limb in LIMBS for first, second in pairwise(limb))
+OTHER_BONES = tuple(
+    (f"{side}_{upper}", f"{side}_{lower}")
+    for side in SIDES
+    for upper, lower in (("collar", "shoulder"), ("ankle", "toes"))
+)
+"""Bones besides those of the limbs."""
 _MOST_NAMES = 40
 
 

@@ -21,6 +21,7 @@ from riemhuman.io.files import write_bytes, write_text
 from riemhuman.io.skinned_gltf import SkinnedAnimation, skinned_glb
 from riemhuman.kernels.rotations import shortest_rotations, transpose
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.mocap._joint_names import BONES, OTHER_BONES
 from riemhuman.mocap._smpl_layout import N_HANDS, is_smpl, smpl_offsets
 from riemhuman.surfaces.procrustes import make_upright
 
@@ -40,18 +41,7 @@ than the model's), and poses of the model, beside digests of the frames whose po
 programs cut and reorder the frames of AMASS's fields alone.
 """
 # The bone that says how SMPL's rest pose differs from another at a joint: to the joint named here.
-_NEXT_JOINTS = {
-    f"{side}_{joint}": f"{side}_{following}"
-    for side in ("left", "right")
-    for joint, following in (
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("ankle", "toes"),
-        ("collar", "shoulder"),
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-    )
-}
+_NEXT_JOINTS = dict((*BONES, *OTHER_BONES))
 # Joints without a child differ as the bone above them does.
 _LAST_JOINTS = ("left_toes", "right_toes", "left_wrist", "right_wrist")
 

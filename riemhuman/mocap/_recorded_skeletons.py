@@ -10,7 +10,7 @@ import numpy as np
 from riemhuman.arrays import Array, Booleans, Integers
 from riemhuman.bodies.skinning import joints_to_root
 from riemhuman.kernels.surface import unit_vectors as unit
-from riemhuman.mocap._joint_names import BONES, SIDES, find_joints
+from riemhuman.mocap._joint_names import BONES, OTHER_BONES, SIDES, find_joints
 from riemhuman.mocap._skeletons import (
     body_frame,
     bone,
@@ -54,12 +54,6 @@ _LEAST_LEAN, _MOST_LEAN = 6.0, 30.0
 _BELOW_KNEE = 0.5
 # Joints nearer than this are in one place, leg lengths.
 _ONE_PLACE = 1e-3
-# Bones besides those of the limbs.
-_OTHER_BONES = tuple(
-    (f"{side}_{upper}", f"{side}_{lower}")
-    for side in SIDES
-    for upper, lower in (("collar", "shoulder"), ("ankle", "toes"))
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +147,7 @@ def read_skeleton(
     flat = grounded & ankle_still & stands_on(positions, joints)
     carriers = joints | {
         upper: _carrier(positions, parents, joints[lower], leg)
-        for upper, lower in (*BONES, *_OTHER_BONES)
+        for upper, lower in (*BONES, *OTHER_BONES)
         if {upper, lower} <= joints.keys()
     }
     return RecordedSkeleton(

@@ -44,10 +44,10 @@ def load_trc(
     (r_knee and r_mknee, RKNE and RKNEM, RWRA and RWRB), a joint of a video method (RKnee), or one
     marker on the skin (RSHO), from which the centre is at half the usual breadth of the joint, with
     a warning. Hips may also be estimated from the corners of the pelvis (RASI, LASI, RPSI, LPSI, or
-    CMU's RFWT, LFWT, RBWT, LBWT), as in Harrington et al. (2007), or with one marker at the sacrum
-    as in Bell, Pedersen and Brand (1990). If legs alone are marked, the upper body stands still,
-    with a warning. Gaps of up to 0.2 seconds are interpolated; of the parts between longer ones,
-    the longest is used, both with a warning.
+    CMU's RFWT, LFWT, RBWT, LBWT, or one marker at the sacrum instead of those behind), as in
+    Harrington et al. (2007). If legs alone are marked, the upper body stands still, with a warning.
+    Gaps of up to 0.2 seconds are interpolated; of the parts between longer ones, the longest is
+    used, both with a warning.
 
     Parameters
     ----------

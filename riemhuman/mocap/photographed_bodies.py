@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from riemhuman.arrays import Array, ArrayLike, Integers, Triangles
 from riemhuman.checks import check_human_size, integer_array, items_of, one_of, real_array
@@ -20,6 +20,7 @@ from riemhuman.io.kinds_of_files import AFTER, BY_MAP, FileKind, reads
 from riemhuman.io.mesh_arrays import check_mesh, distinct_pairs
 from riemhuman.io.meshes import WRITTEN_SUFFIXES, load_mesh
 from riemhuman.kernels.surface import unit_vectors
+from riemhuman.surfaces.measures import vertex_components
 from riemhuman.surfaces.procrustes import AXES, make_upright
 
 _VERTICES = "pred_vertices"
@@ -192,11 +193,7 @@ def _upward_axis(surfaces: Array, faces: Triangles, name: str) -> str:
 
 def _largest_part(faces: Triangles, n_vertices: int) -> Integers:
     """Return the vertices of the largest connected part, without eyes and teeth."""
-    ones = np.ones(faces.size)
-    graph = sparse.coo_array(
-        (ones, (faces.ravel(), faces[:, [1, 2, 0]].ravel())), (n_vertices,) * 2
-    )
-    labels = connected_components(graph, directed=False)[1]
+    labels = vertex_components(faces, n_vertices)
     return np.flatnonzero(labels == np.bincount(labels).argmax())
 
 
