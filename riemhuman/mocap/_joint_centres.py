@@ -17,6 +17,7 @@ from riemhuman.kernels.surface import unit_vectors as unit
 from riemhuman.mocap._joint_names import BONES, SIDES
 from riemhuman.mocap._marker_sets import CORNERS, NEEDED, MarkerNames, Recipe, Way, first_word
 from riemhuman.mocap._skeletons import frame, nearest_axis
+from riemhuman.mocap._text_lines import LARGEST
 from riemhuman.representation import join_names
 
 _LEGS = NEEDED[:6]
@@ -63,6 +64,16 @@ class Markers:
     frames_per_second: float
     name: str
     unit: str | None
+
+
+def without_unseen(positions: Array) -> Array:
+    """Return positions with NaN where a marker was not seen.
+
+    Programs then write zeros or nothing, and some write huge numbers.
+    """
+    unseen = ~(np.abs(positions) <= LARGEST).all(axis=-1)
+    unseen |= (positions == 0.0).all(axis=-1)
+    return np.where(unseen[..., None], np.nan, positions)
 
 
 def find_centres(

@@ -41,9 +41,6 @@ def fields_of_smpl(arrays: Mapping[str, Array]) -> dict[str, Array]:
     if version not in _PARTS:
         raise FileFormatError(f"smplVersion must be from 0 to 7; found {version}")
     count = _number(arrays, "frameCount", 1)
-    if count > 1 and not {"bodyPose", "bodyTranslation"} & arrays.keys():
-        raise FileFormatError(f"holds neither bodyPose nor bodyTranslation, but frameCount {count}")
-    # First, as a part of the poses that is missing takes the memory of all frames.
     translations = _frames(arrays, "bodyTranslation", (count, 3))
     parts = [_frames(arrays, name, (count, size, 3)) for name, size in _PARTS[version].items()]
     stored_rate = arrays.get("frameRate", np.array(_DEFAULT_RATE))

@@ -9,7 +9,7 @@ from riemhuman.errors import FileFormatError
 from riemhuman.io.files import read_bytes, short_message
 
 LARGEST = 1e9
-"""Larger numbers are damage."""
+"""Larger numbers are damage: double precision holds such an angle to few digits."""
 
 
 class TextLines:

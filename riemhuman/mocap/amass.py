@@ -30,6 +30,7 @@ from riemhuman.mocap._smpl_layout import (
     smpl_skeleton,
     smpl_upward_axes,
 )
+from riemhuman.mocap._text_lines import LARGEST
 from riemhuman.mocap._upward import AMASS, chosen_axis
 from riemhuman.mocap.motions import WRITTEN_MOTIONS, ArrayMotion, ModelMotion, Motions
 from riemhuman.mocap.retargeting import RetargetedMotion
@@ -46,8 +47,6 @@ FIELDS_READ = frozenset(("trans", "betas", "gender", "poses", *_POSES, *RATES, *
 _SKIPPED = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
 _FILES_KEPT = 4
-# Larger numbers mean damage: double precision holds such an angle to few digits.
-_LARGEST = 1e9
 
 
 class _Recording(NamedTuple):
@@ -313,19 +312,17 @@ def _read(source: _Source) -> _Recording:
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     with format_errors(file, "a motion"):
         for name, array in fields.items():
-            fields[name] = real_array(array, name, maximum=_LARGEST)
+            fields[name] = real_array(array, name, maximum=LARGEST)
         betas = np.atleast_2d(fields["betas"])
         if betas.ndim > 2 or not len(betas) or (betas != betas[:1]).any():
             raise ArgumentError(f"betas must describe one person; found shape {betas.shape}")
-        translations = real_array(fields["trans"], "trans", ("n_frames", 3), batched=False)
-        n_frames = len(translations)
-        if "poses" in fields:
-            poses = real_array(fields["poses"], "poses", (n_frames, "3 n_joints"), batched=False)
-        else:
+        n_frames = source.n_frames
+        poses = fields.get("poses")
+        if poses is None:
             parts = [
                 fields.get(name, np.zeros((n_frames, width))) for name, width in _POSES.items()
             ]
             poses = np.concatenate(parts, axis=1)
         poses = poses.reshape(n_frames, -1, 3)
-        translations = check_units(poses, translations, source.rate, source.unit)
+        translations = check_units(poses, fields["trans"], source.rate, source.unit)
         return _Recording(betas[0], poses, translations)

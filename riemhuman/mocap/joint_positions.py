@@ -16,7 +16,7 @@ from riemhuman.checks import checked, checked_rate, instance, real_array, values
 from riemhuman.errors import ArgumentError, FileFormatError, shown, warn
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.files import format_errors, read_text
-from riemhuman.mocap._joint_centres import Markers
+from riemhuman.mocap._joint_centres import Markers, without_unseen
 from riemhuman.mocap._marker_skeletons import skeleton_of
 from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
@@ -79,7 +79,6 @@ _BONES = tuple(
 )
 # Beside positions, arrays may hold how sure a method is.
 _WIDTHS = (3, 4)
-_LARGEST = 1e9
 _FEATURES = 263  # of HumanML3D, in a frame
 
 
@@ -259,12 +258,8 @@ def _variation(positions: Array, names: Sequence[str]) -> float:
 def _skeleton(
     positions: Array, names: Sequence[str], rate: float, unit: str | float | None, name: str
 ) -> SkeletonMotion:
-    unseen = ~(np.abs(positions) <= _LARGEST).all(axis=-1)
-    # A joint at the origin in some frames was not seen there; a root may be there in all.
-    zeros = (positions == 0.0).all(axis=-1)
-    unseen |= zeros & ~zeros.all(axis=0)
-    scale = 1.0 if unit is None else metres_in(unit)
-    places = np.where(unseen[..., None], np.nan, scale * positions)
+    # A root at the origin in all frames counts as unseen, too: no joint of a limb is there.
+    places = (1.0 if unit is None else metres_in(unit)) * without_unseen(positions)
     label = name or "positions"
     known_unit = None if unit is None else "metres"
     return skeleton_of(Markers(label, tuple(names), places, rate, name, known_unit))

@@ -19,9 +19,9 @@ from riemhuman.checks import checked, checked_rate
 from riemhuman.errors import ArgumentError, FileFormatError, warn
 from riemhuman.io.files import file_path, suffix_of
 from riemhuman.mocap._c3d_files import Points, read_points
-from riemhuman.mocap._joint_centres import Markers
+from riemhuman.mocap._joint_centres import Markers, without_unseen
 from riemhuman.mocap._marker_skeletons import skeleton_of
-from riemhuman.mocap._text_lines import LARGEST, TextLines
+from riemhuman.mocap._text_lines import TextLines
 from riemhuman.mocap._units import metres_in
 from riemhuman.mocap.skeleton_motion import SkeletonMotion
 
@@ -126,10 +126,7 @@ def read_markers(
     rate = read.rate or frames_per_second or 0.0
     if not rate > 0.0:
         raise FileFormatError(f"{file} does not state its frame rate: pass frames_per_second=")
-    # Programs write zeros or nothing if they did not see a marker, and some write huge numbers.
-    unseen = ~(np.abs(read.positions) <= LARGEST).all(axis=-1)
-    unseen |= (read.positions == 0.0).all(axis=-1)
-    positions = np.where(unseen[..., None], np.nan, read.positions)
+    positions = without_unseen(read.positions)
     try:
         metres = metres_in(read.unit if unit is None else unit)
     except ArgumentError:

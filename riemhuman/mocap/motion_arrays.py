@@ -27,6 +27,7 @@ from riemhuman.mocap._smpl_layout import (
     smpl_skeleton,
     smpl_upward_axes,
 )
+from riemhuman.mocap._text_lines import LARGEST
 from riemhuman.mocap._upward import VIDEO, chosen_axis
 from riemhuman.mocap.motions import ArrayMotion
 from riemhuman.mocap.retargeting import RetargetedMotion
@@ -36,8 +37,6 @@ from riemhuman.surfaces.procrustes import AXES
 _NOT_ORTHOGONAL = 0.05
 # Coefficients of frames that differ by less than this are those of one person, rounded.
 _SAME_PERSON = 1e-4
-# Larger radians, metres and coefficients are mistakes, and overflow where they are multiplied.
-_LARGEST = 1e9
 
 
 @checked(
@@ -104,7 +103,7 @@ def motion_from_arrays(
     vectors = _pose_vectors(poses)
     rate = frames_per_second
     places = real_array(
-        translations, "translations", (len(vectors), 3), batched=False, maximum=_LARGEST
+        translations, "translations", (len(vectors), 3), batched=False, maximum=LARGEST
     )
     places = check_units(vectors, places, rate, unit)
     if up is None:
@@ -129,7 +128,7 @@ def motion_from_arrays(
 
 def _pose_vectors(poses: ArrayLike) -> Array:
     """Return poses as axis-angle vectors, shape (n_frames, J, 3), after checking their shape."""
-    array = real_array(values_of(poses, "poses"), "poses", maximum=_LARGEST)
+    array = real_array(values_of(poses, "poses"), "poses", maximum=LARGEST)
     are_matrices = array.ndim == 4 and array.shape[2:] == (3, 3)
     if not are_matrices and array.ndim == 2 and array.shape[1] % 3 == 0:
         array = array.reshape(len(array), array.shape[1] // 3, 3)
@@ -164,7 +163,7 @@ def one_person(betas: ArrayLike | None, n_frames: int) -> tuple[Array, Array]:
     """Return the mean over the frames of coefficients, and their standard deviations."""
     if betas is None:
         return np.zeros(0), np.zeros(0)
-    array = real_array(values_of(betas, "betas"), "betas", maximum=_LARGEST)
+    array = real_array(values_of(betas, "betas"), "betas", maximum=LARGEST)
     if array.ndim == 2 and len(array) == 1:
         array = array[0]
     if array.ndim == 1:

@@ -30,7 +30,6 @@ _SURELY_UP = 0.3
 _STANDS = 0.8
 _N_EXTREMITIES = 5
 _TRANSLATION = "pred_cam_t"
-_OPTIONAL = (_TRANSLATION, "pred_keypoints_3d", "shape_params")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +45,8 @@ class PhotographedBodies:
     names : tuple of str
         The name of the file of each surface.
     translations : array, shape (n, 3), or None
-        Positions in front of the camera, metres, in its axes: x right, y down, z forward.
-    missing : tuple of str
-        Fields that some file lacks.
+        Positions in front of the camera, metres, in its axes: x right, y down, z forward; None if
+        some file lacks them.
     up : str
         Axis of the files that points up.
 
@@ -61,7 +59,6 @@ class PhotographedBodies:
     faces: Triangles
     names: tuple[str, ...]
     translations: Array | None
-    missing: tuple[str, ...]
     up: str = "-y"
 
     @property
@@ -117,13 +114,13 @@ def load_photographed_bodies(
     >>> coarse = rh.datasets.load_open_bodies("coarse")
     >>> rh.io.save_arrays("photograph.npz", {"pred_vertices": coarse[0] * [1.0, -1.0, -1.0]})
     >>> faces = coarse.template.faces
-    >>> rh.datasets.load_photographed_bodies("photograph.npz", faces).missing
-    ('pred_cam_t', 'pred_keypoints_3d', 'shape_params')
+    >>> rh.datasets.load_photographed_bodies("photograph.npz", faces).up
+    '-y'
     """
     one_of(up, "up", (None, *AXES))
     files = _files(paths)
     triangles = _triangles(faces)
-    arrays_of_files = [load_arrays(file, [_VERTICES], _OPTIONAL) for file in files]
+    arrays_of_files = [load_arrays(file, [_VERTICES], [_TRANSLATION]) for file in files]
     points: list[Array] = []
     names: list[str] = []
     n_vertices = int(triangles.max()) + 1
@@ -142,9 +139,6 @@ def load_photographed_bodies(
             refuse_mirrored(bodies, triangles, str(file))
         points.append(bodies)
         names += [file.stem] * len(bodies)
-    missing = tuple(
-        name for name in _OPTIONAL if any(name not in arrays for arrays in arrays_of_files)
-    )
     surfaces = np.concatenate(points)
     up = _upward_axis(surfaces, triangles, str(files[0])) if up is None else up
     return PhotographedBodies(
@@ -152,7 +146,6 @@ def load_photographed_bodies(
         faces=triangles,
         names=tuple(names),
         translations=_translations(arrays_of_files),
-        missing=missing,
         up=up,
     )
 

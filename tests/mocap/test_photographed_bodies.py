@@ -20,13 +20,12 @@ def photograph(bodies, tmp_path):
     return write
 
 
-def test_bodies_are_turned_upright_and_say_what_is_missing(bodies, photograph, tmp_path):
+def test_bodies_are_turned_upright(bodies, photograph, tmp_path):
     for number in range(2):
         photograph(bodies[number] * TURNED, f"photograph_{number}.npz")
     found = rh.datasets.load_photographed_bodies(tmp_path, bodies.template.faces)
     assert found.names == ("photograph_0", "photograph_1")
     np.testing.assert_allclose(found.points, bodies.points[:2], atol=1e-6)
-    assert found.missing == ("pred_keypoints_3d", "shape_params")
     assert found.translations.shape == (2, 3)
     # In front of a camera whose y points down.
     np.testing.assert_allclose(found.places, found.points + TURNED)
