@@ -37,8 +37,6 @@ _FOOT = 0.15
 # frames, leg lengths, the recording may have been interrupted.
 _FASTEST = 8.0
 _FARTHEST = 0.25
-# Parts with less than this share of the frames do not count for the axis that points up.
-_LONG_PART = 0.05
 # After an interruption, a part is on another floor if its lowest joints differ by more than this
 # from those of the longest part, leg lengths.
 _OTHER_FLOOR = 0.4
@@ -122,7 +120,6 @@ def read_skeleton(
             joints.pop(f"{side}_toes", None)
         else:
             joints[f"{side}_toes"] = toes
-    parts = _uninterrupted_parts(recording, positions, joints, leg)
     if up is None:
         directions = _away_from_feet(positions, joints)
         at_rest, convention = None, MARKERS
@@ -130,14 +127,12 @@ def read_skeleton(
             offsets = np.median(recording.translations, axis=0)
             at_rest = _away_from_feet(_rest_positions(offsets, parents), joints)
             convention = BVH
-        is_long = np.bincount(parts)[parts] >= _LONG_PART * len(parts)
-        if not is_long.any():
-            is_long[:] = True
-        axes = upward_axis(positions[is_long], directions[is_long], leg, at_rest, convention)
+        axes = upward_axis(positions, directions, leg, at_rest, convention)
         up = chosen_axis(recording.name, axes)
     if up != "y":
         upright = make_upright(np.eye(3), up=up).T
         rotations, positions = upright @ rotations, positions @ upright.T
+    parts = _uninterrupted_parts(recording, positions, joints, leg)
     is_valid = _is_on_one_floor(parts, positions, leg)
     ankles = [joints[f"{side}_ankle"] for side in SIDES]
     balls = [joints.get(f"{side}_toes", joints[f"{side}_ankle"]) for side in SIDES]
