@@ -159,6 +159,10 @@ def _recorded_rotations(
     parts = {name: source.rotation(name) @ axes for name, axes in known.axes.items()}
     for name in known.shown:
         parts[name] = shown_rotations(source, figure, name)
+    if "chest" in known.shown:
+        # Rotations of what it carries in space contain its own.
+        for name in ("head", "left_collar", "right_collar"):
+            parts.pop(name, None)
     for limb in LIMBS:
         for pair in (limb[:2], limb[1:]):
             directions = _direction(source, *pair)

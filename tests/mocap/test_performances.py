@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from recorded_people import RECORDING, joints_in_space, recording_of
+from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import (
     load_bvh,
@@ -97,6 +98,32 @@ def test_a_joint_below_the_ankle_is_no_toe(tmp_path):
     drop = joints[:, names.index("left_ankle"), 1] - joints[:, names.index("left_toes"), 1]
     assert np.median(drop) < 0.09
     assert np.median(drop) > 0.03
+
+
+def test_feet_straight_down_without_an_end_show_no_direction(tmp_path):
+    recording = punching_file(tmp_path)
+    offsets, steps = recording.offsets.copy(), recording.translations.copy()
+    for side in ("left", "right"):
+        toes = [recording.joint_names.index(f"{side}_toes{end}") for end in ("", " end")]
+        offsets[toes] = [0.0, -12.0, 0.0], np.zeros(3)
+        steps[:, toes] = offsets[toes]
+    performed = retarget(replace(recording, offsets=offsets, translations=steps))
+    assert not {"left_foot", "right_foot"} & set(performed.errors.parts)
+
+
+def test_joints_that_are_placed_without_rotations(tmp_path):
+    """The pelvis and the chest turn as hips and shoulders do."""
+    recording = punching_file(tmp_path)
+    places = recording.positions
+    steps = places - places[:, recording.parents] * (recording.parents >= 0)[:, np.newaxis]
+    turned = Rotation.from_rotvec(np.linspace([0.0, 0.0, 0.0], [0.0, np.pi, 0.0], len(steps)))
+    still = np.broadcast_to(np.eye(3), recording.rotations.shape)
+    steps = turned.as_matrix()[:, np.newaxis] @ steps[..., np.newaxis]
+    performed = retarget(replace(recording, rotations=still, translations=steps[..., 0]))
+    with pytest.warns(UserWarning, match="on average: head by"):  # it turns with the chest
+        errors = performed.errors
+    assert errors.parts[:2] == ("pelvis", "chest")
+    assert errors.rotations[:, :2].mean(axis=0).max() < 2.0
 
 
 def test_elephants_are_no_people(tmp_path):
