@@ -4,7 +4,7 @@ import pytest
 from open_bodies import coarse_bodies
 
 import riemhuman as rh
-from riemhuman.plots._measurement_groups import MOST_IN_GROUP, grouped, pictured
+from riemhuman.plots.measurement_views import MOST_IN_GROUP, grouped, pictured
 
 BODIES = coarse_bodies()
 MEASUREMENTS = rh.measurements.Measurements(BODIES.model)
