@@ -3,6 +3,7 @@
 from .body_plots import (
     Contributions as Contributions,
     contributions as contributions,
+    per_area as per_area,
     plot_body as plot_body,
     plot_path as plot_path,
 )

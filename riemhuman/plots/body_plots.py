@@ -53,6 +53,7 @@ from riemhuman.plots.windows import (
     window_around,
 )
 from riemhuman.representation import Record
+from riemhuman.surfaces.measures import triangle_areas
 from riemhuman.terms import EbinTerm, NormalTerm
 
 _LETTER_INCHES = 0.07  # of small text
@@ -369,3 +370,24 @@ def contributions(metric: ElasticMetric, point_a: Points, point_b: Points) -> Co
         values = term.squared_dist(term.fields(first_a), term.fields(first_b))
         parts[type(term)] = term.weight * space.template.face_areas * values
     return Contributions(parts[EbinTerm], parts[NormalTerm])
+
+
+def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> Array:
+    """Divide values of triangles by their areas.
+
+    Parameters
+    ----------
+    values : array_like, shape (..., F)
+    vertices : array_like, shape (V, 3)
+        Surface that gives the areas, such as the template.
+    faces : array_like, shape (F, 3)
+
+    Examples
+    --------
+    >>> rh.plots.per_area([3.0], [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    array([6.])
+    """
+    areas = triangle_areas(*check_mesh(vertices, faces))
+    if not areas.all():
+        raise ArgumentError("faces must not include triangles without area")
+    return real_array(values, "values", (len(areas),)) / areas

@@ -1,4 +1,4 @@
-"""Where two bodies differ: signed millimetres along the normal.
+"""Where two bodies differ: signed millimetres along the normal, or a metric's density.
 
 The first body is plain, and the second is coloured by where it differs.
 """
@@ -16,6 +16,7 @@ from riemhuman.arrays import Array, Points, Triangles
 from riemhuman.checks import checked, instance, real_array
 from riemhuman.checks.labels import names_of, text
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io.mesh_arrays import check_triangles
 from riemhuman.kernels.surface import vertex_normals
 from riemhuman.measurements import (
@@ -24,7 +25,7 @@ from riemhuman.measurements import (
     compare_visits,
     open_measurements,
 )
-from riemhuman.plots.body_plots import plot_path
+from riemhuman.plots.body_plots import contributions, per_area, plot_path
 from riemhuman.plots.figures import colour_limit, new_figure
 from riemhuman.plots.measurement_views import measurement_panel
 from riemhuman.plots.rendering import as_surfaces
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     from riemhuman.plots._panels import Panel
 
 _MEASUREMENTS = instance(Measurements, "a Measurements(...)")
+_DENSITY = "Metric"
+_LENGTHS = {"cm": "Millimetres", "in": "Inches"}  # the name of the other choice, with units
 
 
 @dataclass(frozen=True)
@@ -62,15 +65,18 @@ def view_difference(
     *,
     names: Sequence[str] = ("first", "second"),
     measurements: Measurements | None = None,
+    metric: ElasticMetric | None = None,
     title: str | None = None,
     system: str = "cm",
 ) -> Viewer:
     """Return a page with two bodies side by side, the second coloured by where it differs.
 
-    Colours are how far its surface is outside (+) or inside (−) of the first, in millimetres along
-    normals. Bodies of a body model with measurements are brought to the standard pose, and their
-    measurements are listed with the changes and the noise of changes; others stand as they are, the
-    second moved onto the first by Procrustes analysis.
+    One choice of the page is how far its surface is outside (+) or inside (−) of the first, in
+    millimetres along normals; the other what each place adds to the squared distance under a
+    metric. Bodies of a body model with
+    measurements are brought to the standard pose, and their measurements are listed with the
+    changes and the noise of changes; others stand as they are, the second moved onto the first by
+    Procrustes analysis.
 
     Parameters
     ----------
@@ -81,6 +87,8 @@ def view_difference(
     names : sequence of two str
     measurements : Measurements, optional
         By default those of the open body model, if the bodies have its triangles.
+    metric : ElasticMetric, optional
+        By default the metric of body shape, (1, 0.0001, 0).
     title : str, optional
     system : {"cm", "in"}
         Millimetres between surfaces and centimetres of measurements, or inches.
@@ -96,10 +104,11 @@ def view_difference(
     titles = names_of(names, "names", 2, "bodies")
     difference = _difference(point_a, point_b, faces, measurements, titles, system)
     outside = gap.scale * difference.displacements
+    density = _density(difference, metric)
     before, after = (surface[np.newaxis] for surface in difference.surfaces)
     first, second = titles
     plain = ViewedBody(first, before)
-    coloured = ViewedBody(
+    lengths = ViewedBody(
         second,
         after,
         values=outside,
@@ -108,9 +117,19 @@ def view_difference(
         value_limit=colour_limit(outside),
         value_signed=True,
     )
+    densities = ViewedBody(
+        second,
+        after,
+        values=density,
+        value_label="per m²",
+        value_caption=f"share of the squared distance from {first}",
+        value_limit=colour_limit(density),
+    )
+    choices = {_LENGTHS[system]: [plain, lengths], _DENSITY: [plain, densities]}
     return Viewer(
         difference.faces,
-        {"Bodies": [plain, coloured]},
+        choices,
+        legend="Colours",
         title=title or f"Differences between {titles[0]} and {titles[1]}",
         description=_description(difference, titles, gap),
         panel=difference.panel,
@@ -186,6 +205,18 @@ def _description(difference: _Difference, names: tuple[str, ...], gap: ReadableU
         unseen = 100.0 * (1.0 - is_seen.mean())
         description += f" The grey {unseen:.0f} % was not seen in both scans."
     return description
+
+
+def _density(difference: _Difference, metric: ElasticMetric | None) -> Array:
+    """Return each triangle's share of the squared distance, per area of the template."""
+    if metric is None:
+        space = AlignedSurfaces(
+            Template(difference.surfaces[0], difference.faces), equip=False, scale=None
+        )
+        metric = ElasticMetric(space)
+    added = contributions(metric, *difference.surfaces).total
+    template = metric.space.template
+    return per_area(added, template.vertices, template.faces)
 
 
 def _difference(

@@ -67,6 +67,7 @@ _SCRIPTS = (
     "viewer_smooth.js",
     "viewer_body.js",
     "viewer_values.js",
+    "viewer_trail.js",
     "viewer_components.js",
     "viewer_panels.js",
     "scan_over_body.js",

@@ -19,6 +19,7 @@ from riemhuman.plots import (
     ViewedBody,
     Viewer,
     contributions,
+    per_area,
     plot_body,
     plot_energy,
     plot_path,
@@ -92,7 +93,7 @@ def difference_section(report: Report) -> Section | None:
     for name, (first, second) in step.record["pairs"].items():
         choices[name] = [ViewedBody(name_of(bodies, first), bodies.points[[first]])]
         for part in ("metric", "normal"):
-            values = step.arrays[f"{name} {part}"] / template.face_areas
+            values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
             label = f"{name_of(bodies, second)}: {part} part"
             body = ViewedBody(label, bodies.points[[second]], values=values, value_label="per m²")
             choices[name].append(body)
@@ -374,7 +375,7 @@ def _draw_differences(bodies: Bodies, step: Step) -> Figure:
         plot_body(bodies.points[first], template.faces, ax=axes[0], height=_PIXELS)
         axes[0].set_title(name_of(bodies, first))
         for ax, part in zip(axes[1:], ("metric", "normal"), strict=True):
-            values = step.arrays[f"{name} {part}"] / template.face_areas
+            values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
             label = f"{part} part, per unit of area"
             second_body = bodies.points[second]
             plot_body(second_body, template.faces, values, label=label, ax=ax, height=_PIXELS)

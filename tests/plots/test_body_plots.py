@@ -8,7 +8,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import to_trimesh
 from riemhuman.plots import contributions, view_bodies
-from riemhuman.plots.body_plots import plot_body, plot_path
+from riemhuman.plots.body_plots import per_area, plot_body, plot_path
 from riemhuman.plots.figures import colour_limit
 from riemhuman.plots.rendering import vertex_values
 
@@ -103,6 +103,7 @@ def test_meshes_of_other_packages_are_drawn_as_their_arrays():
             lambda: plot_path(PATH, TEMPLATE.faces, labels=["one"]),
             "each of the 5 surfaces; found 1",
         ),
+        (lambda: per_area([1.0], np.zeros((3, 3)), [[0, 1, 2]]), "triangles without area"),
         (lambda: plot_path(PATH, TEMPLATE.faces, colors=np.full((5, 3), 2)), "between 0 and 1"),
     ],
 )

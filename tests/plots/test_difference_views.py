@@ -26,13 +26,15 @@ def compared():
 
 def test_both_bodies_in_the_standard_pose_with_signed_millimetres(compared):
     viewer = view_difference(compared, measurements=MEASUREMENTS, names=("Ann", "Ben"))
-    ((first, second),) = viewer.choices.values()
+    (first, second), (same, dense) = viewer.choices.values()
     assert [first.label, second.label] == ["Ann", "Ben"]
     assert np.array_equal(first.frames[0], compared.points_before)
     np.testing.assert_allclose(second.values, 1000.0 * compared.displacements)
     assert second.signed
     assert second.value_caption == "+ outside Ann, − inside"
-    assert first.values is None
+    assert (first.values, same.values) == (None, None)
+    assert not dense.signed
+    assert dense.values.min() >= 0
 
 
 def test_changes_are_listed_with_their_noise(compared):
@@ -48,7 +50,7 @@ def test_other_surfaces_are_compared_as_they_stand():
     ball = rh.Template(trimesh.creation.icosphere(2))
     larger = 1.1 * ball.vertices + [3.0, 0.0, 0.0]
     viewer = view_difference(ball.vertices, larger, ball.faces)
-    ((first, second),) = viewer.choices.values()
+    (first, second), _ = viewer.choices.values()
     np.testing.assert_allclose(second.values, 100.0, rtol=0.02)
     assert (first.values, viewer.panel) == (None, None)
 

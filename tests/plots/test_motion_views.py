@@ -1,4 +1,4 @@
-"""Two motions side by side, aligned in time."""
+"""Two motions side by side, aligned in time, and moments before and after."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.motions import Warp
-from riemhuman.plots import view_motions
+from riemhuman.plots import view_motions, view_path
 
 KNEES, OTHER = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
 LASTS = (len(KNEES) - 1, len(OTHER) - 1)
@@ -72,4 +72,28 @@ def test_the_page_draws_the_curve_and_where_it_is(browser, tmp_path):
     browser.find("input[type=radio][value='1']").click()
     browser.wait_for("return document.querySelector('.viewer').viewer.chosen === 1")
     assert browser.run(STATE, 1.0) == list(LASTS)
+    assert browser.console() == []
+
+
+@pytest.mark.slow
+def test_moments_before_and_after_are_drawn_on_demand(browser, tmp_path):
+    view_path(KNEES, frames_per_second=60).save(tmp_path / "knees.html")
+    browser.open_viewer(tmp_path / "knees.html", 600, 600)
+    seen = """
+    const viewer = document.querySelector('.viewer').viewer;
+    viewer.seek(arguments[0]);
+    return viewer.trail.ghosts.map((ghost) => ghost.mesh.visible ? [...ghost.positions] : null);
+    """
+    assert browser.run(seen, 0.5) == []
+    browser.find("[data-part=trail]").click()
+    ghosts = browser.run(seen, 0.5)
+    assert len(ghosts) == 6
+    place = 0.5 * LASTS[0] - 12  # 0.2 s before
+    expected = (KNEES[int(np.floor(place))] + KNEES[int(np.ceil(place))]) / 2
+    centre = browser.run("return document.querySelector('.viewer').viewer.bodies()[0].centre")
+    shown = np.reshape(ghosts[2], (-1, 3)) + centre
+    assert np.linalg.norm(shown - expected, axis=-1).mean() < 1e-3
+    assert [ghost is None for ghost in browser.run(seen, 0.0)] == [True] * 3 + [False] * 3
+    browser.find("[data-part=trail]").click()
+    assert browser.run(seen, 0.5) == []
     assert browser.console() == []

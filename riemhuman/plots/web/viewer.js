@@ -53,6 +53,7 @@ class Viewer {
     if (parts) this.parts = { names: parts.names, numbers: await inflate(parts.numbers) };
     this.sliders = new Sliders(this);
     this.bars = new ValueBars(this);
+    this.trail = new Trail(this);
     this.panel = await Panel.of(this);
     await this.choose(0);
     listen(this);
@@ -134,6 +135,7 @@ class Viewer {
     if (moving && this.isRecorded()) this.find("time").max = String(this.lastFrame());
     this.sliders.choose(bodies);
     this.bars.choose(bodies);
+    this.trail.choose(bodies);
     this.element.dataset.choice = this.data.choices[index].name;
     // Labels make the colours of values, over which panels draw.
     this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
@@ -167,9 +169,10 @@ class Viewer {
     this.element.dataset.time = this.time.toFixed(3);
     const last = this.lastFrame();
     // Recordings keep their speed: the shorter one waits in its last frame.
-    const shareOf = (body) =>
-      this.isRecorded() ? Math.min(1, (this.time * last) / Math.max(body.nTimes - 1, 1)) : this.time;
-    this.bodies().forEach((body) => body.show(shareOf(body)));
+    const shareOf = (body, share) =>
+      this.isRecorded() ? Math.min(1, (share * last) / Math.max(body.nTimes - 1, 1)) : share;
+    this.bodies().forEach((body) => body.show(shareOf(body, this.time)));
+    this.trail.seek(shareOf);
     this.panel.seek();
     this.draw();
   }
