@@ -140,6 +140,7 @@ def test_recordings(run, tmp_path):
 @pytest.mark.filterwarnings("ignore:betas in the files")
 def test_recordings_of_amass(run, tmp_path):
     fields = {"poses": np.zeros((8, 156)), "trans": np.zeros((8, 3)), "betas": np.zeros(16)}
+    fields["poses"][:, 0], fields["trans"][:, 2] = np.pi / 2.0, 0.9  # upright along z
     fields |= {"gender": "neutral", "dmpls": np.zeros((8, 8))}
     fields |= {"markers_latent_vids": np.array({}, dtype=object)}
     np.savez(tmp_path / "a.npz", **fields, mocap_framerate=60.0)
