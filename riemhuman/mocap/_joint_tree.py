@@ -7,7 +7,7 @@ forward, and tell left from right.
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -20,6 +20,8 @@ _ALIKE = 0.75
 _LONG = 0.45
 # Of pairs of bones in a limb with similar lengths, those farther from the trunk are the limb's.
 _AS_LONG = 0.85
+# Joints nearer than this share of the skeleton's longest bone are in one place.
+_ONE_PLACE = 0.02
 _FRAMES = 200
 # Skeletons of people have fewer joints, with fingers and face.
 _MOST_JOINTS = 500
@@ -132,15 +134,25 @@ def _limb(path: list[int], lengths: Array) -> list[int]:
 
     The joints of the limb are the ends of two long bones, one after the other.
     """
-    if len(path) < 3:
+    nearby = _ONE_PLACE * lengths[path].max()
+    # Of joints in one place, the last one moves what is below.
+    chain = [joint for joint, child in pairwise(path) if lengths[child] > nearby]
+    chain.append(path[-1])
+    if len(chain) < 3:
         return []
-    bones = lengths[path[1:]]
+    reached = np.cumsum(lengths[path])
+    bones = np.diff([reached[path.index(joint)] for joint in chain])
     pairs = np.minimum(bones[:-1], bones[1:])
     # A collar may be as long as a forearm, but a hand is shorter.
     first = int(np.flatnonzero(pairs >= _AS_LONG * pairs.max())[-1])
-    above = path[first - 1] if first > 0 else -1
-    below = path[first + 3] if first + 3 < len(path) else -1
-    return [above, *path[first : first + 3], below]
+    above = chain[first - 1] if first > 0 else -1
+    upper, lower, end = chain[first : first + 3]
+    below = chain[first + 3] if first + 3 < len(chain) else -1
+    # Fingers may begin at the wrist: the first joint there moves the whole hand.
+    place = path.index(end)
+    while reached[path.index(end)] - reached[place - 1] <= nearby:
+        place -= 1
+    return [above, upper, lower, path[place], below]
 
 
 def _left_directions(positions: Array, legs: list[list[int]], arms: list[list[int]]) -> Array:

@@ -129,6 +129,35 @@ def test_joints_without_names_are_found_by_the_shape(model, person, frames, orde
     assert np.linalg.norm(motion[:] - frames, axis=-1).max() < 0.02
 
 
+def test_joints_without_names_in_one_place():
+    """As programs add where a forearm or shin rotates about itself."""
+    recording = load_bvh(RECORDING)
+    expected = retarget(recording, frames_per_second=3)
+    bent = [
+        recording.joint_names.index(f"{side}{bone}")
+        for side in ("Left", "Right")
+        for bone in ("Leg", "ForeArm")
+    ]
+    order = np.sort([*range(len(recording.parents)), *bent])
+    is_twin = np.append(False, order[1:] == order[:-1])
+    last = {joint: place for place, joint in enumerate(order)}  # the twin of a joint that has one
+    parents = np.array([last.get(recording.parents[joint], -1) for joint in order])
+    parents[is_twin] = np.flatnonzero(is_twin) - 1
+    still = np.where(is_twin[:, np.newaxis, np.newaxis], np.eye(3), recording.rotations[:, order])
+    moved = np.where(is_twin[:, np.newaxis], 0.0, recording.translations[:, order])
+    other = replace(
+        recording,
+        joint_names=tuple(f"joint {number}" for number in range(len(order))),
+        parents=parents,
+        offsets=np.where(is_twin[:, np.newaxis], 0.0, recording.offsets[order]),
+        rotations=still,
+        translations=moved,
+    )
+    with pytest.warns(UserWarning, match="names of joints do not identify"):
+        motion = retarget(other, frames_per_second=3)
+    assert np.linalg.norm(motion[:] - expected[:], axis=-1).max() < 0.08
+
+
 def test_a_real_recording_without_names():
     recording = load_bvh(RECORDING)
     expected = retarget(recording, frames_per_second=3)
